@@ -16,14 +16,14 @@ from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.skin.pads import make_pads
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.charts import thin
-from tactile_node.viewing.findings import Finding, findings
+from tactile_node.viewing.findings import Remark, findings
 from tactile_node.viewing.log_report import LogReporter
 from tactile_node.viewing.model import KEPT_ENTRIES, Ends, LongestGaps
 from tactile_node.viewing.node_record import BusRecord, NodeRecords
 from tactile_node.viewing.status_record import StatusRecord
 from tactile_node.viewing.taxel_record import Mark, TaxelHealth, marks_of, no_value_share
 from tactile_node.viewing.touch import MOST_PICTURES
-from tactile_node.viewing.touch_finder import TouchFinder
+from tactile_node.viewing.touch_finder import ReportedTouchFinder
 
 SESSION = DATA / 'sim16x16_two_pads.log.gz'
 BEGIN = 1_700_000_000
@@ -86,7 +86,7 @@ def test_devices_and_bus_of_a_session(whole):
     assert [round(gap.seconds, 2) for gap in whole.bus.gaps] == [1.75]
     assert whole.recording.end - whole.recording.begin == pytest.approx(6.768771, abs=1e-5)
     assert whole.bus.channels == ('can0',)
-    assert {finding for finding, _ in found_in(whole)} == {Finding.BUS_GAPS}
+    assert {finding for finding, _ in found_in(whole)} == {Remark.BUS_GAPS}
 
 
 def test_what_was_put_into_a_log_is_found(tmp_path):
@@ -117,8 +117,8 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
     assert [(each.code, each.register) for each in node32.emergencies] == [(0x4210, 0x09)]
     assert [change.state for change in node64.nmt].count(0) == 2
     assert node5.pad is None and node5.heartbeats == 1 and node5.objects == {}
-    expected = {(Finding.LOST_CAN_FRAMES, 'pad32'): 2, (Finding.INCOMPLETE, 'pad32'): 2,
-                (Finding.EMERGENCIES, '32'): 1, (Finding.BOOTED_AGAIN, '64'): 1, (Finding.NODE_OF_NO_PAD, '5'): 1}
+    expected = {(Remark.LOST_CAN_FRAMES, 'pad32'): 2, (Remark.INCOMPLETE, 'pad32'): 2,
+                (Remark.EMERGENCIES, '32'): 1, (Remark.BOOTED_AGAIN, '64'): 1, (Remark.NODE_OF_NO_PAD, '5'): 1}
     assert expected.items() <= found_in(report).items()
     with_gaps = left.health.by_status[TaxelStatus.STALE]
     assert with_gaps.sum() == 2 * 8 and with_gaps.max() == 2  # 8 taxels of this TPDO, twice
@@ -134,7 +134,7 @@ def test_of_another_device_no_taxel_is_given(tmp_path):
     assert (left.contradiction.node_id, left.contradiction.object_index) == (32, 0x1018)
     assert not left.touches and left.samples == () and left.health is None
     assert len(right.touches) == 1 and right.contradiction is None
-    assert (Finding.WRONG_DEVICE, 'pad32') in found_in(report)
+    assert (Remark.WRONG_DEVICE, 'pad32') in found_in(report)
     assert report.nodes[0].objects[0x1018, 2] == (bytes.fromhex('09001616'),)
     trusted, = report_of(path, node_ids=(32,), any_device=True).pads
     assert trusted.contradiction is None and len(trusted.touches) == 1
@@ -160,7 +160,7 @@ def test_taxels_of_another_node_are_not_given(tmp_path):
     report = report_of(log, node_ids=(9,))
     pad, = report.pads
     assert pad.statistics.used == 0 and not pad.touches and pad.strangers == ()
-    assert (Finding.NO_TAXELS, 'pad9') in found_in(report)
+    assert (Remark.NO_TAXELS, 'pad9') in found_in(report)
     silent = next(node for node in report.nodes if node.node_id == 9)
     assert silent.heartbeats == 0 and not silent.nmt and silent.longest_pause is None
 
@@ -172,7 +172,7 @@ def test_a_log_cut_short_is_reported_up_to_there(tmp_path):
     report = report_of(path)
     assert report.recording.unread >= 1 and report.recording.problem
     assert 0 < len(report.pads[0].touches) < 5
-    assert found_in(report)[Finding.UNREAD, ''] == report.recording.unread
+    assert found_in(report)[Remark.UNREAD, ''] == report.recording.unread
     assert all(touch.end <= report.recording.end for touch in report.pads[0].touches)
 
 
@@ -202,7 +202,7 @@ def pressed(taxels, value=50e3, missing=False):
 
 def touches_of(frames, period=0.02):
     """``frames``: pairs of values and status, or None for a time without a frame."""
-    finder = TouchFinder(make_recogniser(), 0.004, 'Pa')
+    finder = ReportedTouchFinder(make_recogniser(), 0.004, 'Pa')
     for k, pair in enumerate(frames):
         if pair is not None:
             finder.feed(TaxelFrame(BEGIN + k * period, k, *pair, 0))
@@ -248,7 +248,7 @@ def test_force_over_time_is_that_of_the_whole_contact():
     """A square of 8 x 8 that a silent column tears into 8 x 5 and 8 x 2 taxels of 50 kPa and 16 mm²."""
     values, status = pressed(8)
     values[:, 10] = 0
-    finder = TouchFinder(Joining(), 0.004, 'Pa')
+    finder = ReportedTouchFinder(Joining(), 0.004, 'Pa')
     finder.feed(TaxelFrame(BEGIN, 0, values, status, 0))
     finder.end()
     assert finder.samples[0].force == pytest.approx(56 * 50e3 * 16e-6)

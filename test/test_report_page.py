@@ -15,7 +15,7 @@ from tactile_node.logs.bag_records import message_count
 from tactile_node.logs.topic_bag import DIAGNOSTICS, SHAPE
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.findings import Finding, findings
+from tactile_node.viewing.findings import Remark, findings
 from tactile_node.viewing.log_report import BagReporter
 from tactile_node.viewing.model import Kind
 from tactile_node.viewing.report_page import ABSENT_TEXT, TAUGHT_COLOUR, page_of
@@ -117,7 +117,7 @@ def test_a_bag_of_taxel_arrays(tmp_path):
     assert report.nodes is None and report.bus.can_frames is None and report.bus.load is None
     assert pad.losses is None and pad.layout is None and pad.statistics is None
     found = {each.finding: each.number for each in findings(report)}
-    assert found == {Finding.LOST_FRAMES: 1, Finding.INCOMPLETE: 15, Finding.FAULTY_TAXELS: 1}
+    assert found == {Remark.LOST_FRAMES: 1, Remark.INCOMPLETE: 15, Remark.FAULTY_TAXELS: 1}
     texts = check_alone(page_of(report)).texts
     assert texts.count(ABSENT_TEXT) >= 8
 
@@ -130,7 +130,7 @@ def test_diagnostics_of_any_program_are_escaped(tmp_path):
     messages.append(('/diagnostics', kinds[DIAGNOSTICS](header, [status])))
     report = reported(bag(tmp_path / 'bag', messages, topics=(('/left/taxels', TAXELS), ('/diagnostics', DIAGNOSTICS))))
     change, = report.bus.reported
-    assert change.is_problem and (Finding.REPORTED, 1) in {(each.finding, each.number) for each in findings(report)}
+    assert change.is_problem and (Remark.REPORTED, 1) in {(each.finding, each.number) for each in findings(report)}
     assert any('<img src=x' in text for text in check_alone(page_of(report)).texts)
 
 
@@ -140,7 +140,7 @@ def test_a_bag_cut_short_is_reported_up_to_there(tmp_path):
     file.write_bytes(file.read_bytes()[:size * 2 // 3])
     report = reported(file)
     assert report.pads[0].frames in (19, 20) and report.recording.unread == 1 and report.recording.problem
-    assert Finding.UNREAD in {each.finding for each in findings(report)}
+    assert Remark.UNREAD in {each.finding for each in findings(report)}
     (tmp_path / 'x.mcap').write_bytes(b'\x89MCAP0\r\n')
     with pytest.raises(LogError):
         reported(tmp_path / 'x.mcap')

@@ -26,7 +26,7 @@ from tactile_node.cli.options import (
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption
 from tactile_node.logs.topic_bag import holds_taxels
-from tactile_node.viewing.source import Source
+from tactile_node.viewing.source import ViewSource
 
 DEFAULT_PORT = 8080
 
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def source_of(args: argparse.Namespace) -> Source:
+def source_of(args: argparse.Namespace) -> ViewSource:
     """The source that the options name. Raises ConfigurationError, LogError."""
     is_bus = args.interface is not None or args.channel is not None and args.recording is None
     if args.recording is not None and args.interface is not None:
@@ -82,7 +82,7 @@ def source_of(args: argparse.Namespace) -> Source:
     return TopicSource(args.pads or (), args.namespace)
 
 
-def _recording_source(args: argparse.Namespace) -> Source:
+def _recording_source(args: argparse.Namespace) -> ViewSource:
     from tactile_node.viewing.bus_source import RecordingSource
     if holds_taxels(args.recording):
         from tactile_node.viewing.recordings import BagRecording
@@ -94,7 +94,7 @@ def _recording_source(args: argparse.Namespace) -> Source:
                            recogniser_of(args))
 
 
-def _serve(args: argparse.Namespace, source: Source, stop_requested: Event) -> None:
+def _serve(args: argparse.Namespace, source: ViewSource, stop_requested: Event) -> None:
     from tactile_node.viewing.gate import LOOPBACK
     from tactile_node.viewing.server import ViewServer  # viser: only where it is needed
     server = ViewServer(source, args.port, args.full_scale)

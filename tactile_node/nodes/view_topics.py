@@ -29,7 +29,7 @@ from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.time_messages import seconds
 from tactile_node.ros.view_messages import ContactMarkers, MarkerLifetime, colour_image, value_image, wrench_message
 from tactile_node.shape.recognition import UnknownReason
-from tactile_node.viewing.source import Source, Store
+from tactile_node.viewing.source import Store, ViewSource
 from tactile_node.viewing.states import GraspFacts, PadState, SeenContact, facts_of_status
 from tactile_skin.msg import Contact, ContactShape, Grasp, SkinStatus, TaxelArray
 
@@ -95,8 +95,8 @@ NAME = 'tactile_view'
 TYPE = 'tactile_skin/msg/TaxelArray'
 
 
-class TopicSource(Source):
-    """A `Source`. ``pads``: names relative to ``namespace``; none: all whose taxels are published there."""
+class TopicSource(ViewSource):
+    """A `ViewSource`. ``pads``: names relative to ``namespace``; none: all whose taxels are published there."""
 
     def __init__(self, pads: Sequence[str] = (), namespace: str = ''):
         self._root = f'/{namespace.strip("/")}/' if namespace.strip('/') else '/'

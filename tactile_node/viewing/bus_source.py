@@ -14,7 +14,7 @@ from tactile_node.skin.pads import LivePad
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.viewing.recordings import BagRecording, LogRecording, Moment, Timeline
-from tactile_node.viewing.source import Source, Store
+from tactile_node.viewing.source import Store, ViewSource
 from tactile_node.viewing.states import PadState, facts_of
 from tactile_node.viewing.touch_finder import PadRecogniser
 
@@ -42,8 +42,8 @@ class NewestFrames:
         return {pad: self._frames.pop(pad) for pad in list(self._frames)}
 
 
-class BusSource(Source):
-    """A `Source`: opens the bus at `start` and closes it at `stop`, so that no bus is busy for nothing."""
+class BusSource(ViewSource):
+    """A `ViewSource`: opens the bus at `start` and closes it at `stop`, so that no bus is busy for nothing."""
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], recogniser: VisibilityGuard | None = None):
         self._settings, self._pads = settings, pads
@@ -112,8 +112,8 @@ RECORDING_RATE = 20.0  #: at which the position moves on [1/s]
 FRAME_GAP = 0.5  #: between two frames shown, from which on a contact is not followed [s]
 
 
-class RecordingSource(Source):
-    """A `Source` and its own player. It is read once, from the first `start` on; what is read can be seen."""
+class RecordingSource(ViewSource):
+    """A `ViewSource` and its own player. It is read once, from the first `start` on; what is read can be seen."""
 
     def __init__(self, recording: BagRecording | LogRecording, recogniser: VisibilityGuard | None = None):
         self._recording = recording

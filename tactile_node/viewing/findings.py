@@ -15,7 +15,7 @@ FULL_LOAD = 0.9  #: of the bus's time; beyond, other traffic delays sweeps
 
 
 @unique
-class Finding(Enum):
+class Remark(Enum):
     """Whether it is a problem, else it is a hint for the reader; and its sentence, with the place and the number."""
 
     WRONG_DEVICE = True, ('Pad {where}: the SDO answers in the log are those of another device or another mapping than '
@@ -52,7 +52,7 @@ class Finding(Enum):
 class Found(NamedTuple):
     """``number``: how many, or for BUS_FULL the share; ``where``: the pad's name or the node-ID."""
 
-    finding: Finding
+    finding: Remark
     where: str = ''
     number: float = 0
 
@@ -65,7 +65,7 @@ class Found(NamedTuple):
 def findings(report: Report) -> tuple[Found, ...]:
     """Return all, problems first."""
     recording = report.recording
-    found = [Found(Finding.UNREAD, number=recording.unread), Found(Finding.CLOCK_JUMPS, number=recording.clock_jumps)]
+    found = [Found(Remark.UNREAD, number=recording.unread), Found(Remark.CLOCK_JUMPS, number=recording.clock_jumps)]
     for pad in report.pads:
         found += _of_pad(pad)
     for node in report.nodes or ():
@@ -75,16 +75,16 @@ def findings(report: Report) -> tuple[Found, ...]:
 
 
 def _of_pad(pad: PadReport) -> Iterator[Found]:
-    yield Found(Finding.WRONG_DEVICE, pad.name, pad.contradiction is not None)
-    yield Found(Finding.STRANGERS, pad.name, len(pad.strangers))
-    yield Found(Finding.NO_TAXELS, pad.name, not pad.are_of_others and (pad.frames == 0 or _is_empty(pad)))
-    yield Found(Finding.LOST_CAN_FRAMES, pad.name, sum(count for _, count in pad.losses or ()))
-    yield Found(Finding.LOST_FRAMES, pad.name, pad.lost_frames)
-    yield Found(Finding.INCOMPLETE, pad.name, pad.incomplete)
-    yield Found(Finding.TAXEL_GAPS, pad.name, pad.gaps.count)
+    yield Found(Remark.WRONG_DEVICE, pad.name, pad.contradiction is not None)
+    yield Found(Remark.STRANGERS, pad.name, len(pad.strangers))
+    yield Found(Remark.NO_TAXELS, pad.name, not pad.are_of_others and (pad.frames == 0 or _is_empty(pad)))
+    yield Found(Remark.LOST_CAN_FRAMES, pad.name, sum(count for _, count in pad.losses or ()))
+    yield Found(Remark.LOST_FRAMES, pad.name, pad.lost_frames)
+    yield Found(Remark.INCOMPLETE, pad.name, pad.incomplete)
+    yield Found(Remark.TAXEL_GAPS, pad.name, pad.gaps.count)
     if pad.health is not None:
-        yield Found(Finding.FAULTY_TAXELS, pad.name, int(np.isin(marks_of(pad.health), FAULTS).sum()))
-    yield Found(Finding.LEFT_OUT, pad.name, pad.touches.left_out)
+        yield Found(Remark.FAULTY_TAXELS, pad.name, int(np.isin(marks_of(pad.health), FAULTS).sum()))
+    yield Found(Remark.LEFT_OUT, pad.name, pad.touches.left_out)
 
 
 def _is_empty(pad: PadReport) -> bool:
@@ -94,10 +94,10 @@ def _is_empty(pad: PadReport) -> bool:
 
 def _of_node(node: NodeReport) -> Iterator[Found]:
     where = str(node.node_id)
-    yield Found(Finding.EMERGENCIES, where, any(map(_is_error, node.emergencies)) and node.emergencies.count)
-    yield Found(Finding.BOOTED_AGAIN, where, sum(change.state == NmtState.BOOT_UP for change in list(node.nmt)[1:]))
-    yield Found(Finding.TWO_VALUES, where, any(len(values) > 1 for values in node.identity.values()))
-    yield Found(Finding.NODE_OF_NO_PAD, where, node.pad is None)
+    yield Found(Remark.EMERGENCIES, where, any(map(_is_error, node.emergencies)) and node.emergencies.count)
+    yield Found(Remark.BOOTED_AGAIN, where, sum(change.state == NmtState.BOOT_UP for change in list(node.nmt)[1:]))
+    yield Found(Remark.TWO_VALUES, where, any(len(values) > 1 for values in node.identity.values()))
+    yield Found(Remark.NODE_OF_NO_PAD, where, node.pad is None)
 
 
 def _is_error(emergency: Emergency | Reported) -> bool:
@@ -105,9 +105,9 @@ def _is_error(emergency: Emergency | Reported) -> bool:
 
 
 def _of_bus(bus: BusReport) -> Iterator[Found]:
-    yield Found(Finding.SEVERAL_BUSES, number=len(bus.channels) if len(bus.channels) > 1 else 0)
-    yield Found(Finding.BUS_GAPS, number=bus.gaps.count if bus.gaps is not None else 0)
-    yield Found(Finding.ERROR_FRAMES, number=(bus.can_frames or {}).get('error', 0))
-    yield Found(Finding.REPORTED, number=sum(each.is_problem for each in bus.reported or ()))
+    yield Found(Remark.SEVERAL_BUSES, number=len(bus.channels) if len(bus.channels) > 1 else 0)
+    yield Found(Remark.BUS_GAPS, number=bus.gaps.count if bus.gaps is not None else 0)
+    yield Found(Remark.ERROR_FRAMES, number=(bus.can_frames or {}).get('error', 0))
+    yield Found(Remark.REPORTED, number=sum(each.is_problem for each in bus.reported or ()))
     if bus.load is not None and bus.load.shares is not None and bus.load.shares.max(initial=0.0) > FULL_LOAD:
-        yield Found(Finding.BUS_FULL, number=float(bus.load.shares.max()))
+        yield Found(Remark.BUS_FULL, number=float(bus.load.shares.max()))

@@ -167,7 +167,7 @@ class SeenCommand(NamedTuple):
 
 
 @dataclass(frozen=True)
-class BusLoad:
+class LoadCurve:
     """By windows of ``window`` s, with bit stuffing at its worst; of a time without CAN frames only its ends."""
 
     window: float
@@ -181,7 +181,7 @@ class BusLoad:
 class BusReport:
     """The CAN bus. Fields are None where the recording has no CAN frames."""
 
-    load: BusLoad | None
+    load: LoadCurve | None
     reported: Ends[Reported] | None = None  #: changes of what driver and nodes report of themselves
     can_frames: dict[str, int] | None = None   #: by service; read only
     gaps: LongestGaps | None = None         #: without any CAN frame

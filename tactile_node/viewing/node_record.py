@@ -30,7 +30,7 @@ from tactile_node.cia301.objects import (
 )
 from tactile_node.cia301.sdo import SdoUpload, Step
 from tactile_node.read_only import read_only
-from tactile_node.viewing.model import BusLoad, BusReport, Ends, LongestGaps, NmtChange, NodeReport, SeenCommand
+from tactile_node.viewing.model import BusReport, Ends, LoadCurve, LongestGaps, NmtChange, NodeReport, SeenCommand
 
 LOAD_WINDOW = 1.0  #: s, as of the driver's bus load
 BUS_GAP = 0.5      #: s without any CAN frame; a skin at work sends every 20 ms
@@ -69,7 +69,7 @@ class BusRecord:
         return BusReport(self._load(), None, can_frames, self._gaps, self._commands,
                          tuple(sorted(self._channels)))
 
-    def _load(self) -> BusLoad | None:
+    def _load(self) -> LoadCurve | None:
         """Without the last window, which the log may not fill; None where it fills none."""
         if self.begin is None or self.end - self.begin < LOAD_WINDOW:
             return None
@@ -81,7 +81,7 @@ class BusRecord:
         rates = np.array([used.get(window, 0) for window in places]) / LOAD_WINDOW
         mean = sum(used.values()) / (windows * LOAD_WINDOW)
         shares = None if self._bit_rate is None else read_only(rates / self._bit_rate)
-        return BusLoad(LOAD_WINDOW, read_only(self.begin + np.array(places) * LOAD_WINDOW), read_only(rates), shares,
+        return LoadCurve(LOAD_WINDOW, read_only(self.begin + np.array(places) * LOAD_WINDOW), read_only(rates), shares,
                        mean if self._bit_rate is None else mean / self._bit_rate)
 
 
@@ -108,7 +108,7 @@ class NodeRecords:
 
     def __init__(self, pads: Mapping[int, str | None], taken: frozenset[int]):
         self._pads, self._taken = pads, taken
-        self._nodes: dict[int, _Node] = {}
+        self._nodes: dict[int, _HeardNode] = {}
 
     def feed(self, message: can.Message) -> None:
         can_id = message.arbitration_id
@@ -125,13 +125,13 @@ class NodeRecords:
             self._node(node_id)
         return tuple(node.report for _, node in sorted(self._nodes.items()))
 
-    def _node(self, node_id: int) -> '_Node':
+    def _node(self, node_id: int) -> '_HeardNode':
         if node_id not in self._nodes:
-            self._nodes[node_id] = _Node(node_id, self._pads.get(node_id))
+            self._nodes[node_id] = _HeardNode(node_id, self._pads.get(node_id))
         return self._nodes[node_id]
 
 
-class _Node:
+class _HeardNode:
     def __init__(self, node_id: int, pad: str | None) -> None:
         self.report = NodeReport(node_id, pad, heartbeats=0)
         self._uploads = {key: SdoUpload(*key) for key in OBJECTS}

@@ -8,7 +8,7 @@ from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.viewing.model import LongestGaps, PadReport
 from tactile_node.viewing.taxel_record import TaxelRecord
-from tactile_node.viewing.touch_finder import MAX_PAUSE, TouchFinder
+from tactile_node.viewing.touch_finder import MAX_PAUSE, ReportedTouchFinder
 
 MEDIAN_PERIODS = 5000  #: last periods of which the median is taken
 
@@ -18,7 +18,7 @@ class PadRecord:
 
     def __init__(self, name: str, rows: int, cols: int, pitch: float, unit: str, recogniser: VisibilityGuard):
         self._name, self._shape, self._pitch, self._unit = name, (rows, cols), pitch, unit
-        self._touches = TouchFinder(recogniser, pitch, unit)
+        self._touches = ReportedTouchFinder(recogniser, pitch, unit)
         self._taxels = TaxelRecord(rows, cols, unit)
         self._gaps = LongestGaps(MAX_PAUSE)
         self._periods: deque[float] = deque(maxlen=MEDIAN_PERIODS)

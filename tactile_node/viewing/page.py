@@ -19,7 +19,7 @@ from tactile_node.viewing.page_parts import (
     pads_html,
     status_html,
 )
-from tactile_node.viewing.source import Shown, Source
+from tactile_node.viewing.source import Shown, ViewSource
 
 if TYPE_CHECKING:
     from viser import ClientHandle, GuiApi
@@ -67,7 +67,7 @@ class Page:
     follow it in updates without.
     """
 
-    def __init__(self, client: 'ClientHandle', source: Source, is_connected: Callable[[], bool],
+    def __init__(self, client: 'ClientHandle', source: ViewSource, is_connected: Callable[[], bool],
                  full_scale: float | None = None):
         self._client, self._source = client, source
         self._is_connected = is_connected

@@ -15,7 +15,7 @@ from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.gate import TAKEN_PATH
 from tactile_node.viewing.heat_map import heat_map, words
 from tactile_node.viewing.pads_3d import POINT_COLOURS
-from tactile_node.viewing.source import Shown, Source
+from tactile_node.viewing.source import Shown, ViewSource
 from tactile_node.viewing.states import GraspFacts, PadState
 from tactile_node.viewing.templates import environment
 
@@ -84,7 +84,7 @@ class Scales:
         self._fixed = fixed
         self._scales: dict[tuple[str, str], FullScale] = {}  # by name and unit: a driver may start with another layout
 
-    def drawn_now(self, source: Source, shown: Shown) -> list[DrawnPad]:
+    def drawn_now(self, source: ViewSource, shown: Shown) -> list[DrawnPad]:
         return [self.drawn(name, state, math.inf if state is None else source.age(state))
                 for name, state in shown.pads.items()]
 

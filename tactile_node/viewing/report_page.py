@@ -20,11 +20,11 @@ from tactile_node.shape.recognition import Shape, ShapeClass
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.charts import Points, cells, chart, colour_bar, grid, heat_cells, outline, thin
 from tactile_node.viewing.findings import findings
-from tactile_node.viewing.model import BusLoad, Ends, NmtChange, NodeReport, PadReport, Report
+from tactile_node.viewing.model import Ends, LoadCurve, NmtChange, NodeReport, PadReport, Report
 from tactile_node.viewing.node_record import OBJECTS
 from tactile_node.viewing.taxel_record import FAULTS, Mark, TaxelHealth, marks_of, no_value_share
 from tactile_node.viewing.templates import environment
-from tactile_node.viewing.touch import MOST_PICTURES, MOST_TOUCHES, Touch
+from tactile_node.viewing.touch import MOST_PICTURES, MOST_TOUCHES, ReportedTouch
 from tactile_node.viewing.touch_finder import RECOGNITION_PERIOD
 
 ABSENT_TEXT = 'not in this recording'
@@ -65,13 +65,13 @@ def count_text(ends: Ends) -> str:
         f'{ends.count}, of which the first and last {listed} are listed')
 
 
-def name_of(touch: Touch) -> str:
+def name_of(touch: ReportedTouch) -> str:
     """Return the shape, and why it is unknown."""
     name = touch.shape.value.replace('_', ' ')
     return f'{name}: {touch.reason.name.lower().replace("_", " ")}' if touch.shape is Shape.UNKNOWN else name
 
 
-def size_of(touch: Touch) -> str:
+def size_of(touch: ReportedTouch) -> str:
     if not touch.dimensions:
         return 'no outline'
     bound = ' (a bound: at the edge, partly hidden or saturated)' if touch.size_is_bound else ''
@@ -79,7 +79,7 @@ def size_of(touch: Touch) -> str:
     return f'{lengths} mm{bound}'
 
 
-def force_of(touch: Touch) -> str:
+def force_of(touch: ReportedTouch) -> str:
     """Return the force; on/off taxels give none."""
     return 'not known' if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
 
@@ -92,7 +92,7 @@ def reading_text(value: float, unit: str) -> str:
     return f'{value / 1e3:.1f} kPa' if unit == 'Pa' else f'{value:.2f} N' if unit == 'N' else f'{value:g} (on/off)'
 
 
-def touch_picture(touch: Touch, pad: PadReport, number: int) -> str:
+def touch_picture(touch: ReportedTouch, pad: PadReport, number: int) -> str:
     """Return the frame in which ``touch`` pressed most, with its outline and the colour bar."""
     picture = touch.picture
     assert picture is not None
@@ -154,14 +154,14 @@ def worst_taxels(health: TaxelHealth) -> tuple[list[tuple[Any, ...]], int]:
     return rows, len(odd)
 
 
-def load_chart(load: BusLoad, begin: float, end: float) -> str:
+def load_chart(load: LoadCurve, begin: float, end: float) -> str:
     values, unit = _load_values(load)
     keep = thin(values, keep_highest=True)
     line = Points(LOAD_COLOUR, load.stamps[keep] - begin + load.window / 2, values[keep])
     return chart([line], [], end=end - begin, top=1.1 * float(np.max(values, initial=0.0)), unit=unit)
 
 
-def load_text(load: BusLoad) -> str:
+def load_text(load: LoadCurve) -> str:
     if load.shares is not None:
         return f'mean {load.mean:.1%}, at most {load.shares.max():.1%}'
     values, _ = _load_values(load)
@@ -169,7 +169,7 @@ def load_text(load: BusLoad) -> str:
             'recording; with --bitrate the load is a share of it')
 
 
-def _load_values(load: BusLoad) -> tuple[np.ndarray, str]:
+def _load_values(load: LoadCurve) -> tuple[np.ndarray, str]:
     if load.shares is not None:
         return 100 * load.shares, '%'
     assert load.bit_rates is not None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from tactile_node.viewing.gate import LOOPBACK, Gate
 from tactile_node.viewing.page import Page
-from tactile_node.viewing.source import Source
+from tactile_node.viewing.source import ViewSource
 
 if TYPE_CHECKING:
     from viser import ClientHandle
@@ -20,7 +20,7 @@ LINGER_TIME = 2.0  #: for which the source stays on without a browser: a page is
 class ViewServer:
     """Runs from `__init__` to `close`. Raises ConfigurationError for a port that is taken."""
 
-    def __init__(self, source: Source, port: int = 8080, full_scale: float | None = None):
+    def __init__(self, source: ViewSource, port: int = 8080, full_scale: float | None = None):
         import viser
         self._source, self._full_scale = source, full_scale
         self._changed = threading.Condition()

@@ -100,7 +100,7 @@ class Store:
             self._changed.notify_all()
 
 
-class Source:
+class ViewSource:
     """Puts what it sees into ``store``, only between `start` and `stop`."""
 
     title: str

@@ -11,7 +11,7 @@ import numpy as np
 
 from tactile_node.cia301.objects import NmtState
 from tactile_node.read_only import read_only
-from tactile_node.viewing.model import BusLoad, BusReport, Ends, NmtChange, NodeReport, Reported
+from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NmtChange, NodeReport, Reported
 
 OK_LEVEL = 1                            #: SkinStatus, PadStatus; NOT_KNOWN is 0
 NMT_NOT_KNOWN, NMT_BOOT_UP = 0, 1  #: NodeStatus
@@ -54,7 +54,7 @@ class StatusRecord:
         load = None
         if self._loads:
             stamps, shares = np.array(self._loads).T
-            load = BusLoad(STATUS_PERIOD, read_only(stamps), None, read_only(shares), float(shares.mean()))
+            load = LoadCurve(STATUS_PERIOD, read_only(stamps), None, read_only(shares), float(shares.mean()))
         return BusReport(load, self._reported if self._has_message else None)
 
     def losses(self, pad: str) -> tuple[tuple[str, int], ...] | None:

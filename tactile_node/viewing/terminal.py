@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_node.viewing.heat_map import words
 from tactile_node.viewing.page_parts import DrawnPad, Scales, said_of
-from tactile_node.viewing.source import Shown, Source
+from tactile_node.viewing.source import Shown, ViewSource
 from tactile_node.viewing.templates import printable_text
 
 SHADES = ' .:-=+*#%@'
@@ -105,7 +105,7 @@ PICTURE_PERIOD = 0.1       #: of the pictures [s]
 LINE_PERIOD = 1.0  #: of lines of text [s]
 
 
-def show_in_terminal(source: Source, stop_requested: Event, stream: TextIO | None = None,
+def show_in_terminal(source: ViewSource, stop_requested: Event, stream: TextIO | None = None,
                      full_scale: float | None = None) -> None:
     """Show ``source`` until the event is set, or until a recording has been played to its end."""
     stream = sys.stdout if stream is None else stream
@@ -146,7 +146,7 @@ def _said(pad: DrawnPad) -> str:
     return printable_text(words(pad.state.contact)) if pad.state is not None and pad.is_live else said_of(pad)
 
 
-def _footer(source: Source, shown: Shown) -> str:
+def _footer(source: ViewSource, shown: Shown) -> str:
     player = source.player
     so_far = '' if player is None or player.is_complete else ' read so far'
     at = '' if player is None else f' {player.position:.1f} of {player.length:.1f} s{so_far}'

@@ -31,7 +31,7 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Touch:
+class ReportedTouch:
     """A run of taxel frames with a contact; see `touch_finder`."""
 
     begin: float
@@ -53,14 +53,14 @@ MOST_TOUCHES = 500  #: on the page
 MOST_PICTURES = 24  #: a page of 2 pads stays below 1 MB
 
 
-class TouchList(Sequence[Touch]):
+class TouchList(Sequence[ReportedTouch]):
     """Touches in their order in time.
 
     To add, look at ``is_full`` first and count what is ``left_out``: the outline of a touch costs time.
     """
 
     def __init__(self) -> None:
-        self._touches: list[Touch] = []
+        self._touches: list[ReportedTouch] = []
         self._longest: list[tuple[float, int]] = []  # seconds, index of those with a picture
         self.left_out = 0  #: beyond MOST_TOUCHES
         self.small_frames = 0  #: frames with a contact of too few taxels for a touch
@@ -69,7 +69,7 @@ class TouchList(Sequence[Touch]):
     def is_full(self) -> bool:
         return len(self._touches) == MOST_TOUCHES
 
-    def add(self, touch: Touch) -> None:
+    def add(self, touch: ReportedTouch) -> None:
         index = len(self._touches)
         self._touches.append(touch)
         heapq.heappush(self._longest, (touch.end - touch.begin, index))

@@ -18,7 +18,7 @@ from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recognition import Shape, ShapeClass, UnknownReason
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.states import PadState, SeenContact
-from tactile_node.viewing.touch import Picture, Sample, Touch, TouchList
+from tactile_node.viewing.touch import Picture, ReportedTouch, Sample, TouchList
 
 
 class PadRecogniser:
@@ -61,7 +61,7 @@ RELEASED = 0.5   #: of the taxels last pressed: a pad with a row that never come
 MAX_PAUSE = 0.5  #: s without a taxel frame after which a contact may be another one
 
 
-class TouchFinder:
+class ReportedTouchFinder:
     """``pitch`` [m] and ``unit`` are the pad's; ``recogniser`` may be shared."""
 
     def __init__(self, recogniser: VisibilityGuard, pitch: float, unit: str):
@@ -135,14 +135,14 @@ class _OpenTouch:
         if not self.samples or stamp - self.samples[-1].stamp >= RECOGNITION_PERIOD:
             self._recognise(stamp, found)
 
-    def closed(self, is_open: bool) -> Touch:
+    def closed(self, is_open: bool) -> ReportedTouch:
         assert self._strongest is not None
         shape = _most_frequent([sample.shape for sample in self.samples])
         confidence = float(np.median([sample.confidence for sample in self.samples if sample.shape == shape]))
         found, _ = self._pipeline.recognise_alone(self._strongest)
         pattern, fit, moments = found.pattern, found.fit(shape), found.moments
         reason = self._reasons.most_common(1)[0][0] if shape is Shape.UNKNOWN else UnknownReason.NOT_UNKNOWN
-        return Touch(
+        return ReportedTouch(
             begin=self._begin, end=self._end, frames=self._frames, taxels=int(np.count_nonzero(pattern.mask)),
             shape=shape, reason=reason, confidence=confidence, force=moments.force,
             force_is_bound=moments.force_is_bound, size_is_bound=moments.size_is_bound, is_open=is_open,
