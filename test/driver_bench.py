@@ -64,10 +64,10 @@ class DriverBench(RosBench):
 
     @property
     def levels(self) -> list[tuple[bytes, ...]]:
-        """Those of each message of /diagnostics, of the bus first."""
+        """Levels of each message of /diagnostics, of the bus first."""
         return [tuple(status.level for status in message.status) for message in self.diagnostics]
 
     @property
     def reports(self) -> list[str]:
-        """The sentences of each message of /diagnostics."""
+        """Sentences of each message of /diagnostics."""
         return [' '.join(status.message for status in message.status) for message in self.diagnostics]

@@ -26,10 +26,10 @@ FILE = 'pads: {pad32: {dead: [[2, 3]]}}'
 
 
 class Driver(DriverBench):
-    """On a simulated pad that reads PRESSED everywhere."""
+    """The driver of a simulated pad that reads PRESSED everywhere."""
 
     def values(self):
-        """Of the next frame that was not yet on its way."""
+        """Return the values of the next frame that was not yet on its way."""
         for _ in range(10):
             self.executor.spin_once(timeout_sec=0.0)
         self.taxels.clear()

@@ -113,15 +113,11 @@ def test_an_unusual_pitch_can_be_meant(tmp_path):
     assert tiny_layout(tmp_path, TINY.replace('0.003', '0.04') + 'unusual_pitch: true\n').pitch == 0.04
 
 
-def test_missing_layout_says_where_it_looked():
-    with pytest.raises(ConfigurationError, match='nowhere.yaml'):
-        load_layout('nowhere.yaml')
-
-
-def test_binary_file_is_no_layout(tmp_path):
-    (tmp_path / 'x.yaml').write_bytes(b'\x80\xff\x00\x01')
-    with pytest.raises(ConfigurationError, match='x.yaml'):
-        load_layout(tmp_path / 'x.yaml')
+@pytest.mark.parametrize('name', ['nowhere.yaml', 'binary.yaml'])
+def test_what_is_no_text_file_is_refused_by_name(tmp_path, name):
+    (tmp_path / 'binary.yaml').write_bytes(b'\x80\xff\x00\x01')
+    with pytest.raises(ConfigurationError, match=name):
+        load_layout(tmp_path / name if name == 'binary.yaml' else name)
 
 
 @pytest.mark.parametrize(('pads', 'says'), [

@@ -10,19 +10,19 @@ from two_hosts import LossyHosts, NoHostsError
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-PERIOD = 0.05  # s between two frames: a busy machine keeps up
-SECONDS = 3.0
-RATE = '300kbit'  # half of what the taxels need
-PROFILE = Path(__file__).resolve().parents[1] / 'examples' / 'fastdds_link.xml'
+FRAME_PERIOD = 0.05  # s between two frames: a busy machine keeps up
+LOOK_SECONDS = 3.0
+LINK_RATE = '300kbit'  # half of what the taxels need
+DDS_PROFILE = Path(__file__).resolve().parents[1] / 'examples' / 'fastdds_link.xml'
 #: With LOCALHOST rmw_fastrtps sends by another transport, whatever the profile says.
-ENVIRONMENT = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(PROFILE), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}
+HOST_ENVIRONMENT = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(DDS_PROFILE), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}
 
 
 @pytest.fixture(scope='module')
 def world():
     try:
-        with LossyHosts() as hosts, HostsWorld(hosts, topics=(*TOPICS, '--best-effort'), period=PERIOD,
-                                               environment=ENVIRONMENT, given=('best_effort:=true',)) as found:
+        with LossyHosts() as hosts, HostsWorld(hosts, topics=(*TOPICS, '--best-effort'), period=FRAME_PERIOD,
+                                               environment=HOST_ENVIRONMENT, given=('best_effort:=true',)) as found:
             found.hold()
             yield found
     except NoHostsError as error:
@@ -34,7 +34,7 @@ def test_a_link_that_loses_and_delays(world):
     before, since = world.skipped('/grasp'), time.monotonic()
     world.hosts.set(loss=0.05, delay=0.02, jitter=0.01)
     try:
-        waits = world.driver_waits(SECONDS)
+        waits = world.driver_waits(LOOK_SECONDS)
         assert world.false(FalseClaim('empty', empty), since).seconds == 0
         world.skin.set(is_there=False)
         world.wait(lambda: world.latest('grasp')['contact'] == 'NO_CONTACT' and current(world.latest('grasp')),
@@ -52,11 +52,11 @@ def test_a_link_that_carries_less_than_is_sent(world):
     """A full socket must not hold up the driver, as it does without the profile."""
     shaped = 'tc', 'qdisc', 'replace', 'dev', 'tun0', 'root'
     try:
-        world.hosts.first.run(*shaped, 'tbf', 'rate', RATE, 'burst', '10kb', 'latency', '20s')
+        world.hosts.first.run(*shaped, 'tbf', 'rate', LINK_RATE, 'burst', '10kb', 'latency', '20s')
     except NoHostsError as error:  # a kernel without a token bucket
         pytest.skip(str(error))
     since = time.monotonic()
-    waits = world.driver_waits(SECONDS)
+    waits = world.driver_waits(LOOK_SECONDS)
     world.hosts.first.run(*shaped, 'pfifo', 'limit', '1000')
     world.hold_again(time.monotonic())
     assert missing(world.received('left', since)) and not waits, 'the driver waited for the link'
