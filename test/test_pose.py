@@ -50,7 +50,8 @@ def numerical(function, parameters, step=1e-5):
 @pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
 def test_coverage_agrees_with_counting_points(contact):
     outline = outline_of(Shape(contact.shape), contact.handedness)
-    covered, _ = coverage(*outline.moving(parameters_of(contact)), WINDOW)
+    corners, motions = outline.moving(parameters_of(contact), np.ones((1, len(outline.dimensions))))
+    covered, _ = coverage(corners[0], motions[:, 0], WINDOW)
     step = (np.arange(40) + 0.5) / 40 - 0.5
     y = (WINDOW.row + np.arange(WINDOW.rows))[:, None] + step
     x = (WINDOW.col + np.arange(WINDOW.cols))[:, None] + step

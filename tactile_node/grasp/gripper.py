@@ -35,21 +35,15 @@ class Placement(NamedTuple):
     measured: float  #: when the oldest of the transforms between them was measured, steady [s]; inf: all are static
 
 
-class _Edge(NamedTuple):
-    parent: str
-    transform: Transform
-    measured: float
-
-
 class FrameTree:
     """The latest transform of each frame in its parent."""
 
     def __init__(self) -> None:
-        self._edges: dict[str, _Edge] = {}
+        self._edges: dict[str, tuple[str, Placement]] = {}  # parent, and where in it
 
     def set(self, frame: str, parent: str, transform: Transform, measured: float = math.inf) -> None:
         """Take the place of ``frame`` in ``parent``, ``measured`` at a steady time [s]; inf: it is static."""
-        self._edges[frame] = _Edge(parent, transform, measured)
+        self._edges[frame] = parent, Placement(transform, measured)
 
     def __len__(self) -> int:
         return len(self._edges)
@@ -60,29 +54,20 @@ class FrameTree:
         common = next((name for name in of_frame if name in of_reference), None)
         if common is None:
             return None
-        outer, inner = self._place(of_reference, common), self._place(of_frame, common)
+        outer, inner = of_reference[common], of_frame[common]
         return Placement(outer.transform.inverse @ inner.transform, min(outer.measured, inner.measured))
 
-    def _ancestors(self, frame: str) -> dict[str, _Edge | None]:
-        """The frame and its ancestors up to the root, each with its edge; none where transforms form a circle."""
-        found: dict[str, _Edge | None] = {}
-        name = frame
+    def _ancestors(self, frame: str) -> dict[str, Placement]:
+        """Where the frame is in itself and in each ancestor up to the root; none where transforms form a circle."""
+        found: dict[str, Placement] = {}
+        name, place = frame, Placement(IDENTITY, math.inf)
         while name not in found:
-            edge = self._edges.get(name)
-            found[name] = edge
-            if edge is None:
+            found[name] = place
+            if name not in self._edges:
                 return found
-            name = edge.parent
+            name, edge = self._edges[name]
+            place = Placement(edge.transform @ place.transform, min(edge.measured, place.measured))
         return {}
-
-    def _place(self, ancestors: dict[str, _Edge | None], ancestor: str) -> Placement:
-        """Return where the first of ``ancestors`` is in ``ancestor``."""
-        transform, measured = IDENTITY, math.inf
-        for name, edge in ancestors.items():
-            if name == ancestor or edge is None:
-                break
-            transform, measured = edge.transform @ transform, min(edge.measured, measured)
-        return Placement(transform, measured)
 
 
 def rotation_matrix(x: float, y: float, z: float, w: float) -> np.ndarray:

@@ -44,7 +44,9 @@ def smallest_eigenvalues(problems: list[tuple[TaxelList, Stencil]],
     counts = [len(taxels.counts) for taxels, _ in problems]
     first = np.cumsum([0, *counts])
     owner = np.concatenate([part.pattern + offset for part, offset in zip(parts, first)])
-    contest = np.concatenate([_contest(count, i, extremes_from) for i, count in enumerate(counts)])
+    # which contest for the extremes each pattern takes part in; -1 is none
+    contest = np.concatenate([np.where(np.arange(count) < (count if extremes_from is None else extremes_from), -1, i)
+                              for i, count in enumerate(counts)])
     some, owner = np.unique(owner, return_inverse=True)
     found = np.full(first[-1], np.nan)
     found[some] = _solve(_banded(parts), np.concatenate([part.least for part in parts]), owner, contest[some])
@@ -87,11 +89,6 @@ def _connected(taxels: TaxelList, stencil: Stencil) -> Parts:
     least = np.minimum.reduceat(sums, start) if len(sizes) else sums
     return Parts(sizes=sizes, pattern=pattern, least=least, column=column, distance=place[later] - column,
                  values=values, diagonal=weights.centre / weights.denominator)
-
-
-def _contest(count: int, problem: int, extremes_from: int | None) -> np.ndarray:
-    """Which contest for the extremes each pattern takes part in; -1 is none."""
-    return np.where(np.arange(count) < (count if extremes_from is None else extremes_from), -1, problem)
 
 
 def _banded(parts: list[Parts]) -> Banded:

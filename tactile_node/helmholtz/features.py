@@ -97,7 +97,10 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     >>> features.values['P05'], round(features.values['lambda5'], 6)
     (3, 2.585786)
     """
-    _check(mask)
+    if not (isinstance(mask, np.ndarray) and mask.dtype == bool and mask.ndim == 2):
+        got = f'{mask.dtype}, shape {mask.shape}' if isinstance(mask, np.ndarray) else type(mask).__name__
+        raise InputError('pattern', expected='a bool array of shape (rows, cols)', got=got,
+                         remedy='Extract the contact pattern first (tactile_node.contact).')
     is_rotated = groups & Group.ROTATED and mask.any()
     is_solved = int(np.count_nonzero(mask)) <= MOST_TAXELS
     stack = (_describe_rotated(mask, groups, is_solved) if is_rotated
@@ -114,13 +117,6 @@ def _describe_rotated(mask: np.ndarray, groups: Group, is_solved: bool) -> dict[
     parts = [describe(ringed_taxel_list(patterns[first:first + step]), groups, is_solved, extremes_from=1)
              for first in range(0, len(patterns), step)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-def _check(mask: np.ndarray) -> None:
-    if not (isinstance(mask, np.ndarray) and mask.dtype == bool and mask.ndim == 2):
-        got = f'{mask.dtype}, shape {mask.shape}' if isinstance(mask, np.ndarray) else type(mask).__name__
-        raise InputError('pattern', expected='a bool array of shape (rows, cols)', got=got,
-                         remedy='Extract the contact pattern first (tactile_node.contact).')
 
 
 def describe(taxels: TaxelList, groups: Group, is_solved: bool,

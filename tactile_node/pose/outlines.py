@@ -38,15 +38,11 @@ class Outline(NamedTuple):
         corners: np.ndarray = self.template @ dimensions @ rotation(angle) + centre
         return corners
 
-    def moving(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the corners and d corners / d parameters, shape (parameters, corners, 2)."""
-        corners, motions = self.moving_nested(parameters, np.ones((1, len(self.dimensions))))
-        return corners[0], motions[:, 0]
+    def moving(self, parameters: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the corners of k outlines within each other, (k, corners, 2), and d corners / d parameters.
 
-    def moving_nested(self, parameters: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the same of k outlines within each other, (k, corners, 2) and (parameters, k, corners, 2).
-
-        ``sizes``, (k, dimensions): of each, relative to those of ``parameters``.
+        The derivatives have the shape (parameters, k, corners, 2). ``sizes``, (k, dimensions): of each outline,
+        relative to those of ``parameters``.
         """
         centre, angle, dimensions = self.split(parameters)
         by_dimension = self.template.transpose(2, 0, 1) @ rotation(angle)

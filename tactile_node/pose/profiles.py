@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.pose.outlines import Outline
 from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape
 
@@ -85,11 +84,6 @@ PUNCH = _profile(Indenter.FLAT_PUNCH, np.array(((1.0, 1.0), (0.85, 0.85))), np.a
                  (0.87, 0.87))
 BALL, CONE, LYING_CYLINDER = _ball(), _cone(), _lying_cylinder()
 DOMES = {Shape.CIRCLE: (BALL, CONE), Shape.RECTANGLE: (LYING_CYLINDER,)}
-
-
-def nested(profile: Profile, outline: Outline, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corners of a profile's outlines, (k, n, 2), and d corners / d parameters, (p, k, n, 2)."""
-    return outline.moving_nested(parameters, profile.sizes[:, -len(outline.dimensions):])
 
 
 class Layer(NamedTuple):

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import expit
 
 from tactile_node.pose.outlines import Outline, Window, coverages, moving_depth
-from tactile_node.pose.profiles import PUNCH, Profile, nested
+from tactile_node.pose.profiles import PUNCH, Profile
 from tactile_node.read_only import read_only
 
 KERNEL_REACH = 6                 #: of the kernel [pitches]
@@ -106,7 +106,8 @@ class Model:
 
     def predict(self, parameters: np.ndarray) -> Prediction:
         """Return what the taxels of the window show."""
-        depth, change = moving_depth(*self.outline.moving(parameters), self._places)
+        corners, motions = self.outline.moving(parameters, np.ones((1, len(self.outline.dimensions))))
+        depth, change = moving_depth(corners[0], motions[:, 0], self._places)
         inside = expit(depth / self.EDGE)
         rim = inside * (1 - inside)
         return Prediction(inside, change * (rim / self.EDGE), rim)
@@ -163,7 +164,8 @@ class PressureModel(Model):
         geometry, (level, tilt_x, tilt_y, peak, log_depth) = parameters[:-self.EXTRAS], parameters[-self.EXTRAS:]
         weights = self.profile.weights
         of_change = weights[0] + peak * weights[1]
-        covered, change = coverages(*nested(self.profile, self.outline, geometry), self._window, weights, of_change)
+        sizes = self.profile.sizes[:, -len(self.outline.dimensions):]
+        covered, change = coverages(*self.outline.moving(geometry, sizes), self._window, weights, of_change)
         pressed, force = covered[0] + peak * covered[1], level + tilt_x * self._x + tilt_y * self._y
         count = len(parameters)
         sharp = np.empty((count, *pressed.shape))
