@@ -12,7 +12,7 @@ from tactile_node.errors import ConfigurationError
 
 _NO_DEFAULT = object()
 LARGEST = 1e300     #: a whole number of YAML may be larger than any float
-MOST_BYTES = 1 << 19  #: of a file: no pad that CAN carries needs more, and a longer one takes seconds to read
+MOST_BYTES = 1 << 19  #: size of a file: no pad that CAN carries needs more, and a longer one takes seconds to read
 SHOWN = 80          #: characters of a value in an error
 LONGEST_SHOWN = 128  #: bits of a whole number in an error
 

@@ -95,7 +95,7 @@ OUTLYING_SPREADS = 2.0        #: standard deviations that one frame counts at mo
 TOGETHER_SPREADS = 9.0        #: standard deviations by which 3x3 taxels rise together where a contact grows slowly
 FOLLOWED_RISE = 0.1        #: standard deviations that the level at rest rises in a frame
 LOUDER_RATIO = 2.0          #: x the noise before something pressed
-COVERED_SCATTER = 0.5         #: of the noise: the level of resting taxels varies less, that of a covered pad more
+COVERED_SCATTER = 0.5         #: share of the noise: the level of resting taxels varies less, that of a covered pad more
 
 
 class NoiseFloor:

@@ -15,8 +15,8 @@ from tactile_node.errors import InputError
 from tactile_node.press_levels import LEAST_BY_UNIT, ON_OFF_UNIT
 from tactile_node.read_only import read_only
 
-BASELINE_SHARE = 0.1     #: of what a contact rises above it: less is noise, or the skin's response around a contact
-LEAST_COUNTS = 3.0  #: of readings in whole counts: idle ones differ by two
+BASELINE_SHARE = 0.1  #: share of what a contact rises above it: less is noise, or the skin's response around a contact
+LEAST_COUNTS = 3.0  #: rise of readings in whole counts: idle ones differ by two
 HIGHEST_VALUE = 1e150    #: magnitude from which on a number is no value, as if infinite: its square has no float
 MOST_LABELS = 255  #: contacts beyond so many have no label
 

@@ -19,7 +19,7 @@ def are_on_off(values: np.ndarray) -> bool:
     return bool(((values == 0) | (values == highest) | np.isnan(values)).all())
 
 
-#: The same for arrays without a unit, as fractions of the full scale.
+#: Thresholds of arrays without a unit, as fractions of the full scale.
 PRESS_FRACTION = 0.3
 RELEASE_FRACTION = 0.2
 SMALLEST_CONTACT = 4  #: taxels of the smallest contact that is reported

@@ -7,8 +7,8 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.errors import InputError
 from tactile_node.press_levels import LEAST_BY_UNIT
 
-LOW_SHARE = 0.2   #: of the least reading of a unit that counts: no skin shows a contact there in steps of 1 Pa
-NO_SKIN_SHARE = 1e-3    #: of the same: no skin shows a contact there in any steps
+LOW_SHARE = 0.2   #: share of the least reading of a unit that counts: no skin shows a contact there in steps of 1 Pa
+NO_SKIN_SHARE = 1e-3    #: share below which no skin shows a contact there in any steps
 #: correlation of neighbours on a pad with a contact; without one, in 20,000 frames, at most 0.4
 ALIKE_CORRELATION = 0.45
 

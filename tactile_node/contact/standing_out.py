@@ -13,9 +13,9 @@ from scipy import ndimage
 
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, enclosed, grown
 
-OUTLINE_SHARE = 0.5      #: of the local level
+OUTLINE_SHARE = 0.5      #: share of the local level
 NOISE_SPREADS = 3.0        #: standard deviations that a taxel of a contact is above the level at rest
-KEPT_SHARE = 0.85        #: of both: what is pressed stays so down to here
+KEPT_SHARE = 0.85        #: share of both: what is pressed stays so down to here
 ALONE_SPREADS = 6.0        #: standard deviations of a group of fewer than GROUP_TAXELS taxels: noise makes groups, too
 GROUP_TAXELS = 4          #: taxels at NOISE_SPREADS that noise does not make (once in 20,000 frames of 256 taxels)
 HALO_SHARE = 0.25  #: of the highest reading within HALO_REACH taxels: less is the skin's response beside a contact
@@ -29,7 +29,7 @@ STEEPEST_TILT = 0.5     #: the plane of the local level changes by at most so mu
 class Threshold(NamedTuple):
     """From where on a taxel stands out, in the unit of the values."""
 
-    level: float       #: of the taxels at rest
+    level: float       #: level of the taxels at rest
     noise: np.ndarray  #: (rows, cols), standard deviation of each
     least: float       #: above the level at rest, whatever the noise
 

@@ -20,10 +20,10 @@ class Visibility(NamedTuple):
     """Counts are in taxels; those of the contact and its ring are 0 where there is no contact."""
 
     pad_seen: bool             #: no group of hidden taxels has room for the smallest contact, and none is left over
-    hidden: int                #: of the pad
-    largest_hidden: int        #: of the largest 8-connected group of hidden taxels
+    hidden: int                #: taxels of the pad
+    largest_hidden: int        #: size of the largest 8-connected group of hidden taxels
     hidden_in_contact: int     #: enclosed by the contact and counted as a part of it
-    hidden_in_ring: int        #: of the ring: the taxels next to the contact, also by a corner
+    hidden_in_ring: int        #: taxels of the ring, those next to the contact, also by a corner
     ring: int                  #: the whole ring, hidden taxels too
     saturated_in_contact: int
     saturated_in_ring: int

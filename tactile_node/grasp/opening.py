@@ -21,11 +21,11 @@ class Opening(NamedTuple):
     """The opening at one time. ``gap`` is NaN while there is no source, no value yet, or only one that is too old."""
 
     gap: float = math.nan                     #: [m]
-    source: GapSource = GapSource.NOT_KNOWN   #: of the last value; NOT_KNOWN: there was none
-    age: float = math.inf                     #: of the last value, on a steady clock [s]; inf: not known
+    source: GapSource = GapSource.NOT_KNOWN   #: source of the last value; NOT_KNOWN: there was none
+    age: float = math.inf                     #: age of the last value, on a steady clock [s]; inf: not known
 
 
-#: Of a gripper without a source, or of a source without a value.
+#: The opening of a gripper without a source, or of a source without a value.
 UNKNOWN_OPENING = Opening()
 
 #: What a reading may give [m]: two skins pressed into each other are a little less than closed; no gripper opens wider.

@@ -11,7 +11,7 @@ from tactile_node.grasp.gripper import Line
 from tactile_node.grasp.tracker import GraspContact, GraspState
 from tactile_node.shape.recognition import Shape
 
-MOST_SHAPES = 100  #: of one requirement; there are far fewer classes
+MOST_SHAPES = 100  #: shapes of one requirement; there are far fewer classes
 NO_SHAPES = ('', Shape.NONE.value, Shape.UNKNOWN.value)
 
 
@@ -58,7 +58,7 @@ class Requirement:
     """
 
     shapes: frozenset[str] = frozenset()  #: names of classes, one of which both sides report; empty: any
-    min_confidence: float = 0.0           #: of both sides
+    min_confidence: float = 0.0           #: confidence of both sides
     min_held: float = 0.0                 #: [s]
     min_width: float = 0.0                #: [m]
     max_width: float = 0.0                #: [m]

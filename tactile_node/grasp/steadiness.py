@@ -22,9 +22,9 @@ import numpy as np
 from tactile_node.errors import ConfigurationError
 
 SPEED_CERTAINTY = 5.0    #: standard deviations, of a speed
-SLIP_CERTAINTY = 6.0  #: of one centre: there are thousands
+SLIP_CERTAINTY = 6.0  #: deviations of one centre: there are thousands
 SYSTEMATIC_SLOPE = 1.5   #: largest slope x length of an error within ±1/2: half of the window low, half of it high
-KEPT_CREEP = 0.4         #: of max_creep
+KEPT_CREEP = 0.4         #: share of max_creep
 #: resolution times; then a creep of max_creep exceeds `KEPT_CREEP` whatever the error within resolution
 WINDOW_TIMES = 9.0
 SHORTEST_WINDOW = 3.0     #: s, window for centres of any resolution: noise needs time too

@@ -18,9 +18,9 @@ from tactile_node.shape.recognition import Shape
 
 SIDES = ('left', 'right')
 SHORTEST_SILENCE = 0.1  #: s, and
-SILENT_PERIODS = 3      #: of a side: results have stopped; a reader is to know by then, so
+SILENT_PERIODS = 3      #: periods of a side: results have stopped; a reader is to know by then, so
 NOTICE_SHARE = 0.75     #: after this fraction they are taken to have stopped
-PERIODS_KEPT = 15       #: of which the median is the period of a side
+PERIODS_KEPT = 15       #: latest periods, whose median is the period of a side
 
 
 class SideState(IntEnum):
@@ -37,8 +37,8 @@ class SideResult(NamedTuple):
 
     time: float                          #: acquisition, on our clock [s]; -inf: its age is not known
     state: SideState                     #: as the pad reported it
-    class_name: str = Shape.NONE.value   #: of the shape
-    centre: tuple[float, float] | None = None  #: of the contact, in the pad's frame [m]; None: not known
+    class_name: str = Shape.NONE.value   #: name of the shape
+    centre: tuple[float, float] | None = None  #: centre of the contact, in the pad's frame [m]; None: not known
     resolution: float = 0.0002           #: what a moving contact's centre is wrong by beside its noise [m]
     is_bound: bool = False               #: the contact may reach beyond what is seen: its centre may be another one
     hides_creep: bool = False            #: so much is not seen that it could creep without a move of its centre
@@ -89,7 +89,7 @@ class GraspSettings:
     steadiness: SteadinessSettings = SteadinessSettings()
     min_hold: float = 0.2            #: [s]
     max_skew: float = 0.1            #: how far the acquisitions of the two sides may be apart [s]
-    max_age: float = 0.25            #: of a result [s]
+    max_age: float = 0.25            #: age of a result [s]
 
     def __post_init__(self) -> None:
         if not (0 < self.max_skew < np.inf and 0 < self.max_age < np.inf and 0 <= self.min_hold):

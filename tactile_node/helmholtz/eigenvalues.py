@@ -24,7 +24,7 @@ from tactile_node.helmholtz.taxel_list import WEIGHTS, Stencil, TaxelList
 
 RESIDUAL_TOLERANCE = 2e-10  #: relative to the eigenvalue
 ROUND_SOLVES = (3, 4, 4, 3, 2, 2, 2)  #: inverse iterations of each round
-SHIFT_MARGIN = 1.2  #: of the shift below the Rayleigh quotient, in residuals
+SHIFT_MARGIN = 1.2  #: distance of the shift below the Rayleigh quotient, in residuals
 FIRST_SHIFT = 0.7 * np.pi * 2.404825557695773 ** 2  #: times area; a disc has the least (Faber-Krahn)
 SHIFT_BELOW = 0.02  #: how far the first shift stays below the least row sum, which is a lower bound itself
 CHUNK_COLUMNS = 5_000  #: taxels treated together, to stay within the processor's cache
@@ -59,8 +59,8 @@ class Parts(NamedTuple):
     sizes: np.ndarray     #: taxels of each part
     pattern: np.ndarray   #: which pattern each part belongs to, rising
     least: np.ndarray     #: least row sum of each part, a lower bound of its Λ
-    column: np.ndarray    #: of each entry of A below the diagonal, taxels numbered part by part
-    distance: np.ndarray  #: of each entry from the diagonal
+    column: np.ndarray    #: column of each entry of A below the diagonal, taxels numbered part by part
+    distance: np.ndarray  #: distance of each entry from the diagonal
     values: np.ndarray    #: the entries
     diagonal: float
 

@@ -55,8 +55,8 @@ def information(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
                 'info_norm': squared / taxels.counts}
 
 
-CHUNK_TAXELS = 400_000  #: of rotated patterns described at a time: bounds the memory of large contacts
-MOST_TAXELS = 8_000     #: of a pattern whose eigenvalues are computed: more than any pad on a CAN bus shows
+CHUNK_TAXELS = 400_000  #: taxels of rotated patterns described at a time: bounds the memory of large contacts
+MOST_TAXELS = 8_000     #: taxels of a pattern whose eigenvalues are computed: more than any pad on a CAN bus shows
 INFORMATION = {Stencil.FIVE: Group.INFORMATION5, Stencil.NINE: Group.INFORMATION9}
 GRAVITY = {Stencil.FIVE: Group.GRAVITY5, Stencil.NINE: Group.GRAVITY9}
 
@@ -77,7 +77,7 @@ UNDEFINED = Extremes(min=np.nan, max=np.nan, dif=np.nan, min_angle=None, max_ang
 class Features(NamedTuple):
     """Features by name; NaN where one is undefined, as eigenvalues of more than MOST_TAXELS taxels are here."""
 
-    values: Mapping[str, float]     #: of the pattern as it is
+    values: Mapping[str, float]     #: features of the pattern as it is
     rotated: Mapping[str, Extremes]  #: over its rotations; empty unless computed
 
     def as_json(self) -> dict[str, Any]:

@@ -15,7 +15,7 @@ FINE = 5  #: fine steps to a pitch
 ANGLES = np.arange(0, 181, 4)  #: [degrees], 46 of them
 ANGLES.flags.writeable = False
 TIE_TOLERANCE = 1e-9  #: [fine steps]
-CHUNK_SITES = 200_000  #: of all angles, traced together: bounds the memory of large patterns
+CHUNK_SITES = 200_000  #: sites of all angles, traced together: bounds the memory of large patterns
 
 
 def with_rotated(mask: np.ndarray) -> np.ndarray:

@@ -40,7 +40,7 @@ class TaxelList(NamedTuple):
     site: np.ndarray             #: place of the taxel in the padded, flattened stack
     start: np.ndarray            #: number of taxels before each pattern, shape (K + 1,)
     counts: np.ndarray           #: N of each pattern, shape (K,)
-    number: np.ndarray           #: of the taxel within its pattern, from 0
+    number: np.ndarray           #: number of the taxel within its pattern, from 0
     earlier_edge: np.ndarray     #: how many edge neighbours precede the taxel (above, left): 0-2
     earlier_corner: np.ndarray   #: how many diagonal neighbours precede the taxel (above): 0-2
     later_edge: np.ndarray       #: how many edge neighbours follow the taxel (right, below)

@@ -20,7 +20,7 @@ from tactile_node.shape.recognition import Shape
 from tactile_node.shape.taught import Head
 
 BACKGROUND_FILE = 'teach_background.npz'  #: in config/
-LEVEL_FRACTIONS = 10                     #: of a level 1, as training/background.py writes them
+LEVEL_FRACTIONS = 10                     #: steps of a level 1, as training/background.py writes them
 FOREIGN = OUTPUTS.index(Shape.UNKNOWN)
 
 
@@ -46,10 +46,10 @@ def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background
                                  got=' '.join(str(error).split()), remedy='Install the package again.') from None
 
 
-RIDGE_WEIGHT = 1e-3            #: of the standard weights; chosen on validation touches, as are the numbers below
-EXAMPLE_SHARE = 0.25            #: of the background's weight that the examples of one shape have
-FOREIGN_WEIGHT = 0.5    #: of a foreign contact
-SMALLER_SIZE, LARGER_SIZE = 0.8, 1.25  #: of the sizes taught, those answered [taxels]
+RIDGE_WEIGHT = 1e-3            #: penalty of the weights; chosen on validation touches, as are the numbers below
+EXAMPLE_SHARE = 0.25            #: share of the background's weight that the examples of one shape have
+FOREIGN_WEIGHT = 0.5    #: weight of a foreign contact
+SMALLER_SIZE, LARGER_SIZE = 0.8, 1.25  #: factors of the sizes taught: those answered [taxels]
 MOST_ITERATIONS = 200
 CHUNK_PATCHES = 256         #: patches, for describe_all takes much memory
 

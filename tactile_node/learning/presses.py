@@ -9,18 +9,18 @@ from tactile_node.learning.touches import Touch, Touches, TouchFinder, TouchFram
 from tactile_node.pose.pipeline import FoundContact
 from tactile_node.shape.recognition import Shape
 
-MOST_HIDDEN_AROUND = 0.1  #: of contact and surroundings without a value
-PRESS_FRAMES = 6    #: of a press that are used, from its lightest to its hardest
-REST_SHARE = 0.04   #: of the frames, the least loaded ones, that the zero is found from
-LEAST_REST = 10     #: of them
-MOST_SEEN = 0.9     #: of the taxels that have a value at best: frames with fewer are not at rest for certain
+MOST_HIDDEN_AROUND = 0.1  #: share of contact and surroundings without a value
+PRESS_FRAMES = 6    #: frames of a press that are used, from its lightest to its hardest
+REST_SHARE = 0.04   #: share of the frames, the least loaded ones, that the zero is found from
+LEAST_REST = 10     #: frames at rest, at least
+MOST_SEEN = 0.9     #: share of the taxels that have a value at best: frames with fewer are not at rest for certain
 
 
 class PressFinder(TouchFinder):
     """Follows the frames of one pad on which a disc is pressed; a touch goes from its lightest to its hardest frame."""
 
     lightest = 0.2
-    least_taxels = 40  # of fewer the fit's own error is larger than a skin's
+    least_taxels = 40  # a fit of fewer has an error larger than a skin's
 
     def _why_unclear(self, found: FoundContact) -> Unused | None:
         pattern = found.pattern

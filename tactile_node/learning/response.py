@@ -11,14 +11,14 @@ from tactile_node.output_file import output_file
 from tactile_node.pose.profiles import Layer, check_layer
 from tactile_node.yaml_section import LARGEST, Section, load_mapping, shown
 
-RESPONSE_SUFFIX = '.response.yaml'  #: of the file beside a layout
-WRITTEN_DIGITS = 6                 #: of what is written
+RESPONSE_SUFFIX = '.response.yaml'  #: suffix of the file beside a layout
+WRITTEN_DIGITS = 6                 #: digits of what is written
 
 
 class SkinResponse(NamedTuple):
     """Response of all taxels of a skin."""
 
-    unit: str  #: of readings and pressures: 'Pa' or 'N'; '' for an array without a unit
+    unit: str  #: unit of readings and pressures: 'Pa' or 'N'; '' for an array without a unit
     layer: Layer
     curve: ResponseCurve
 

@@ -21,16 +21,16 @@ from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape
 
 LEAST_PRESSES = 6       #: at as many places: one place shows its own error
-PRESS_ERROR = 0.01      #: of the lengths that one press shows, relative
+PRESS_ERROR = 0.01      #: error of the lengths that one press shows, relative
 PRIOR_SPREADS = 0.5, 0.15       #: standard deviations of exponent - 1 and of bend, beforehand
 EXPONENTS, BENDS = (0.4, 2.5), (-0.4, 0.4)
-CURVE_NODES = 16              #: of the curve, in equal ratios
-LOWEST_SHARE = 0.5            #: of the lightest press: below, the curve is a line through 0
+CURVE_NODES = 16              #: nodes of the curve, in equal ratios
+LOWEST_SHARE = 0.5            #: share of the lightest press: below, the curve is a line through 0
 DERIVATIVE_STEP = 0.02             #: for derivatives: fits stop at a finite accuracy
-LARGEST_RADIUS = 0.25   #: of a disc [m]: one of 10 pitches has half of it on the coarsest skins
+LARGEST_RADIUS = 0.25   #: radius of a disc [m]: one of 10 pitches has half of it on the coarsest skins
 MOST_ROUNDED = 0.3      #: more is no flat face
-LAYER_ERROR = 0.08      #: of the logarithm of the depth, common to all presses of one disc
-LARGEST_ERROR = 0.03    #: of the lengths after calibration; beyond, the disc is another one
+LAYER_ERROR = 0.08      #: deviation of the logarithm of the depth, common to all presses of one disc
+LARGEST_ERROR = 0.03    #: error of the lengths after calibration; beyond, the disc is another one
 BOUND_MARGIN = 0.02         #: an exponent so near to its bound is no answer
 #: A fit makes a flat disc with sharp edges so much larger than it is, and less with rounded ones, per edge radius
 #: over inscribed radius: fits are right on average, and edges differ (bench/bench_calibration.py --edges).
@@ -41,7 +41,7 @@ class Disc(NamedTuple):
     """The flat face of a rigid cylinder. Corners of other shapes carry less pressure than fits expect."""
 
     radius: float             #: [m]
-    edge_radius: float = 0.0  #: of its rounded edge [m]
+    edge_radius: float = 0.0  #: radius of its rounded edge [m]
 
     @property
     def fit_error(self) -> float:
@@ -57,7 +57,7 @@ class FoundResponse(NamedTuple):
     bend: float
     before: float    #: median error of the disc's radius without it, relative
     after: float     #: median error with it
-    left_out: float  #: of each half of the presses, with the response found from the other half
+    left_out: float  #: error of each half of the presses, with the response found from the other half
 
 
 def calibrate(presses: Sequence[Touch], known: Disc, pitch: float, unit: str,

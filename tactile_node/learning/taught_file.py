@@ -17,7 +17,7 @@ from tactile_node.learning.touches import Touch, TouchFrame
 from tactile_node.shape.patch import HIGHEST_LEVEL, SIDE, Patch, joined, make_patch
 from tactile_node.shape.taught import HEAD_PARTS, HEAD_VERSION, MOST_TAUGHT, Head, digest_of, is_name, is_own
 
-TOUCH_VARIANTS = 16           #: of each touch
+TOUCH_VARIANTS = 16           #: variants of each touch
 SIZE_CHANGE = 0.06             #: largest change of lengths, as a logarithm
 MOST_TILT = 0.15             #: largest relative rise of the pressure over the contact's reach
 NOISE_RANGE = (0.005, 0.03)   #: standard deviation [contact's level]

@@ -19,13 +19,13 @@ from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser
 from tactile_node.shape.taught import Head, join
 
 FOLDS = 5
-STAGES = FOLDS + 2      #: of a call of `teach`, for its progress
+STAGES = FOLDS + 2      #: stages of a call of `teach`, for its progress
 LEAST_TOUCHES = 10
-MOST_TAKEN = 0.0015     #: of the five shapes' contacts, by each taught shape, when the evidence it needs is set
+MOST_TAKEN = 0.0015     #: share of the five shapes' contacts, by each taught shape, when the evidence it needs is set
 #: of the evidence that all but OWN_QUANTILE of a shape's examples have, so much is needed
 OWN_QUANTILE, OWN_SHARE = 0.02, 0.5
-LEAST_RIGHT = 0.95      #: of the touches held out, for a shape to be worth using: one of 30 may be wrong
-MOST_LOST = 0.003       #: of the five shapes' contacts
+LEAST_RIGHT = 0.95      #: share of the touches held out, for a shape to be worth using: one of 30 may be wrong
+MOST_LOST = 0.003       #: share of the five shapes' contacts
 
 
 class HeldOut(NamedTuple):

@@ -16,9 +16,9 @@ from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_shapeless
 
-TOUCH_FRAMES = 5   #: of a touch that are used
+TOUCH_FRAMES = 5   #: frames of a touch that are used
 CENTRE_MOVED = 1.0  #: centres so far apart are of two touches [pitches]
-MOST_HIDDEN = 0.1  #: of its taxels without a value
+MOST_HIDDEN = 0.1  #: share of its taxels without a value
 
 
 class Unused(IntEnum):
@@ -72,8 +72,8 @@ class Touches(NamedTuple):
 class TouchFinder:
     """Follows the frames of one pad; ``unit`` as in `find_contact`."""
 
-    lightest = 0.5     #: of the strongest frame of a touch: lighter, the object is still being set down or lifted
-    least_taxels = 12  #: of a contact that shows a shape
+    lightest = 0.5     #: share of the strongest frame of a touch: lighter, the object is still being set down or lifted
+    least_taxels = 12  #: fewest taxels of a contact that shows a shape
 
     def __init__(self, unit: str | None):
         self._pipeline, self._taxels = ContactPipeline(), Taxels(unit=unit)

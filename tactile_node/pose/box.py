@@ -48,10 +48,10 @@ class ContactBox(NamedTuple):
     """The least rectangle around a contact, in the pad's frame, with standard deviations; NaN without a contact."""
 
     centre: tuple[float, float]       #: [m]; of what is seen where a length is a bound
-    angle: float                      #: of the long side, x to y, in (-π/2, π/2] [rad]
+    angle: float                      #: direction of the long side, x to y, in (-π/2, π/2] [rad]
     lengths: tuple[float, float]      #: long, short [m]
     centre_sd: float                  #: along x and along y [m]
-    angle_sd: float                   #: of the sides, which are equal a quarter turn on [rad]; 0.45: any angle will do
+    angle_sd: float  #: deviation of the sides, which are equal a quarter turn on [rad]; 0.45: any angle will do
     lengths_sd: tuple[float, float]   #: [m]
     length_is_bound: tuple[bool, bool]  #: the contact is cut by the pad's edge or by hidden taxels: it may be longer
     hollow: bool                      #: it is a ring or a frame (`is_hollow`)

@@ -16,7 +16,7 @@ from tactile_node.shape.recognition import Shape
 COARSE_TOLERANCE = 0.3         #: when the first pass stops [pitches]
 FINE_TOLERANCE = 0.05          #: and the second
 CLEAR_RATIO = 0.25       #: a less likely start is taken where its cost is lower by this factor
-FIRST_NOISE = 0.05   #: of a value in the first pass [fraction of level]
+FIRST_NOISE = 0.05   #: noise of a value in the first pass [fraction of level]
 
 
 class Candidate(NamedTuple):

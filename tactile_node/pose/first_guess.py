@@ -17,7 +17,7 @@ WHITE_CORNERS = np.sqrt(8)  #: from the centre of the equilateral triangle of va
 class Guess(NamedTuple):
     """Where a fit may start."""
 
-    parameters: np.ndarray  #: of the shape's outline [pitches]
+    parameters: np.ndarray  #: parameters of the shape's outline [pitches]
     handedness: int = 1
 
 

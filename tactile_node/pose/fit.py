@@ -42,7 +42,7 @@ class ShapeFit(NamedTuple):
 
     shape: Shape
     centre: tuple[float, float]        #: centre of area [m]
-    angle: float                       #: of the shape's x axis, x to y positive [rad]; 0 for a circle
+    angle: float                       #: direction of the shape's x axis, x to y positive [rad]; 0 for a circle
     #: Looks the same when rotated by 2π/symmetry; 0: by any angle; 3: an isosceles triangle that these taxels do not
     #: distinguish from an equilateral one, its apex may be any corner.
     symmetry: int
@@ -51,12 +51,12 @@ class ShapeFit(NamedTuple):
     dimensions: tuple[float, ...]      #: [m]
     #: of each dimension: it is the length that is seen, and the contact goes on where nothing is seen (`fit_contact`)
     is_bound: tuple[bool, ...]
-    covariance: np.ndarray             #: of ``parameter_names``, [m, rad]
+    covariance: np.ndarray             #: covariance of ``parameter_names``, [m, rad]
     residual: float                    #: root mean square of value - model, fraction of the contact's level
     outline: np.ndarray                #: corners, (n, 2), in the sense from x to y [m]
     indenter: Indenter | None          #: what presses, as far as its pressure shows; None: on/off taxels
     peak: float                        #: 0: an even pressure; about 1: a punch's or a dome's; NaN: on/off taxels
-    depth: float                       #: of the taxels below the skin's surface, as fitted [m]; NaN: on/off taxels
+    depth: float  #: depth of the taxels below the skin's surface, as fitted [m]; NaN: on/off taxels
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

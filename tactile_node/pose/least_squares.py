@@ -8,7 +8,7 @@ from scipy.linalg.lapack import dposv
 from tactile_node.contact.neighbours import box_of
 from tactile_node.pose.skin_model import Model, Prediction
 
-LONGEST_STEP = 1.0  #: of any parameter in one step [pitches, radians, relative]
+LONGEST_STEP = 1.0  #: change of any parameter in one step [pitches, radians, relative]
 LEAST_DIMENSION = 0.3  #: no dimension gets smaller [pitches]
 
 
@@ -82,7 +82,7 @@ def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
 
 MOST_BLOCKS = 32    #: blocks across a contact at most [taxels of a fit]
 BLOCKS_AROUND = 3  #: the contact
-LEAST_SEEN = 0.5   #: of a block's taxels: with fewer valid ones it has no value
+LEAST_SEEN = 0.5   #: share of a block's taxels: with fewer valid ones it has no value
 
 
 class Blocks(NamedTuple):

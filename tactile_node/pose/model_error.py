@@ -15,12 +15,12 @@ from tactile_node.pose.profiles import Indenter
 from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
 
-MOST_PEAK = 1.2  #: of a punch's peak
+MOST_PEAK = 1.2  #: greatest peak of a punch that counts
 MOST_DOME_PEAK = 2.0  #: of a dome's above 1
 #: Standard deviations that no fit goes below: taxels differ from the model's, and a layer from a half-space.
 LEAST_PLACE, LEAST_ANGLE, LEAST_LENGTH = 0.003, 0.001, 0.02  #: [pitches, radians]
 LEAST_AREA, LEAST_RADIUS, MOST_DEPTH = 12.0, 1.4, 1.3  #: [taxels, pitches]: the errors are not known beyond
-EDGE_FACTOR = 1.4  #: of the deviation
+EDGE_FACTOR = 1.4  #: factor of the deviation
 FEW_TAXELS = 26.0  #: area [taxels] at which the deviation is twice that of large contacts
 
 
@@ -29,7 +29,7 @@ class Loading(NamedTuple):
 
     indenter: Indenter
     peak: float         #: 0: even; 1: of the profile
-    depth: float        #: of the taxels [pitches]
+    depth: float        #: depth of the taxels [pitches]
 
     @property
     def is_punch(self) -> bool:
@@ -136,7 +136,7 @@ def area_and_radius(corners: np.ndarray) -> tuple[float, float]:
     return float(area), float(2 * area / np.hypot(*(following - corners).T).sum())
 
 
-SMALLEST_NOISE = 0.002  #: of a value [fraction of level]: no skin is better
+SMALLEST_NOISE = 0.002  #: noise of a value [fraction of level]: no skin is better
 FELT_RIM = 0.05             #: taxels that feel less of the outline show the noise
 RIM_COUNT = 20          #: weight of that assumption [taxels]
 OUTLIER_SPREADS = 3.0           #: beyond so many standard deviations a taxel loses weight (Huber)
@@ -147,7 +147,7 @@ PATTERN_NOISE = 0.02    #: least variance of an on/off taxel
 class NoiseScale(NamedTuple):
     """What the noise of one shape's taxels and the covariance of its fits are scaled by."""
 
-    rim: float       #: of a taxel that feels the whole outline: what the model leaves out [fraction of level]
+    rim: float       #: noise of a taxel that feels the whole outline: what the model leaves out [fraction of level]
     pressure: float  #: factor of the covariance
     on_off: float    #: factor for on/off patterns, whose noise is only a picture of what is not known
     at_edge: float   #: a further factor of pressures at the pad's edge: what lies beyond is a guess

@@ -36,7 +36,7 @@ class ContactMoments(NamedTuple):
     force: float                             #: sum of the taxels' forces [N]; NaN for an on/off skin
     centre_of_pressure: tuple[float, float]  #: [m]
     area: float                              #: taxels of the contact, invalid ones too, times pitch² [m²]
-    principal_axis: float                    #: of the contact's area, x to y, in (-π/2, π/2] [rad]
+    principal_axis: float                    #: direction of the contact's area, x to y, in (-π/2, π/2] [rad]
     filled: int                              #: invalid taxels, taken as the mean of their neighbours
     force_sd: float                          #: [N]
     centre_of_pressure_sd: tuple[float, float]  #: along x and along y [m]

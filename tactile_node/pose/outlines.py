@@ -109,7 +109,7 @@ class Edges(NamedTuple):
     along: np.ndarray    #: unit vectors, (n, 2)
     outward: np.ndarray  #: unit normals, (n, 2)
     length: np.ndarray   #: (n, 1)
-    offset: np.ndarray   #: of the edge's line from the origin along its normal, (n, 1)
+    offset: np.ndarray   #: distance of the edge's line from the origin along its normal, (n, 1)
 
 
 def edges_of(corners: np.ndarray) -> Edges:

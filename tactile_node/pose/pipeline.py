@@ -35,15 +35,15 @@ class Taxels(NamedTuple):
     """What is known of a pad's taxels, whatever they read."""
 
     pitch: float = 1.0          #: distance of neighbours; all lengths come in its unit
-    unit: str | None = None     #: of the values: 'Pa', 'N' or '1' (on/off); '' or None: not known
-    layer: Layer | None = None  #: of a calibrated skin
+    unit: str | None = None     #: unit of the values: 'Pa', 'N' or '1' (on/off); '' or None: not known
+    layer: Layer | None = None  #: layer of a calibrated skin
 
 
 class FoundContact(NamedTuple):
     """What is pressed in one frame, and how much of the pad the frame shows."""
 
     pattern: ContactPattern
-    visibility: Visibility  #: of ``pattern``
+    visibility: Visibility  #: what is seen of ``pattern``
     taxels: Taxels
     smallest_contact: int = SMALLEST_CONTACT  #: [taxels]; a pad is not seen while hidden ones could hold it
 
@@ -79,9 +79,9 @@ class StreamedContact(NamedTuple):
     """The results for one frame, and for all frames of the contact up to it."""
 
     contact: ContactPattern   #: as recognised: the largest contact with the pieces of it that are torn off
-    recognition: Recognition  #: of this frame alone
-    fused: FusedRecognition   #: of all frames since the contact began
-    fit: ShapeFit | None      #: of the fused shape; None while nothing with an outline touches
+    recognition: Recognition  #: answer of this frame alone
+    fused: FusedRecognition   #: answer of all frames since the contact began
+    fit: ShapeFit | None      #: fit of the fused shape; None while nothing with an outline touches
     found: FoundContact       #: the same contact with what is seen of it, its moments and its box
 
 

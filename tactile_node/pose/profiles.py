@@ -89,14 +89,14 @@ DOMES = {Shape.CIRCLE: (BALL, CONE), Shape.RECTANGLE: (LYING_CYLINDER,)}
 class Layer(NamedTuple):
     """Layer of a calibrated skin."""
 
-    depth: float      #: of the taxels below the skin's surface [m]
+    depth: float      #: depth of the taxels below the skin's surface [m]
     deviation: float  #: standard deviation of its logarithm
 
 
 class _Found(NamedTuple):
     """Logarithm of the depth that fits find over the true one."""
 
-    large: float      #: of contacts without end
+    large: float      #: shift of contacts without end
     of_size: float    #: added, per 1 / inscribed radius [pitches]
     deviation: float  #: standard deviation about that
 

@@ -16,7 +16,7 @@ from tactile_node.contact.visibility import Visibility, visibility_of
 
 NEIGHBOUR_STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: to the neighbours, (x, y)
 UNSEEN_REACH = 1.5      #: farther from what is not seen, along rows and columns, the rim is an end of the contact
-EVEN_SHARE = 0.75      #: of what deeper taxels read, the outermost under an even pressure: it covers them in part
+EVEN_SHARE = 0.75      #: share of what deeper taxels read, the outermost under an even pressure: it covers them in part
 STEEPNESS_RANGE = (0.4, 1.8)  #: least and most, see `_steepness`
 STRAIGHT_TOLERANCE = 0.35    #: less than the farthest place, others reach as far: what a straight rim varies by
 

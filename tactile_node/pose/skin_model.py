@@ -15,10 +15,10 @@ from tactile_node.pose.outlines import Outline, Window, coverages, moving_depth
 from tactile_node.pose.profiles import PUNCH, Profile
 from tactile_node.read_only import read_only
 
-KERNEL_REACH = 6                 #: of the kernel [pitches]
+KERNEL_REACH = 6                 #: reach of the kernel [pitches]
 KERNEL_DEPTHS = 0.08, 2.2        #: for which it is known [pitches]
 DEPTH_NODES = 40                #: in equal ratios between them
-TAXEL_POINTS = 6                #: of a taxel, along each axis, that the stress is averaged over
+TAXEL_POINTS = 6                #: points of a taxel, along each axis, that the stress is averaged over
 KERNEL_TERMS = 2
 LOG_DEPTHS = float(np.log(KERNEL_DEPTHS[0])), float(np.log(KERNEL_DEPTHS[1]))
 
@@ -75,7 +75,7 @@ def _terms(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.sign(values[largest]), np.pad(taps[:, KERNEL_REACH:], ((0, 0), (0, 1)))
 
 
-LIKELY_PEAKS = 0.0, 1.03    #: of an even pressure and of a flat punch's, as fits find it
+LIKELY_PEAKS = 0.0, 1.03    #: peaks of an even pressure and of a flat punch's, as fits find it
 PEAK_NEAR = 0.4      #: a first fit is as near to one of them
 PEAK_SHOWN = 0.25    #: to this standard deviation or less
 PEAK_KNOWN = 0.08    #: standard deviation about it
@@ -96,7 +96,7 @@ class Model:
     """
 
     EDGE = 0.1  #: width of the step [pitches]
-    expected = np.empty(0)   #: of the extras, beforehand
+    expected = np.empty(0)   #: values of the extras, beforehand
     precision = np.empty(0)  #: 1 / variance of that
 
     def __init__(self, outline: Outline, window: Window):

@@ -6,7 +6,7 @@ from scipy import ndimage
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of
 
 LEAST_CONVEXITY = 0.7  #: the five shapes fill more, gaps of speckle closed and rims filled; chosen on validation seeds
-PARTIAL_LEVEL = 0.2     #: of the contact's mean, pressures that belong to it
+PARTIAL_LEVEL = 0.2     #: share of the contact's mean, pressures that belong to it
 #: directions in which the hull is measured, as columns of unit vectors
 HULL_ANGLES = np.radians(np.arange(0.0, 180.0, 7.5))
 HULL_AXES = np.stack((np.cos(HULL_ANGLES), np.sin(HULL_ANGLES)))

@@ -19,7 +19,7 @@ PATCH_ROOM = 18        #: a contact wider than this is scaled down to it
 BRIDGED_TAXELS = 2      #: pieces with up to so many taxels between them are one contact [taxels]
 PIECE_TAXELS = 3        #: fewer taxels beside a contact are no piece of it
 RIM_REACH = 2          #: how far beyond the mask partial pressures reach [taxels]
-HIGHEST_LEVEL = 255 / 160  #: of a taxel: training keeps levels as bytes, so no network has seen a higher one
+HIGHEST_LEVEL = 255 / 160  #: level of a taxel: training keeps levels as bytes, so no network has seen a higher one
 ROWS_AROUND, COLS_AROUND = np.indices((3, 3)).reshape(2, -1)
 
 

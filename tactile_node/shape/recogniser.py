@@ -33,8 +33,8 @@ DOUBT_GAIN = 0.2   #: by so much the whole must be likelier unknown than its lar
 MOST_OF_PIECES = 0.5  #: it has so many of their taxels; several pieces alike are one contact of several parts
 NOT_CONVEX_PROBABILITY = 0.99     #: probability of UNKNOWN, at least, of a contact that is not convex
 LAYERS = len(TAPS) + 3
-MOST_ARRAY_BYTES = 1 << 24  #: of the arrays of a file, far more than ours have
-KINDS = ('on_off', 'graded')  #: of frames: without and with values between none and full
+MOST_ARRAY_BYTES = 1 << 24  #: size of the arrays of a file, far more than ours have
+KINDS = ('on_off', 'graded')  #: kinds of frames: without and with values between none and full
 SIZES = (12, 17, 24, 34, 48, 68, 96, 136, 200, 300)  #: taxels at which the evidence for UNKNOWN is calibrated
 LOG_SIZES = np.log(SIZES)
 
@@ -42,7 +42,7 @@ LOG_SIZES = np.log(SIZES)
 class Calibration(NamedTuple):
     """From logits to probabilities."""
 
-    temperature: float   #: of the classes
+    temperature: float   #: temperature of the classes
     biases: np.ndarray   #: shape (len(SIZES),): how much evidence it takes to answer UNKNOWN, by size
 
     def probabilities(self, logits: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:

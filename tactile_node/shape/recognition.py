@@ -66,7 +66,7 @@ def likeliest_known(probabilities: Mapping[Name, float]) -> tuple[Name, float] |
 class Alternative(NamedTuple):
     """What a contact is when its hidden taxels are read in one way."""
 
-    weight: float  #: of this way; all sum to 1
+    weight: float  #: weight of this way; all sum to 1
     probabilities: Mapping[ShapeClass, float]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from tactile_node.shape.recognition import Shape, TaughtShape
 
-HEAD_VERSION = 1      #: of the arrays below; embeddings of other code are other numbers
+HEAD_VERSION = 1      #: version of the arrays below; embeddings of other code are other numbers
 MOST_TAUGHT = 16
 NAME_FORM = re.compile(r'[a-z][a-z0-9_]{0,31}')
 #: Those of shapes, and of the codes of ContactShape.msg that are no shape

@@ -59,7 +59,7 @@ def axes(horizontal: ArrayLike, vertical: ArrayLike) -> tuple[np.ndarray, np.nda
 
 SMALLEST = 15  #: a pattern of fewer taxels is UNKNOWN
 PLANES = ('rectangle', 'right_triangle', 'isosceles_triangle', 'square')
-TAXEL_BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: of N, by their least taxel
+TAXEL_BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: bands of N, by their least taxel
 #: what the planes answer, in their order of decision: that of the labels of the reproduction, and of each list of
 #: probabilities in the file
 ANSWERS = (*(Shape(name) for name in PLANES), Shape.CIRCLE)
