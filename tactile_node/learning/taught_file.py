@@ -13,6 +13,7 @@ from tactile_node.contact.neighbours import grown
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import are_on_off
 from tactile_node.errors import ConfigurationError
+from tactile_node.learning.head_fit import unpack_patches
 from tactile_node.learning.touches import Touch, TouchFrame
 from tactile_node.shape.patch import HIGHEST_LEVEL, SIDE, Patch, joined, make_patch
 from tactile_node.shape.taught import HEAD_PARTS, HEAD_VERSION, MOST_TAUGHT, Head, digest_of, is_name, is_own
@@ -155,8 +156,6 @@ def _unpacked(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[Ex
     if levels.shape != (count, SIDE, SIDE) or levels.dtype != np.uint8 or not (scales >= 1).all() or not all(
             array.shape == (count,) for array in (scales, shape, number, recorded)):
         raise ValueError(f'arrays of {kind} that do not fit together')
-    cells = np.unpackbits(unseen, axis=1)[:, :SIDE * SIDE].reshape(count, SIDE, SIDE).astype(np.float32)
-    patches = [Patch(level / np.float32(LEVEL_STEPS), cell, float(scale), graded=kind == 'graded')
-               for level, cell, scale in zip(levels, cells, scales)]
+    patches = unpack_patches(levels / np.float32(LEVEL_STEPS), unseen, scales, kind)
     return [Examples([patches[k] for k in np.flatnonzero(shape == each)], number[shape == each].astype(int),
                      recorded[shape == each].astype(bool)) for each in range(shapes)]

@@ -60,7 +60,13 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     >>> contact_moments(np.full((2, 3), 1000.0), np.ones((2, 3), bool), 0.002, 'Pa').force
     0.024
     """
-    _check(values, mask, pitch, unit)
+    if values.shape != mask.shape or values.ndim != 2:
+        raise InputError('frame and contact mask', expected='one shape (rows, cols)',
+                         got=f'{values.shape} and {mask.shape}', remedy='Pass both of one frame.')
+    if unit not in VALUE_UNITS:
+        raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(VALUE_UNITS)}',
+                                 got=repr(unit), remedy='Give the unit that the skin layout gives.')
+    check_pitch(pitch)
     if visibility is None:
         visibility = visibility_of(ContactPattern.of(mask, values))
     if not mask.any():
@@ -91,16 +97,6 @@ def _without_contact(unit: str, pad_seen: bool) -> ContactMoments:
         force=0.0 if pad_seen and unit != '1' else nan, centre_of_pressure=(nan, nan), area=0.0 if pad_seen else nan,
         principal_axis=nan, filled=0, force_sd=nan, centre_of_pressure_sd=(nan, nan), force_is_bound=False,
         centre_of_pressure_is_bound=False, size_is_bound=False)
-
-
-def _check(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str) -> None:
-    if values.shape != mask.shape or values.ndim != 2:
-        raise InputError('frame and contact mask', expected='one shape (rows, cols)',
-                         got=f'{values.shape} and {mask.shape}', remedy='Pass both of one frame.')
-    if unit not in VALUE_UNITS:
-        raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(VALUE_UNITS)}',
-                                 got=repr(unit), remedy='Give the unit that the skin layout gives.')
-    check_pitch(pitch)
 
 
 def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
