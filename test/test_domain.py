@@ -106,9 +106,14 @@ def test_whatever_is_damaged_only_the_true_bytes_are_given():
         assert given in ([], [b'123456789'])
 
 
+def domain_assembler(tmp_path, text=TINY, **options):
+    layout = tiny_layout(tmp_path, text)
+    return DomainAssembler(layout, layout.domain, 5, **options)
+
+
 @pytest.fixture
 def assembler(tmp_path):
-    return DomainAssembler(tiny_layout(tmp_path, TINY), 5)
+    return domain_assembler(tmp_path)
 
 
 def feed(assembler, *frames, at=1.0):
@@ -137,7 +142,7 @@ def test_a_failed_poll_is_a_frame_without_values(assembler):
 
 
 def test_failed_polls_can_be_dropped(tmp_path):
-    assembler = DomainAssembler(tiny_layout(tmp_path, TINY), 5, drop_incomplete=True)
+    assembler = domain_assembler(tmp_path, drop_incomplete=True)
     assert feed(assembler, BEGIN, BEGIN) is None
     assert assembler.statistics().withheld == 1
 
@@ -145,7 +150,7 @@ def test_failed_polls_can_be_dropped(tmp_path):
 @pytest.mark.parametrize(('size', 'reason'), [(8, LossReason.OVER_LONG), (10, LossReason.SHORT)])
 def test_wrong_sizes(tmp_path, size, reason):
     text = TINY.replace('bytes: 9', f'bytes: {size}').replace('rows: 3', 'rows: 2')
-    assert feed(DomainAssembler(tiny_layout(tmp_path, text), 5), *BLOCK) == Loss(reason)
+    assert feed(domain_assembler(tmp_path, text), *BLOCK) == Loss(reason)
 
 
 @pytest.mark.parametrize('order', ['little', 'big'])

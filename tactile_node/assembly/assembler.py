@@ -45,51 +45,32 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import Loss, LossReason, PadStatistics, Results
+from tactile_node.assembly.frame_source import LossReason, PadStatistics, Results
+from tactile_node.assembly.pad_assembler import PadAssembler
 from tactile_node.assembly.sweep_period import SweepPeriod
-from tactile_node.assembly.tpdo_table import TpdoTable
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
-from tactile_node.skin.taxel_codec import TaxelCodec
-from tactile_node.taxel_frame import TaxelFrame
 
 ORDER_MEMORY = 100  #: periods after a change of order; a lost SYNC can look like one
 
 
-class FrameAssembler:
-    """The state machine of one pad. ``sync`` and ``feed`` return the taxel frames that are finished, and losses.
-
-    ``node_ids``: those of the pad's nodes, as many as the layout has.
-    """
-
-    service = 'tpdo'  #: under which its CAN frames are counted
+class FrameAssembler(PadAssembler):
+    """The state machine of one pad whose TPDOs answer SYNC."""
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True,
                  drop_incomplete: bool = False):
-        self.drop_incomplete = drop_incomplete
-        self._codec = TaxelCodec(layout)
+        super().__init__(layout, node_ids, drop_incomplete)
         self._one_clock = one_clock
         self._node_ids = tuple(node_ids)
-        self._table = TpdoTable(layout, node_ids)
         self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
         self._ranks_of_nodes = [np.array([rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node])
                                 for node in range(len(node_ids))]
-        self._complete = 0
-        self._incomplete = 0
-        self._withheld = 0
-        self._received = 0
-        self._used = [0] * len(node_ids)
         self._syncs = 0
         self._distinct = [0] * len(layout.tpdos)  # by rank
         self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
-        self._losses = dict.fromkeys(LossReason, 0)
         self._before: SweepPeriod | None = None  # not yet emitted: its end may still come
         self._period: SweepPeriod | None = None
         self.restart()
-
-    @property
-    def can_ids(self) -> frozenset[int]:
-        return self._table.can_ids
 
     @property
     def is_in_doubt(self) -> bool:
@@ -98,19 +79,13 @@ class FrameAssembler:
         return period is not None and any(run.is_in_doubt for run in period.runs)
 
     def restart(self) -> None:
-        """Forget the periods under way, the nodes do not send; the next SYNC is number 0."""
-        self._forget()
-        self._sequence = -1
+        super().restart()
         self._is_after_outage = False
         self._changed_order = -ORDER_MEMORY - 1  # sequence number at which bus or adapter last did
 
     def resume(self, lost_periods: int) -> None:
-        """After an outage: forget the periods under way, leave out ``lost_periods`` sequence numbers.
-
-        How far the nodes are is not known, except of those that ``start`` names.
-        """
-        self._forget()
-        self._sequence += lost_periods
+        """How far the nodes are is not known after an outage, except of those that ``start`` names."""
+        super().resume(lost_periods)
         self._is_after_outage = True
 
     def start(self, node_id: int) -> None:
@@ -142,8 +117,7 @@ class FrameAssembler:
             run.settle()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
-        """One TPDO of this pad: the frames that it completes, losses, or nothing (taken, more to come)."""
-        self._received += 1
+        self._counts.received += 1
         rank, period = self._table.rank(can_id, data), self._period
         if isinstance(rank, LossReason):
             return self._lose(rank)
@@ -162,7 +136,6 @@ class FrameAssembler:
         return results
 
     def end_period(self) -> Results:
-        """End the period without a next SYNC (end of a log); the frames not yet emitted."""
         results, period = self._close_before(), self._period
         if period is not None and not period.is_emitted:
             results += self._end(period) + self._emit(period)
@@ -170,18 +143,13 @@ class FrameAssembler:
         return results
 
     def statistics(self) -> PadStatistics:
-        frames = self._complete + self._incomplete + self._withheld
-        return PadStatistics(
-            complete=self._complete, incomplete=self._incomplete, expected=frames * len(self._nodes),
-            received=self._received, used=sum(self._used), pending=self._pending(),
-            losses=dict(self._losses), withheld=self._withheld,
-            used_by_node=tuple(self._used),
+        return super().statistics()._replace(
             distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in own) for own in self._ranks_of_nodes),
             fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
             syncs=self._syncs)  # after what they have caused, for another thread counts on meanwhile
 
     def _forget(self) -> None:
-        self._losses[LossReason.UNFINISHED] += self._pending()
+        self._counts.lose(LossReason.UNFINISHED, self._pending())
         self._before = self._period = None
 
     def _pending(self) -> int:
@@ -251,22 +219,11 @@ class FrameAssembler:
 
     def _emit(self, period: SweepPeriod) -> Results:
         words, fresh = period.payload
-        is_complete = bool(fresh.all())
         period.is_emitted = True
         self._fresh += fresh
-        if self.drop_incomplete and not is_complete:
-            self._withheld += 1
-            return self._lose(LossReason.INCOMPLETE, int(fresh.sum()))
-        for node, run in enumerate(period.runs):
-            self._used[node] += run.used
-        values, status = self._codec.decode(words, fresh)
-        self._complete += is_complete
-        self._incomplete += not is_complete
-        return (TaxelFrame(stamp=period.stamp, sequence=period.sequence, values=values, status=status,
-                           missing_can_frames=int((~fresh).sum())),)
+        return self._give(period.stamp, period.sequence, words, fresh)
 
     def _lose(self, reason: LossReason, can_frames: int = 1) -> Results:
-        self._losses[reason] += can_frames
         if reason is LossReason.OUT_OF_ORDER:
             self._changed_order = self._sequence
-        return (Loss(reason, can_frames),) if can_frames else ()
+        return self._counts.lose(reason, can_frames)

@@ -4,21 +4,19 @@ from collections import Counter
 from collections.abc import Collection
 from functools import partial
 from math import inf
-from typing import TypeAlias
 
 import can
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.assembly.frame_source import BusStatistics, OnFrame, Results
+from tactile_node.assembly.pad_assembler import PadAssembler
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.assembly.sweep_period import SLOW_BITRATE, FreeBus
 from tactile_node.cia301.objects import service_of
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame
-
-Assembler: TypeAlias = FrameAssembler | DomainAssembler | SweepAssembler | SnapshotAssembler
 
 
 class Router:
@@ -135,9 +133,9 @@ class Router:
                 self._on_frame(name, result)
 
 
-def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> Assembler:
+def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> PadAssembler:
     if pad.layout.domain is not None:
-        return DomainAssembler(pad.layout, pad.node_ids[0], drop_incomplete)
+        return DomainAssembler(pad.layout, pad.layout.domain, pad.node_ids[0], drop_incomplete)
     if (event := pad.layout.event_driven) is not None:
         kind = SweepAssembler if event.is_sweeps else SnapshotAssembler
         return kind(pad.layout, event, pad.node_ids, drop_incomplete)

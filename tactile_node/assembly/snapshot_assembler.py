@@ -22,61 +22,34 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import LossReason, PadStatistics, Results
-from tactile_node.assembly.tpdo_table import PadCounts, TpdoTable
+from tactile_node.assembly.frame_source import LossReason, Results
+from tactile_node.assembly.pad_assembler import PadAssembler
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.read_only import read_only
 from tactile_node.skin.layout import EventDriven, SkinLayout
-from tactile_node.skin.taxel_codec import TaxelCodec
 from tactile_node.taxel_frame import TaxelFrame, TpdoAges
 
 SNAPSHOT_WAIT = 0.02  #: s; the usual time between two sweeps with SYNC
 
 
-class SnapshotAssembler:
-    """The state machine of one pad that sends as ``event`` says; its methods are those of ``FrameAssembler``."""
-
-    service = 'tpdo'  #: under which its CAN frames are counted
+class SnapshotAssembler(PadAssembler):
+    """The state machine of one pad that sends as ``event`` says."""
 
     def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int], drop_incomplete: bool = False):
-        self.drop_incomplete = drop_incomplete
+        super().__init__(layout, node_ids, drop_incomplete)
         self._event = event
-        self._codec = TaxelCodec(layout)
-        self._table = TpdoTable(layout, node_ids)
-        self._counts = PadCounts(layout)
         self._node_ids = np.array([node_ids[tpdo.node] for tpdo in layout.tpdos])  # by rank
         self._taxel_tpdos = _taxel_tpdos(layout)
         size = len(layout.tpdos)
         self._words = bytearray(MAX_PDO_BYTES * size)
         self._unused = np.zeros(size, bool)  # in no frame given so far
-        self._last = -1, b''  # rank and bytes received last
-        self._started: set[int] = set()  # node-IDs
         self.restart()
 
-    @property
-    def can_ids(self) -> frozenset[int]:
-        return self._table.can_ids
-
-    def restart(self) -> None:
-        """Forget all values; the next snapshot is number 0."""
-        self._forget()
-        self._sequence = -1
-
-    def resume(self, lost_periods: int) -> None:
-        """After an outage: forget all values, leave out ``lost_periods`` sequence numbers."""
-        self._forget()
-        self._sequence += lost_periods
-
     def start(self, node_id: int) -> None:
-        """This node, which did not send, was started: its values are forgotten when the next TPDO comes."""
+        """The node's values are forgotten when the next TPDO comes."""
         self._started.add(node_id)
 
-    def sync(self, timestamp: float) -> Results:
-        """Has no effect."""
-        return ()
-
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
-        """One TPDO of this pad: the snapshots that end before it or with it, losses, or nothing."""
         self._counts.received += 1
         rank = self._table.rank(can_id, data)
         if isinstance(rank, LossReason):
@@ -87,41 +60,40 @@ class SnapshotAssembler:
         if self._is_duplicate(rank, data, timestamp):
             return results + self._counts.lose(LossReason.DUPLICATE)
         if self._is_new[rank] or timestamp - self._first_new > SNAPSHOT_WAIT:
-            results += self._give()
+            results += self._give_new()
         results += self._take(rank, data, timestamp)
         if (self._is_new | self._is_too_old()).all():
-            results += self._give()
+            results += self._give_new()
         return results
 
     def end_period(self) -> Results:
-        """Give what is new without waiting for more (end of a log), and forget it."""
-        results = self._give()
+        results = self._give_new()
         self._forget()
         return results
 
-    def statistics(self) -> PadStatistics:
-        return self._counts.statistics(int(self._unused.sum()))
+    def _pending(self) -> int:
+        return int(self._unused.sum())
 
     def _forget(self) -> None:
-        self._counts.lose(LossReason.UNFINISHED, int(self._unused.sum()))
+        self._counts.lose(LossReason.UNFINISHED, self._pending())
         size = len(self._unused)
         self._unused = np.zeros(size, bool)
         self._is_new = np.zeros(size, bool)  # not in the snapshot before
         self._is_known = np.zeros(size, bool)
         self._stamps = np.full(size, np.nan)  # of the last TPDO of each rank; until one has come, since when it may
         self._newest = self._first_new = np.inf
-        self._last = -1, b''
-        self._started = set()
+        self._last = -1, b''  # rank and bytes received last
+        self._started: set[int] = set()  # node-IDs
 
     def _forget_invalid(self, stamp: float) -> Results:
         """What was received before does not hold for what is stamped now."""
         is_first = not self._is_known.any()
         if not is_first and abs(stamp - self._newest) > self._event.max_age:
-            results = self._give()
+            results = self._give_new()
             self._forget()
             is_first = True
         elif self._started:
-            results = self._give()
+            results = self._give_new()
             forgotten = np.isin(self._node_ids, list(self._started))
             results += self._counts.lose(LossReason.INCOMPLETE, int((self._unused & forgotten).sum()))
             self._unused &= ~forgotten
@@ -154,7 +126,7 @@ class SnapshotAssembler:
         too_old: np.ndarray = self._newest - self._stamps > self._event.max_age
         return too_old
 
-    def _give(self) -> Results:
+    def _give_new(self) -> Results:
         """Give a snapshot, if anything is new."""
         if not self._is_new.any():
             return ()

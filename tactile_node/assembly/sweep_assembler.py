@@ -25,59 +25,33 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import LossReason, PadStatistics, Results
-from tactile_node.assembly.tpdo_table import PadCounts, TpdoTable
+from tactile_node.assembly.frame_source import LossReason, Results
+from tactile_node.assembly.pad_assembler import PadAssembler
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout
-from tactile_node.skin.taxel_codec import TaxelCodec
-from tactile_node.taxel_frame import TaxelFrame
 
 SILENCE = 5  #: event timers without a TPDO: of a working device more than lost ones
 
 
-class SweepAssembler:
-    """The state machine of one pad that sends as ``event`` says; its methods are those of ``FrameAssembler``."""
-
-    service = 'tpdo'  #: under which its CAN frames are counted
+class SweepAssembler(PadAssembler):
+    """The state machine of one pad that sends as ``event`` says."""
 
     def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int], drop_incomplete: bool = False):
-        self.drop_incomplete = drop_incomplete
+        super().__init__(layout, node_ids, drop_incomplete)
         self._event = event
-        self._codec = TaxelCodec(layout)
-        self._table = TpdoTable(layout, node_ids)
-        self._counts = PadCounts(layout)
         self._size = len(layout.tpdos)
-        self._pending = 0
         self._first: float | None = None  # stamp of the run
-        self._last = -1, b''  # rank and bytes received last
         self._words = bytearray()
         self._fresh = np.zeros(self._size, bool)
+        self._is_given = True  # or there is none
+        self._last = -1, b''  # rank and bytes received last
         self.restart()
 
-    @property
-    def can_ids(self) -> frozenset[int]:
-        return self._table.can_ids
-
-    def restart(self) -> None:
-        """Forget the run under way; the next one is number 0."""
-        self._forget()
-        self._sequence = -1
-
-    def resume(self, lost_periods: int) -> None:
-        """After an outage: forget the run under way, leave out ``lost_periods`` sequence numbers."""
-        self._forget()
-        self._sequence += lost_periods
-
     def start(self, node_id: int) -> None:
-        """The node was started: what it sends next begins a run."""
+        """What the node sends next begins a run."""
         self._is_continued = False
 
-    def sync(self, timestamp: float) -> Results:
-        """Has no effect."""
-        return ()
-
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
-        """One TPDO of this pad: the frames that it completes or ends, losses, or nothing (taken, more to come)."""
         self._counts.received += 1
         rank = self._table.rank(can_id, data)
         if isinstance(rank, LossReason):
@@ -95,22 +69,19 @@ class SweepAssembler:
         else:
             self._words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
             self._fresh[rank] = True
-            self._pending += 1
         return results + self._end() if rank == self._size - 1 else results
 
     def end_period(self) -> Results:
-        """End the run under way without a next one (end of a log); its frame."""
         results, self._first = self._end(), None
         return results
 
-    def statistics(self) -> PadStatistics:
-        return self._counts.statistics(self._pending)
+    def _pending(self) -> int:
+        return 0 if self._is_given else int(self._fresh.sum())
 
     def _forget(self) -> None:
-        self._counts.lose(LossReason.UNFINISHED, self._pending)
-        self._pending = 0
+        self._counts.lose(LossReason.UNFINISHED, self._pending())
         self._first = None
-        self._is_given = True  # or there is none
+        self._is_given = True
         self._is_continued = False  # what comes may be of the run
         self._is_held_back = False  # the run may have waited in an adapter
         self._last = -1, b''
@@ -138,13 +109,6 @@ class SweepAssembler:
         if self._is_given or self._first is None:
             return ()
         self._is_given = True
-        pending, self._pending = self._pending, 0
         if self._is_held_back:
-            return self._counts.lose(LossReason.LATE, pending)
-        missing = self._size - int(self._fresh.sum())
-        if missing and self.drop_incomplete:
-            self._counts.withhold(missing)
-            return self._counts.lose(LossReason.INCOMPLETE, pending)
-        self._counts.give(self._fresh, missing)
-        values, status = self._codec.decode(self._words, self._fresh)
-        return (TaxelFrame(self._first, self._sequence, values, status, missing_can_frames=missing),)
+            return self._counts.lose(LossReason.LATE, int(self._fresh.sum()))
+        return self._give(self._first, self._sequence, self._words, self._fresh)
