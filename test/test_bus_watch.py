@@ -140,11 +140,11 @@ def looks(sent: Callable[[float], int], seconds: float = 12.0) -> list[tuple[flo
     """When a node counts as two devices, of which ``sent`` heartbeats are received up to each time."""
     heartbeats = Heartbeats()
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
-    traffic = NodeTraffic(node, heartbeats)
+    traffic = NodeTraffic(node, heartbeats.of(32))
     pad = FrameAssembler(node.layout, (32,)).statistics()
     seen = []
     for now in times(seconds):
-        while heartbeats.counts(32)[0] < sent(now):
+        while heartbeats.of(32).heartbeats < sent(now):
             heartbeats.feed(0x720, b'\x05')
         traffic.look(now, False, pad, BusSeen(0), 0.1, DELAY)
         seen.append((now, traffic.are_two))

@@ -115,7 +115,7 @@ def monitored(heartbeat_time: float | None) -> tuple[NodeMonitor, BusMonitor, Pa
 def test_a_device_with_its_own_heartbeat_time_may_be_silent_for_three_of_them(heartbeat_time, silence, fault):
     node, bus, pad = monitored(heartbeat_time)
     bus.feed(0x720, b'\x05')
-    heard = bus.heartbeats.heard(32)
+    heard = bus.heartbeats.of(32).heard
     assert node.detect(heard + silence, False, pad, BusSeen(0)) is fault
 
 
@@ -131,7 +131,7 @@ def test_a_heartbeat_time_that_cannot_be_read_is_measured(monkeypatch):
 def test_a_silence_while_this_process_is_overloaded_is_no_fault_at_once():
     node, bus, pad = monitored(0.1)
     bus.feed(0x720, b'\x05')
-    heard = bus.heartbeats.heard(32)
+    heard = bus.heartbeats.of(32).heard
     node.commanded(heard, pad)
     assert node.detect(heard + 2.0, True, pad, BusSeen(0, is_overloaded=True)) is NodeFault.NONE
     assert node.detect(heard + 2.0, True, pad, BusSeen(0)) is NodeFault.SILENT

@@ -35,7 +35,7 @@ def test_an_eds_without_it_is_reported():
     with Bench('no_zero', 'sim16x16.yaml') as bench:
         bench.driver.open()
         with pytest.raises(DeviceError, match='0x6125.*no such object.*without on_device'):
-            bench.driver.auto_zero('pad32')
+            bench.driver.devices.auto_zero('pad32')
 
 
 def test_a_device_that_refuses_is_reported_by_channel(monkeypatch):
@@ -43,7 +43,7 @@ def test_a_device_that_refuses_is_reported_by_channel(monkeypatch):
     with Bench('refuses_zero', 'sim8x8_16bit.yaml') as bench:
         bench.driver.open()
         with pytest.raises(DeviceError, match='0x6125 sub 1: .*0 of 64 channels are zeroed') as refused:
-            bench.driver.auto_zero('pad32')
+            bench.driver.devices.auto_zero('pad32')
         assert not isinstance(refused.value, HalfZeroedError)
 
 
@@ -74,7 +74,7 @@ def test_of_a_pads_nodes_the_first_may_be_zeroed_when_the_second_refuses(monkeyp
     with Bench('nodes zeroed', 'nodes2_12x8_12bit.yaml', (32, 35)) as bench:
         bench.driver.open()
         with pytest.raises(HalfZeroedError, match='node 35.*5 channels of other nodes are zeroed'):
-            bench.driver.auto_zero('pad32')
+            bench.driver.devices.auto_zero('pad32')
 
 
 def test_a_log_has_no_device(tmp_path):

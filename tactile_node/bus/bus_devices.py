@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 
 from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
 from canopen.objectdictionary import ODVariable
@@ -52,28 +52,19 @@ def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
     return len(subs)
 
 
-MOST = 4  # entries read, the newest ones; a device may keep 254
-
-
 def read_errors(sdo: SdoClient) -> DeviceErrors:
-    """Return them as far as the device answers. Raises BusError."""
+    """Return them as far as the device answers, the newest four: a device may keep 254. Raises BusError."""
+    def read(index: int, sub: int) -> int | None:
+        with suppress(SdoAbortedError):  # 0x1003 is optional
+            return int.from_bytes(sdo.upload(index, sub), 'little')
+        return None
     register = None
     field: list[int] = []
-    try:
-        register = _number(sdo, ERROR_REGISTER, 0)
-        for sub in range(1, min(_number(sdo, ERROR_FIELD, 0) or 0, MOST) + 1):
-            field += [entry for entry in (_number(sdo, ERROR_FIELD, sub),) if entry is not None]
-    except SdoCommunicationError:
-        pass
+    with suppress(SdoCommunicationError):
+        register = read(ERROR_REGISTER, 0)
+        for sub in range(1, min(read(ERROR_FIELD, 0) or 0, 4) + 1):
+            field += [entry for entry in (read(ERROR_FIELD, sub),) if entry is not None]
     return DeviceErrors(register, tuple(field))
-
-
-def _number(sdo: SdoClient, index: int, sub: int) -> int | None:
-    """None where the device refuses it: 0x1003 is optional."""
-    try:
-        return int.from_bytes(sdo.upload(index, sub), 'little')
-    except SdoAbortedError:
-        return None
 
 
 START_AGAIN = 1.3  # s between two NMT starts of a node that does not become OPERATIONAL
@@ -150,7 +141,7 @@ class BusDevices:
             if self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, START_AGAIN):
                 return
             self.command(NmtCommand.START, node)
-        state = self._monitor.heartbeats.state(node.node_id)
+        state = self._monitor.heartbeats.of(node.node_id).state
         heard = 'no heartbeat' if state is None else f'its heartbeat ({state_name(state)})'
         raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=f'{heard}; {self.read_errors(node)}',
                           remedy='See its manual: a device with an error may refuse to start.')

@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from typing import NamedTuple, NoReturn
 
 from canopen import SdoAbortedError, SdoCommunicationError
@@ -101,7 +102,7 @@ class DeviceSetup(DeviceObjects):
                             extra={'fact': absent})
 
     def _silence(self) -> str:
-        state = self._heartbeats.state(self._node.node_id)
+        state = self._heartbeats.of(self._node.node_id).state
         if state is not None:
             return f'only its heartbeat ({state_name(state)})'
         others = ', '.join(map(str, self._heartbeats.nodes))
@@ -137,7 +138,8 @@ class DeviceSetup(DeviceObjects):
         """Set the heartbeat time [ms]; the one that the device has now, if that is known."""
         now = self._read_if_any(PRODUCER_HEARTBEAT_TIME, 0)
         if now != wanted and PRODUCER_HEARTBEAT_TIME in self._node.dictionary:
-            self._write_if_taken(PRODUCER_HEARTBEAT_TIME, 0, wanted, 2)
+            with suppress(SdoAbortedError):
+                self._download(PRODUCER_HEARTBEAT_TIME, 0, wanted.to_bytes(2, 'little'))
             now = self._read_if_any(PRODUCER_HEARTBEAT_TIME, 0)
         if now != wanted:
             logger.info('%s: its heartbeat time cannot be set to %d ms; it keeps %s.', self._label, wanted,

@@ -54,7 +54,7 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
     return is_block
 
 
-class DomainPolling:
+class DomainPolling(Pacer):
     """Polls one node's DOMAIN every ``period`` [s] from ``start`` to ``stop``, on its own thread.
 
     ``open_sdo()`` is a context manager that gives the node's SDO client. Failed polls are logged now and
@@ -63,24 +63,13 @@ class DomainPolling:
 
     def __init__(self, domain: DomainLayout, label: str, period: float, open_sdo: OpenSdo,
                  on_failure: Callable[[BusFault, Exception], None]):
+        super().__init__(period, self._poll, 'poll')
         self._domain = domain
         self._label = label
         self._open_sdo = open_sdo
         self._on_failure = on_failure
-        self._pacer = Pacer(period, self._poll, 'poll')
         self._reminder = Reminder()
         self.by_block = True  #: whether the device sends it by block
-
-    @property
-    def overruns(self) -> int:
-        """Polls left out because the ones before took too long."""
-        return self._pacer.overruns
-
-    def start(self) -> None:
-        self._pacer.start()
-
-    def stop(self) -> None:
-        self._pacer.stop()
 
     def _poll(self) -> None:
         try:

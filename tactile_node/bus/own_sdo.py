@@ -3,8 +3,8 @@
 import queue
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import NoReturn, TypeVar
+from contextlib import contextmanager, suppress
+from typing import TypeVar
 
 from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
@@ -18,12 +18,9 @@ from canopen.sdo.constants import (
     RESPONSE_UPLOAD,
 )
 
-from tactile_node.cia301.objects import RESTORE_PARAMETERS, SDO_REQUEST, SDO_RESPONSE, STORE_PARAMETERS, ObjectAddress
+from tactile_node.cia301.objects import SDO_REQUEST, SDO_RESPONSE, ObjectAddress
 from tactile_node.cia301.sdo import BLOCK_COMMAND, COMMAND, INITIATE_BLOCK_REQUEST, SDO_BYTES
 from tactile_node.errors import DeviceAbsentError, DeviceError, InterruptedSetupError
-
-SAVE, LOAD = b'save', b'load'  #: signatures of 0x1010 and 0x1011 (CiA 301, 7.5.2.13 and 7.5.2.14)
-ALL_PARAMETERS = 1             #: their sub-index that stands for all
 
 
 def read_object(sdo: SdoClient, address: ObjectAddress) -> bytes:
@@ -41,16 +38,6 @@ def write_object(sdo: SdoClient, address: ObjectAddress, data: bytes) -> None:
     """Write ``data``. Raises DeviceError where the device does not confirm it."""
     with _refusals(sdo, address, f'be set to the bytes {data[:8].hex()}{"..." if len(data) > 8 else ""}'):
         sdo.download(address.index, address.sub, data)
-
-
-def store_parameters(sdo: SdoClient, sub: int = ALL_PARAMETERS) -> None:
-    """Make the device keep its parameters over a power cycle. Raises DeviceError."""
-    write_object(sdo, ObjectAddress(STORE_PARAMETERS, sub), SAVE)
-
-
-def restore_parameters(sdo: SdoClient, sub: int = ALL_PARAMETERS) -> None:
-    """Make the device take its maker's parameters at its next reset. Raises DeviceError."""
-    write_object(sdo, ObjectAddress(RESTORE_PARAMETERS, sub), LOAD)
 
 
 @contextmanager
@@ -141,33 +128,21 @@ class DeviceObjects:
 
     def _read(self, index: int, sub: int) -> int:
         """Read an unsigned number."""
-        try:
-            return self._uploaded(index, sub)
-        except SdoAbortedError as error:
-            self._refuse('be read', index, sub, error)
+        with self._refusal('be read', index, sub):
+            return self._upload(index, sub)
 
     def _read_if_any(self, index: int, sub: int) -> int | None:
         """Read an unsigned number; None where the device refuses it."""
-        try:
-            return self._uploaded(index, sub)
-        except SdoAbortedError:
-            return None
-
-    def _uploaded(self, index: int, sub: int) -> int:
-        return int.from_bytes(self._retried('read', index, sub, lambda: self._sdo.upload(index, sub)), 'little')
+        with suppress(SdoAbortedError):
+            return self._upload(index, sub)
+        return None
 
     def _write(self, index: int, sub: int, value: int, size: int) -> None:
-        try:
+        with self._refusal(f'be set to 0x{value:X}', index, sub):
             self._download(index, sub, value.to_bytes(size, 'little'))
-        except SdoAbortedError as error:
-            self._refuse(f'be set to 0x{value:X}', index, sub, error)
 
-    def _write_if_taken(self, index: int, sub: int, value: int, size: int) -> None:
-        """Write a number; the device may refuse it."""
-        try:
-            self._download(index, sub, value.to_bytes(size, 'little'))
-        except SdoAbortedError:
-            pass
+    def _upload(self, index: int, sub: int) -> int:
+        return int.from_bytes(self._retried('read', index, sub, lambda: self._sdo.upload(index, sub)), 'little')
 
     def _download(self, index: int, sub: int, data: bytes) -> None:
         self._retried('write', index, sub, lambda: self._sdo.download(index, sub, data))
@@ -192,7 +167,11 @@ class DeviceObjects:
             raise InterruptedSetupError(self._label, expected='that it is configured', got='a driver that stops',
                                         remedy='Start the driver again.')
 
-    def _refuse(self, what: str, index: int, sub: int, error: SdoAbortedError) -> NoReturn:
-        raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
-                          got=f'SDO abort: {error}',
-                          remedy="Compare the layout with the device's manual and EDS.") from error
+    @contextmanager
+    def _refusal(self, what: str, index: int, sub: int) -> Iterator[None]:
+        try:
+            yield
+        except SdoAbortedError as error:
+            raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
+                              got=f'SDO abort: {error}',
+                              remedy="Compare the layout with the device's manual and EDS.") from error

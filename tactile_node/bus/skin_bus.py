@@ -20,8 +20,7 @@ from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.load import refuse_full_bus
 from tactile_node.bus.threads import Pacer
 from tactile_node.bus.traffic import Traffic
-from tactile_node.bus.usb_port import NamedPort, UsbPort
-from tactile_node.cia301.emergency import DeviceErrors
+from tactile_node.bus.usb_port import UsbPort
 from tactile_node.cia301.objects import NmtCommand
 from tactile_node.errors import BusError, DeviceError, LogError
 from tactile_node.logs.log_writer import CanLogWriter
@@ -53,7 +52,7 @@ class SkinBus:
         self._consumer = Consumer(on_frame)
         self._on_failure = on_failure or self._log_failure
         self._monitor = monitor or BusMonitor(node_id for pad in pads for node_id in pad.node_ids)
-        self._devices = BusDevices(settings, self._nodes, self._monitor, self._opened)
+        self.devices = BusDevices(settings, self._nodes, self._monitor, self._opened)
         self._polls = {node.node_id: self._polling(node, node.layout.domain)
                        for node in self._nodes if node.layout.domain is not None}
         is_host_stamped = settings.interface in HOST_STAMPED
@@ -63,7 +62,7 @@ class SkinBus:
         self._traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
                                 queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped,
                                 sync_period=settings.sync_period)
-        self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else NamedPort(settings.channel)
+        self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
         self._sync = Pacer(settings.sync_period, self._send_sync, 'sync')
@@ -89,8 +88,10 @@ class SkinBus:
         if self._network is not None:
             return
         settings = self._settings
-        bus = open_bus(settings.interface, self._port.channel(), settings.bitrate, settings.options)
-        self._port.opened()
+        channel = settings.channel if self._port is None else self._port.channel()
+        bus = open_bus(settings.interface, channel, settings.bitrate, settings.options)
+        if self._port is not None:
+            self._port.opened()
         record = self._open_record(bus)
         self._failure = None
         self._monitor.restart()
@@ -112,22 +113,10 @@ class SkinBus:
         Returns the heartbeat time that the device has [s]; 0: it sends none, None: not known. Raises TwoDevicesError
         where two devices answer as this node.
         """
-        as_set = self._devices.configure(node, boot_timeout, pause)
+        as_set = self.devices.configure(node, boot_timeout, pause)
         if node.node_id in self._polls:
             self._polls[node.node_id].by_block = as_set.by_block
         return None if as_set.heartbeat_ms is None else 1e-3 * as_set.heartbeat_ms
-
-    def interrupt(self) -> None:
-        """End the configurations under way; from any thread, returns at once."""
-        self._devices.interrupt()
-
-    def read_errors(self, node: CanopenNode) -> DeviceErrors:
-        """Read what a device lists as its errors. Raises BusError."""
-        return self._devices.read_errors(node)
-
-    def auto_zero(self, pad: str) -> int:
-        """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError, HalfZeroedError."""
-        return self._devices.auto_zero(pad)
 
     def age(self, stamp: float) -> float:
         """Time since what was stamped ``stamp`` was on the bus [s], by the steady clock."""
@@ -150,7 +139,7 @@ class SkinBus:
         self._start_pacers()
         try:
             for node in present:
-                self._devices.confirm_operational(node, begun)
+                self.devices.confirm_operational(node, begun)
         except (DeviceError, BusError):
             self.stop()
             raise
@@ -159,7 +148,7 @@ class SkinBus:
         """NMT start of one device, which ``was_silent`` or still sends; BusError. Its heartbeats report the outcome."""
         if was_silent:
             self._traffic.put(self._router.start, node.node_id)
-        self._devices.command(NmtCommand.START, node)
+        self.devices.command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
         """SYNC on again after an outage; sequence numbers continue after ``lost_periods``. Devices are not started."""
@@ -179,7 +168,7 @@ class SkinBus:
         self._traffic.put(self._router.pause)
         for node in self._nodes if self._failure is None else ():
             try:
-                self._devices.command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
+                self.devices.command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
             except BusError as error:
                 logger.error('%s could not be stopped: %s', node_label(node.pad, node.node_id), error)
 
@@ -242,7 +231,7 @@ class SkinBus:
     def _polling(self, node: CanopenNode, domain: DomainLayout) -> DomainPolling:
         return DomainPolling(
             domain, node.label, self._settings.sync_period,
-            open_sdo=lambda: self._devices.sdo_client(node), on_failure=self._fail)
+            open_sdo=lambda: self.devices.sdo_client(node), on_failure=self._fail)
 
     def _send_sync(self) -> None:
         try:

@@ -92,22 +92,16 @@ class Schedule:
         self.due = max(self._ideal, at + LEAST * self._period)
 
 
-class Pacer:
-    """Calls ``act`` every ``period`` seconds, as Schedule says, on its own thread until stopped."""
+class Pacer(StoppableThread):
+    """Calls ``act`` every ``period`` seconds, as Schedule says, until stopped; ``overruns``: calls left out."""
 
     def __init__(self, period: float, act: Callable[[], None], name: str):
+        super().__init__(self._make_calls, name)
         self._period = period
         self._act = act
-        self._thread = StoppableThread(self._run, name)
         self.overruns = 0
 
-    def start(self) -> None:
-        self._thread.start()
-
-    def stop(self) -> None:
-        self._thread.stop()
-
-    def _run(self, stopping: threading.Event) -> None:
+    def _make_calls(self, stopping: threading.Event) -> None:
         before, schedule = self.overruns, Schedule(self._period, time.monotonic())
         while not stopping.wait(max(0.0, schedule.due - time.monotonic())):
             schedule.begin(time.monotonic())

@@ -23,28 +23,14 @@ class UsbIdentity(NamedTuple):
         return f'USB {self.vendor:04x}:{self.product:04x}, {which}{self.interface and " " + self.interface}'
 
 
-class NamedPort:
-    """A channel that has one name for ever."""
-
-    def __init__(self, channel: str):
-        self._channel = channel
-
-    def channel(self) -> str:
-        """Return the channel to open now. Raises BusError."""
-        return self._channel
-
-    def opened(self) -> None:
-        """It was opened."""
-
-
-class UsbPort(NamedPort):
+class UsbPort:
     """A serial port, '@' and its bit rate included, whose adapter is remembered when it is first opened.
 
     From then on only this adapter is opened, under whatever name it has: another one is another bus.
     """
 
     def __init__(self, channel: str):
-        super().__init__(channel)
+        self._channel = channel
         self._path, self._at, self._rate = channel.partition('@')
         self._adapter: UsbIdentity | None = None
         self._found = ''  # the name it had last, where that is another one

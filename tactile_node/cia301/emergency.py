@@ -1,11 +1,7 @@
-"""EMCY (CiA 301, 7.2.7): a device reports its own errors. Decoded into words, the last ones kept."""
+"""EMCY (CiA 301, 7.2.7): a device reports its own errors. Decoded into words, the last one kept."""
 
 import time
-from collections import deque
 from typing import NamedTuple
-
-HISTORY = 16  # messages kept of each node
-NO_ERROR = 0x00  # high byte: error reset, or no error
 
 #: CiA 301, "Emergency error codes". The longest prefix that is known names the error: code, high byte, class
 _CODES = {
@@ -39,7 +35,7 @@ class Emergency(NamedTuple):
     @property
     def is_reset(self) -> bool:
         """Whether it reports "error reset" or "no error"."""
-        return self.code is not None and self.code >> 8 == NO_ERROR
+        return self.code is not None and self.code >> 8 == 0
 
     def __str__(self) -> str:
         if self.code is None:
@@ -80,17 +76,17 @@ class DeviceErrors(NamedTuple):
 
 
 class EmergencyLog:
-    """The last EMCYs of one node, at most HISTORY of them, and how many there were."""
+    """The last EMCY of one node, and how many there were."""
 
     def __init__(self) -> None:
-        self._kept: deque[Emergency] = deque(maxlen=HISTORY)
         self.count = 0
+        self.last: Emergency | None = None
         self.active: Emergency | None = None  #: the last error that was not reset
 
     def feed(self, data: bytes) -> None:
         """Take an EMCY. Error reset with errors left in its register: one is gone, others stay (CiA 301, 7.2.7.1)."""
         emergency = decode_emergency(data, time.time())
-        self._kept.append(emergency)
+        self.last = emergency
         self.count += 1
         if not emergency.is_reset:
             self.active = emergency
@@ -100,10 +96,6 @@ class EmergencyLog:
     def booted(self) -> None:
         """A device starts without errors, and reports those that it finds."""
         self.active = None
-
-    @property
-    def last(self) -> Emergency | None:
-        return self._kept[-1] if self._kept else None
 
 
 def _meaning(code: int) -> str:

@@ -18,15 +18,9 @@ from math import isfinite
 from canopen import ObjectDictionary
 
 from tactile_node.bus.bus_monitor import DECIDES_TPDOS
-from tactile_node.bus.own_sdo import (
-    ALL_PARAMETERS,
-    OwnSdoClient,
-    read_object,
-    restore_parameters,
-    store_parameters,
-    write_object,
-)
-from tactile_node.cia301.objects import MAX_NODE_ID, MAX_SUBINDEX, MIN_NODE_ID, ObjectAddress, parse_address
+from tactile_node.bus.own_sdo import OwnSdoClient, read_object, write_object
+from tactile_node.cia301 import objects
+from tactile_node.cia301.objects import ObjectAddress, parse_address
 from tactile_node.cli.options import add_bus_options, add_number, open_network
 from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.skin.eds import load_eds
@@ -48,14 +42,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action.add_argument('--type', choices=TYPES, help="type of the value (default: the EDS's; "
                             "hex: bytes as they are on the wire)")
     write.add_argument('value', metavar='VALUE', help='100, 0x64, 1.5, a text, or bytes such as 6400')
-    store = partial(_parameters, act=store_parameters, done='stored its parameters')
-    restore = partial(_parameters, act=restore_parameters, done="takes its maker's parameters after its next reset "
-                      '(power cycle or NMT reset), not before')
+    store = partial(_parameters, index=objects.STORE_PARAMETERS, signature=b'save',
+                    done='stored its parameters')
+    restore = partial(_parameters, index=objects.RESTORE_PARAMETERS, signature=b'load', done="takes its maker's "
+                      'parameters after its next reset (power cycle or NMT reset), not before')
     for action in (_action(actions, 'store', store, STORE_TIMEOUT, 'store parameters: write "save" to 0x1010'),
                    _action(actions, 'restore', restore, STORE_TIMEOUT, "restore the maker's parameters: write \"load\" "
                            'to 0x1011; they are in force after the next reset')):
-        add_number(action, '--sub', int, limits={'least': 1, 'most': MAX_SUBINDEX}, metavar='SUB',
-                   default=ALL_PARAMETERS, help='1 all (default), 2 communication, 3 application, 4... as the maker '
+        add_number(action, '--sub', int, limits={'least': 1, 'most': objects.MAX_SUBINDEX}, metavar='SUB',
+                   default=1, help='1 all (default), 2 communication, 3 application, 4... as the maker '
                    'says')
 
 
@@ -68,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
 def _action(actions: argparse._SubParsersAction, name: str, act, timeout: float, text: str) -> argparse.ArgumentParser:
     parser = actions.add_parser(name, help=text, description=text)
     add_bus_options(parser)
-    add_number(parser, '--node-id', int, limits={'least': MIN_NODE_ID, 'most': MAX_NODE_ID,
+    add_number(parser, '--node-id', int, limits={'least': objects.MIN_NODE_ID, 'most': objects.MAX_NODE_ID,
                'remedy': '`tactile scan` lists the nodes of a bus.'}, required=True, metavar='ID',
                help='CANopen node-ID of the device')
     add_number(parser, '--timeout', limits={'above': 0, 'most': LONGEST_TIMEOUT, 'unit': 's'}, default=timeout,
@@ -115,9 +110,10 @@ def _write(args: argparse.Namespace) -> None:
     _report(args, address, kind, data, 'set to', decoded(kind, data))
 
 
-def _parameters(args: argparse.Namespace, act, done: str) -> None:
+def _parameters(args: argparse.Namespace, index: int, signature: bytes, done: str) -> None:
+    """Write the signature (CiA 301, 7.5.2.13 and 7.5.2.14) that makes a device keep or forget its parameters."""
     with _client(args) as sdo:
-        act(sdo, args.sub)
+        write_object(sdo, ObjectAddress(index, args.sub), signature)
     facts = {'node_id': args.node_id, 'sub': args.sub}
     print(json.dumps(facts) if args.json else f'node {args.node_id} {done} (sub {args.sub}).')
 

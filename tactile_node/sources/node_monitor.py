@@ -38,7 +38,7 @@ class NodeMonitor:
         self._heartbeat_time: float | None = None  # that the device has [s], None: not known
         self._heartbeat_writes = 0  # of other masters, when it was configured
         self._monitor = monitor
-        self._heartbeats = monitor.heartbeats
+        self._heard = monitor.heartbeats.of(node.node_id)
         self.set_timeouts(heartbeat_timeout, data_timeout)
         self.outage: OutageClock[Failure | NodeFault] = OutageClock()
         self.attempts = Attempts()
@@ -59,7 +59,7 @@ class NodeMonitor:
         self._used_then = 0  # TPDOs, by the last command
         self._syncs = 0
         self._is_overloaded = False
-        self.traffic = NodeTraffic(node, self._heartbeats)
+        self.traffic = NodeTraffic(node, self._heard)
         self.device_errors: DeviceErrors | None = None  #: that it listed when it refused to become OPERATIONAL
         self.refuses_while_it_sends = False  #: to be configured
 
@@ -71,7 +71,7 @@ class NodeMonitor:
 
     @property
     def boots(self) -> int:
-        return self._heartbeats.boots(self.node.node_id)
+        return self._heard.boots
 
     @property
     def setup(self) -> Setup:
@@ -159,7 +159,7 @@ class NodeMonitor:
 
     def health(self, now: float) -> NodeHealth:
         node_id = self.node.node_id
-        state, heard = self._heartbeats.state(node_id), self._heartbeats.heard(node_id)
+        state, heard = self._heard.state, self._heard.heard
         emergencies = self._monitor.emergencies[node_id]
         fault, outages = self.fault, self.outage.outages(now)
         if not fault.is_fault and outages.current is not None:
@@ -175,16 +175,16 @@ class NodeMonitor:
     def _excuse_silence(self, ran_again: float) -> None:
         """What was sent until this process ran again may not have been read; many stalls in a row are no excuse."""
         if ran_again > self._since:
-            was_heard = (self._heartbeats.heard(self.node.node_id) or 0.0) > self._since
+            was_heard = (self._heard.heard or 0.0) > self._since
             self._excuses = 0 if was_heard else self._excuses + 1
             if self._excuses < PATIENCE:
                 self._since = ran_again
 
     def _is_silent(self, now: float) -> bool:
         """A device with a heartbeat time that is not ours may be silent for three of its periods."""
-        own = self._heartbeat_time or self._heartbeats.interval(self.node.node_id) or 0.0
+        own = self._heartbeat_time or max(self._heard.intervals or (0.0,))
         allowed = max(self._heartbeat_timeout, 3 * own) * (PATIENCE if self._is_overloaded else 1)
-        return now - max(self._heartbeats.heard(self.node.node_id) or 0.0, self._since) > allowed
+        return now - max(self._heard.heard or 0.0, self._since) > allowed
 
     def _detected(self, now: float, is_active: bool) -> NodeFault:
         is_silent = self._is_silent(now)
@@ -202,7 +202,7 @@ class NodeMonitor:
             return NodeFault.NO_HEARTBEAT if is_active and has_still else NodeFault.SILENT
         if not is_active or now - self._commanded < max(GRACE, 3 * (self._heartbeat_time or 0.0)):
             return NodeFault.NONE
-        if self._heartbeats.state(self.node.node_id) != NmtState.OPERATIONAL:
+        if self._heard.state != NmtState.OPERATIONAL:
             return NodeFault.NOT_OPERATIONAL
         if has_data:
             return NodeFault.TPDO_MISSING if self.traffic.missing else NodeFault.NONE

@@ -113,7 +113,7 @@ class NodeRecovery:
 
     def _ask_for_errors(self, monitor: NodeMonitor) -> None:
         """A device that does not obey may say why. Raises BusError."""
-        before, monitor.device_errors = monitor.device_errors, self._bus.read_errors(monitor.node)
+        before, monitor.device_errors = monitor.device_errors, self._bus.devices.read_errors(monitor.node)
         if monitor.device_errors != before:
             logger.error('%s', node_text(monitor.node.pad, monitor.health(time.monotonic())),
                          extra={'fact': monitor.device_errors})

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from tactile_node.assembly.frame_source import PadStatistics
 from tactile_node.assembly.health import SentTpdo
-from tactile_node.cia301.heartbeat import Heartbeats
+from tactile_node.cia301.heartbeat import HeardNode
 from tactile_node.skin.pads import CanopenNode
 
 QUEUED = 3  # TPDOs of one COB-ID that may wait in a device or an adapter when a look begins
@@ -182,14 +182,14 @@ class BusSeen(NamedTuple):
 class NodeTraffic:
     """Used by one thread at a time; ``missing``, ``surplus`` and ``are_two`` may be read by any."""
 
-    def __init__(self, node: CanopenNode, heartbeats: Heartbeats):
+    def __init__(self, node: CanopenNode, heard: HeardNode):
         self._node = node
-        self._heartbeats = heartbeats
+        self._heard = heard
         self._tpdos = tuple(SentTpdo(tpdo.number, tpdo.cob_id.of(node.node_id)) for tpdo in node.layout.tpdos)
         self._missing = MissingTpdos()
         self._senders = SenderWatch()
-        self._heard = 0  # heartbeats and TPDOs, by the last look
-        self._heard_at = 0.0
+        self._signs = 0  # heartbeats and TPDOs, by the last look
+        self._signs_at = 0.0
         self._measured_from = 0.0  # what comes earlier may be a backlog
         self.missing: tuple[SentTpdo, ...] = ()  #: that bring no taxels, while others do
 
@@ -221,7 +221,7 @@ class NodeTraffic:
         sends = is_active and self._node.layout.needs_sync
         missing = self._missing.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
         received = pad.distinct_by_tpdo[self._node.position] if self._node.layout.needs_sync else ()
-        counts = self._heartbeats.counts(self._node.node_id)
+        counts = self._heard.heartbeats, self._heard.guarded
         is_measure = not bus.is_overloaded and not self._is_backlog(
             now, counts[0] + sum(received), delay + 2 * (heartbeat_time or 0.0))
         self.missing = tuple(self._tpdos[place] for place in missing) if is_measure else ()
@@ -234,10 +234,10 @@ class NodeTraffic:
         else:
             self._senders.pause_tpdos()
 
-    def _is_backlog(self, now: float, heard: int, silence: float) -> bool:
+    def _is_backlog(self, now: float, signs: int, silence: float) -> bool:
         """Whether what came up to ``now`` may have waited in device or adapter, after no sign for ``silence`` [s]."""
-        if heard != self._heard:
-            if now - self._heard_at > silence:
+        if signs != self._signs:
+            if now - self._signs_at > silence:
                 self._measured_from = now + BACKLOG_TIME
-            self._heard, self._heard_at = heard, now
+            self._signs, self._signs_at = signs, now
         return now < self._measured_from

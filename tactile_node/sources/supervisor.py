@@ -91,14 +91,14 @@ class Supervisor:
 
     def stop(self) -> None:
         self._is_active = False
-        self._bus.interrupt()
+        self._bus.devices.interrupt()
         with self._turn:
             self._bus.stop()
             self._set_active(False)
 
     def close(self) -> None:
         self._closing.set()
-        self._bus.interrupt()
+        self._bus.devices.interrupt()
         self._wake.set()
         with self._turn:
             self._is_configured = self._is_active = False
@@ -111,7 +111,7 @@ class Supervisor:
         return self._bus.age(stamp)
 
     def auto_zero(self, pad: str) -> int:
-        return self._bus.auto_zero(pad)
+        return self._bus.devices.auto_zero(pad)
 
     def boots(self, pad: str) -> int:
         return sum(monitor.boots for monitor in self._by_pad[pad])
