@@ -10,7 +10,7 @@ from test_logs import DATA, play
 from test_topic_bag import bag as topic_bag
 
 from tactile_node.errors import LogError
-from tactile_node.logs.bag_log import TYPE
+from tactile_node.logs.bag_log import CAN_TYPE
 from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.logs.log_writer import CanLogWriter
 from tactile_node.skin.layout_file import load_layout
@@ -43,11 +43,11 @@ def written(path, messages=SENT):
 
 def store():
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    types.register(typesys.get_types_from_msg(FRAME, TYPE))
+    types.register(typesys.get_types_from_msg(FRAME, CAN_TYPE))
     return types
 
 
-def bag(folder, plugin, topics=(('/from_can_bus', TYPE),), stamped=True, compressed=False):
+def bag(folder, plugin, topics=(('/from_can_bus', CAN_TYPE),), stamped=True, compressed=False):
     """A bag as rosbag2 makes it, by an independent writer: SENT's data frames on each topic, a quarter second apart."""
     types, messages = store(), []
     kinds = types.types
@@ -56,7 +56,7 @@ def bag(folder, plugin, topics=(('/from_can_bus', TYPE),), stamped=True, compres
             stamp = kinds['builtin_interfaces/msg/Time'](*divmod(round(message.timestamp * 4) * 10**9 // 4 * stamped,
                                                                  10**9))
             header = kinds['std_msgs/msg/Header'](stamp, 'can0')
-            messages.append((topic, header if kind != TYPE else kinds[TYPE](
+            messages.append((topic, header if kind != CAN_TYPE else kinds[CAN_TYPE](
                 header=header, id=message.arbitration_id, is_rtr=False, is_extended=message.is_extended_id,
                 is_error=False, dlc=message.dlc, data=np.frombuffer(bytes(message.data).ljust(8, b'\0'), np.uint8))))
     return topic_bag(folder, messages, plugin, types, topics, compressed, lambda k: SENT[k % 3].timestamp)
@@ -78,10 +78,10 @@ def test_what_we_write_others_read(tmp_path):
         assert reader.get_header().profile == 'ros2' and reader.get_summary().statistics.message_count == 5
         schemas, channels, records = zip(*reader.iter_messages())
     schema, channel = schemas[0], channels[0]
-    assert (schema.name, schema.encoding, channel.message_encoding) == (TYPE, 'ros2msg', 'cdr')
+    assert (schema.name, schema.encoding, channel.message_encoding) == (CAN_TYPE, 'ros2msg', 'cdr')
     types = typesys.get_typestore(typesys.Stores.EMPTY)
     types.register(typesys.get_types_from_msg(schema.data.decode(), schema.name))
-    first = types.deserialize_cdr(records[0].data, TYPE)
+    first = types.deserialize_cdr(records[0].data, CAN_TYPE)
     assert (first.id, first.dlc, first.data[:2].tolist(), first.header.frame_id) == (0x181, 2, [10, 11], 'can0')
     assert records[1].log_time == 1_700_000_000_250_000_000
 
@@ -105,7 +105,7 @@ def test_without_stamps_the_time_of_recording_counts(tmp_path):
 
 
 def test_of_a_bag_of_two_buses_one_is_named_by_its_topic(tmp_path):
-    folder = bag(tmp_path / 'bag', 'MCAP', (('/left/can', TYPE), ('/right/can', TYPE)))
+    folder = bag(tmp_path / 'bag', 'MCAP', (('/left/can', CAN_TYPE), ('/right/can', CAN_TYPE)))
     assert len(list(CanLogReader(folder))) == 6
     assert content_of(CanLogReader(folder, '/left/can')) == content_of(SENT[:3])
 

@@ -239,7 +239,7 @@ def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
     most it is published is in test_pacer.py.
     """
     chain.start()
-    monkeypatch.setattr(threads, 'EARLY', -inf)
+    monkeypatch.setattr(threads, 'EARLY_ROUND', -inf)
     chain.bench.adapter.is_plugged = False
     chain.until(lambda: chain.status[-1].fault != SkinStatus.FAULT_NONE, 'not reported')
     chain.bench.adapter.is_plugged = True

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tactile_node.logs.replay_times import LENGTH, RESOLUTION, PlayedTimes
+from tactile_node.logs.replay_times import MOST_ENTRIES, PLAYED_RESOLUTION, PlayedTimes
 
 
 class Played:
@@ -37,12 +37,12 @@ def test_a_pause_is_in_the_age():
 def test_stamps_played_at_once_share_an_entry():
     log = Played()
     log.play(*(1000 + 0.001 * n for n in range(10_000)), each=1e-6)
-    assert len(log.times._entries) <= 10_000 * 1e-6 / RESOLUTION + 1
-    assert log.times.age(1000 + 0.001 * 9_999) == pytest.approx(0, abs=1.1 * RESOLUTION)
+    assert len(log.times._entries) <= 10_000 * 1e-6 / PLAYED_RESOLUTION + 1
+    assert log.times.age(1000 + 0.001 * 9_999) == pytest.approx(0, abs=1.1 * PLAYED_RESOLUTION)
 
 
 def test_what_was_played_long_ago_is_at_least_as_old_as_the_first_entry():
     log = Played()
-    log.play(*(1000 + 0.02 * n for n in range(2 * LENGTH)), each=0.002)
-    assert log.times.age(1000.0) >= LENGTH * 0.002 - 0.01
+    log.play(*(1000 + 0.02 * n for n in range(2 * MOST_ENTRIES)), each=0.002)
+    assert log.times.age(1000.0) >= MOST_ENTRIES * 0.002 - 0.01
     assert PlayedTimes().age(1.0) == 0.0

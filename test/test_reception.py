@@ -12,7 +12,7 @@ from can_bench import serial_line, wait_until
 
 from tactile_node.bus import traffic as traffic_module
 from tactile_node.bus.bus_network import open_bus
-from tactile_node.bus.reception import MOST, Batch, Reception
+from tactile_node.bus.reception import MOST_IN_BATCH, Batch, Reception
 from tactile_node.bus.traffic import SyncPause, Traffic
 
 pytestmark = pytest.mark.bus
@@ -31,12 +31,12 @@ class Script:
 
 
 def test_what_waits_is_one_batch_in_order_and_what_came_before_a_fault_is_not_lost():
-    sent = [can.Message(arbitration_id=number, is_extended_id=False) for number in range(MOST + 10)]
+    sent = [can.Message(arbitration_id=number, is_extended_id=False) for number in range(MOST_IN_BATCH + 10)]
     batches, errors = [], []
     reception = Reception(Script(sent), batches.append, errors.append)
     assert wait_until(lambda: errors)
     reception.stop()
-    assert [len(batch.messages) for batch in batches] == [MOST, 10]
+    assert [len(batch.messages) for batch in batches] == [MOST_IN_BATCH, 10]
     assert [message for batch in batches for message in batch.messages] == sent
 
 

@@ -292,7 +292,7 @@ def test_an_slcan_adapter_that_does_not_answer_is_opened_again_when_it_has_had_t
     monkeypatch.setattr(slcan_bus, 'time', clock)
     with serial_line() as (adapter, port):
         client = open_bus('slcan', port, 500_000, {})
-        assert sum(slept) == pytest.approx(slcan_bus.RESET - slcan_bus.ANSWER)
+        assert sum(slept) == pytest.approx(slcan_bus.RESET_TIME - slcan_bus.WAKE_TIMEOUT)
         twice = rb'C\r.*S6\r.*O\r.*V\r.*S6\r.*O\r'
         assert re.fullmatch(twice, read_until(adapter, twice), re.DOTALL)
         client.shutdown()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tactile_node.errors import LogError
-from tactile_node.logs.bag_log import TYPE as CAN_TYPE
+from tactile_node.logs.bag_log import CAN_TYPE
 from tactile_node.logs.damage import DamageKind
 from tactile_node.logs.topic_bag import (
     DIAGNOSTICS,

@@ -11,7 +11,7 @@ from tactile_node.cia301.frame_bits import Frame
 from tactile_node.simulator.device import SimulatedDevice
 from tactile_node.simulator.segment import Segment
 from tactile_node.simulator.skin_simulator import WireNetwork, WireSettings
-from tactile_node.simulator.wire import WINDOW, Wire, WireRecord
+from tactile_node.simulator.wire import PEAK_WINDOW, Wire, WireRecord
 from tactile_node.skin.pads import make_pad
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
@@ -168,7 +168,8 @@ def test_load_counts_every_frame_and_its_busiest_window():
     """Busy for one millisecond in each two, and all of the second window."""
     record = WireRecord(10.0)
     for k in range(500):
-        record.carried(10 + k * 0.002, 10 + k * 0.002 + (0.002 if WINDOW <= k * 0.002 < 2 * WINDOW - 1e-9 else 0.001))
+        is_peak = PEAK_WINDOW <= k * 0.002 < 2 * PEAK_WINDOW - 1e-9
+        record.carried(10 + k * 0.002, 10 + k * 0.002 + (0.002 if is_peak else 0.001))
     assert record.load(11.0) == pytest.approx(0.55) and record.peak_load == pytest.approx(1.0)
     across = WireRecord(0.0)
     across.carried(0.06, 0.14)

@@ -9,7 +9,7 @@ import numpy as np
 from wire import BIT, SYNC_ID, Carried, Node, carried, frame_seconds
 
 from tactile_node.assembly.router import Router
-from tactile_node.bus.reception import PAUSE
+from tactile_node.bus.reception import READ_PAUSE
 from tactile_node.bus.traffic import SyncPause
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
@@ -159,7 +159,7 @@ class Adapter(Wire):
             while self._here and self._here[0][0] <= read:
                 _, frame = self._here.popleft()
                 self._receiver.tpdo(frame, read, empty_at)
-            self._free = read + PAUSE
+            self._free = read + READ_PAUSE
 
 
 def rising(times: np.ndarray) -> np.ndarray:

@@ -10,7 +10,6 @@ from tactile_node.cia301.objects import MAX_PDO_BYTES
 
 #: s that the bus was free for: more than adapters hold frames back (2 ms), or a busy device pauses between two TPDOs
 FREE_TIME = 0.006
-LONGEST_FRAME_BITS = worst_case_bits(Frame(0, bytes(8), is_extended=True))
 SLOW_BITRATE = 125_000  #: bit/s, of a log, which does not say how long its frames have kept the bus busy
 
 
@@ -28,7 +27,7 @@ class FreeBus:
     """
 
     def __init__(self, bitrate: int):
-        self._frame_time = LONGEST_FRAME_BITS / bitrate
+        self._frame_time = worst_case_bits(Frame(0, bytes(8), is_extended=True)) / bitrate
         self.restart()
 
     def restart(self) -> None:

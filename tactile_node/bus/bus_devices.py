@@ -67,7 +67,7 @@ def read_errors(sdo: SdoClient) -> DeviceErrors:
     return DeviceErrors(register, tuple(field))
 
 
-START_AGAIN = 1.3  # s between two NMT starts of a node that does not become OPERATIONAL
+START_PERIOD = 1.3  # s between two NMT starts of a node that does not become OPERATIONAL
 
 
 class BusDevices:
@@ -136,9 +136,9 @@ class BusDevices:
 
         Raises DeviceError with what the device lists as its errors, BusError.
         """
-        end = time.monotonic() + max(self._settings.boot_timeout, START_AGAIN) + 3e-3 * self._settings.heartbeat_ms
+        end = time.monotonic() + max(self._settings.boot_timeout, START_PERIOD) + 3e-3 * self._settings.heartbeat_ms
         while time.monotonic() < end:
-            if self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, START_AGAIN):
+            if self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, START_PERIOD):
                 return
             self.command(NmtCommand.START, node)
         state = self._monitor.heartbeats.of(node.node_id).state

@@ -26,7 +26,6 @@ logging.getLogger('canopen.sdo').setLevel(logging.CRITICAL)
 
 OnFailure = Callable[[BusFault, Exception], None]
 
-_NOT_INSTALLED = 'Check the name, and install what this interface needs (slcan: pyserial).'
 _REMEDIES = {
     'socketcan': 'Is it up? "ip link set {channel} up type can bitrate {bitrate}"; "ip link" lists them.',
     'slcan': 'Check the device path, and that you may open it (group dialout).'}
@@ -46,7 +45,8 @@ def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, A
     except Exception as error:
         # Each backend of python-can raises its own: CanError, OSError, ValueError, ImportError
         missing = isinstance(error, (can.CanInterfaceNotImplementedError, ImportError))
-        remedy = _NOT_INSTALLED if missing else _remedy(interface, channel, error)
+        remedy = ('Check the name, and install what this interface needs (slcan: pyserial).' if missing
+                  else _remedy(interface, channel, error))
         raise BusError(f'CAN bus {interface} {channel}', expected=f'a bus that opens at {bitrate} bit/s',
                        got=f'{type(error).__name__}: {error}',
                        remedy=remedy.format(channel=channel, bitrate=bitrate)) from error

@@ -41,9 +41,9 @@ from tactile_node.skin.pads import CanopenNode
 
 logger = logging.getLogger(__name__)
 
-#: Of the sub-indices of a communication record that say when a TPDO is sent: its bytes, its name
-SIZES = {TRANSMISSION_TYPE: 1, INHIBIT_TIME: 2, EVENT_TIMER: 2}
-WHAT = {TRANSMISSION_TYPE: 'transmission type', INHIBIT_TIME: 'inhibit time', EVENT_TIMER: 'event timer'}
+#: bytes and name of the sub-indices of a communication record that say when a TPDO is sent
+SENDING_TIMES = {TRANSMISSION_TYPE: (1, 'transmission type'), INHIBIT_TIME: (2, 'inhibit time'),
+                 EVENT_TIMER: (2, 'event timer')}
 
 MappingEntries = list[int] | None  # of a mapping record; None: an MPDO with source addressing
 
@@ -180,7 +180,7 @@ class DeviceSetup(DeviceObjects):
             return False
         self._write(communication, 1, current | DISABLED, 4)  # CiA 301: no change while the PDO exists
         for sub, value in transmission.items():
-            self._write(communication, sub, value, SIZES[sub])
+            self._write(communication, sub, value, SENDING_TIMES[sub][0])
         if not same_mapping:
             self._write_mapping(mapping, entries)
         self._write(communication, 1, wanted, 4)
@@ -206,7 +206,7 @@ class DeviceSetup(DeviceObjects):
             fixed = [number for number in tpdos if not self._is_listed(TPDO_COMMUNICATION + number - 1, sub)]
             if value and fixed:
                 logger.warning('%s: its EDS has no %s (sub-index %d) of TPDO %s, so it stays as it is.', self._label,
-                               WHAT[sub], sub, ', '.join(map(str, fixed)))
+                               SENDING_TIMES[sub][1], sub, ', '.join(map(str, fixed)))
 
     def _mapping(self, index: int) -> MappingEntries:
         count = self._read(index, 0)
@@ -223,7 +223,7 @@ class DeviceSetup(DeviceObjects):
     def _verify(self, tpdo: TpdoLayout, index: int, wanted: int, transmission: dict[int, int]) -> None:
         for sub, value in transmission.items():
             if (now := self._read(index, sub)) != value:
-                self._refuse_other_value(f'0x{index:04X} sub {sub} ({WHAT[sub]} of TPDO {tpdo.number})',
+                self._refuse_other_value(f'0x{index:04X} sub {sub} ({SENDING_TIMES[sub][1]} of TPDO {tpdo.number})',
                                          f'0x{value:02X}', f'0x{now:02X}')
         now = self._read(index, 1)
         if now & (DISABLED | ID_MASK) != wanted & ID_MASK:

@@ -15,9 +15,6 @@ from tactile_node.skin.layout import DomainLayout
 
 logger = logging.getLogger(__name__)
 
-OpenSdo = Callable[[], AbstractContextManager[SdoClient]]
-
-LONGEST_ANSWER = 0.1  # s until a missing frame counts as lost: a poll must not outlast many periods
 
 
 def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
@@ -61,7 +58,8 @@ class DomainPolling(Pacer):
     then; the assembler counts the losses. A BusError goes to ``on_failure``.
     """
 
-    def __init__(self, domain: DomainLayout, label: str, period: float, open_sdo: OpenSdo,
+    def __init__(self, domain: DomainLayout, label: str, period: float,
+                 open_sdo: Callable[[], AbstractContextManager[SdoClient]],
                  on_failure: Callable[[BusFault, Exception], None]):
         super().__init__(period, self._poll, 'poll')
         self._domain = domain
@@ -74,7 +72,8 @@ class DomainPolling(Pacer):
     def _poll(self) -> None:
         try:
             with self._open_sdo() as sdo:
-                sdo.RESPONSE_TIMEOUT = LONGEST_ANSWER
+                # s until a missing frame counts as lost: a poll must not outlast many periods
+                sdo.RESPONSE_TIMEOUT = 0.1
                 upload(sdo, self._domain, self.by_block)
         except (SdoAbortedError, SdoCommunicationError) as error:
             if self._reminder.is_due(str(error), time.monotonic()):

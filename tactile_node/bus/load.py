@@ -29,9 +29,6 @@ def tpdo_bits(layout: SkinLayout) -> int:
     return sum(FRAME_BITS[min(tpdo.length, MAX_PDO_BYTES)] for tpdo in layout.tpdos)
 
 
-WINDOW = 1.0  # s
-
-
 class BusLoad:
     """Bits per second against the bit rate, over windows of one second.
 
@@ -47,7 +44,7 @@ class BusLoad:
     def update(self, now: float, bits: int) -> None:
         """``bits`` seen since the beginning, at ``now`` [s]."""
         if self._begun is not None:
-            if now - self._begun < WINDOW:
+            if now - self._begun < 1.0:
                 return
             self.load = (bits - self._bits) / self._bitrate / (now - self._begun)
         self._begun = now

@@ -27,9 +27,8 @@ from tactile_node.cia301.sdo import SDO_BYTES
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.skin.eds_rules import Identity
 
-SPACING = 0.002  #: s between two of the first requests: a bus in use stays usable
-ANSWER = 0.5     #: s for the first answer of a node
-ASK = bytes((REQUEST_UPLOAD, DEVICE_TYPE & 0xFF, DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))  #: upload of the device type
+ANSWER_TIMEOUT = 0.5  #: s for the first answer of a node
+DEVICE_TYPE_REQUEST = bytes((REQUEST_UPLOAD, DEVICE_TYPE & 0xFF, DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))
 
 
 class FoundNode(NamedTuple):
@@ -75,9 +74,9 @@ class NodeScan:
     def ask(self, network: BusNetwork, node_ids: Iterable[int]) -> None:
         """Ask for device types, and wait for the last answer. Raises BusError."""
         for node_id in node_ids:
-            network.send_message(SDO_REQUEST + node_id, ASK)
-            time.sleep(SPACING)
-        time.sleep(ANSWER)
+            network.send_message(SDO_REQUEST + node_id, DEVICE_TYPE_REQUEST)
+            time.sleep(0.002)  # between two requests: a bus in use stays usable
+        time.sleep(ANSWER_TIMEOUT)
 
     def nodes(self, network: BusNetwork | None) -> list[FoundNode]:
         """Return all that were heard, by node-ID; with a ``network``, what they say of themselves. Raises BusError."""
@@ -101,7 +100,7 @@ class NodeScan:
 def _read(network: BusNetwork, node_id: int) -> dict[tuple[int, int], bytes]:
     """Return what can be read of these objects."""
     found = {}
-    with network.sdo_client(node_id, ObjectDictionary(), ANSWER) as sdo:
+    with network.sdo_client(node_id, ObjectDictionary(), ANSWER_TIMEOUT) as sdo:
         for index, sub in ((DEVICE_TYPE, 0), (DEVICE_NAME, 0), (PRODUCER_HEARTBEAT_TIME, 0), (IDENTITY, 1),
                            (IDENTITY, 2), (IDENTITY, 3)):
             try:
@@ -116,10 +115,9 @@ def _number(data: bytes | None) -> int | None:
 
 
 #: bit/s, of CiA 301 (5.4): first those in use for skins
-RATES = (1_000_000, 500_000, 250_000, 125_000, 800_000, 50_000, 20_000, 10_000)
+SCANNED_BIT_RATES = (1_000_000, 500_000, 250_000, 125_000, 800_000, 50_000, 20_000, 10_000)
 LISTEN_ONLY = {'slcan': {'listen_only': True}}  #: options of python-can, by interface
-SETTLED = 0.1  #: s after opening, of which frames do not count: lines cut by the change may come
-ENOUGH = 10    #: sound frames: more prove no more
+OPENING_TIME = 0.1  #: s after opening, of which frames do not count: lines cut by the change may come
 _REMEDY = ('At least two other nodes have to be on the bus, and one of them has to send, such as a heartbeat. The '
            'adapter has to know the command L (listen only); CANable 2.0 as delivered does not. Otherwise give the '
            'bit rate.')
@@ -150,14 +148,15 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
                                  remedy=_BY_HAND.get(interface, 'Only these find it: ' + ', '.join(LISTEN_ONLY) + '.')
                                  .format(channel=channel))
     tried = []
-    for bitrate in RATES:
+    for bitrate in SCANNED_BIT_RATES:
         tried.append(heard_at(interface, channel, bitrate, listen))
         if tried[-1].is_right:
             return bitrate
     heard = ', '.join(f'{each.bitrate / 1000:g} kbit/s: {each.frames} ({each.error_frames} error frames)'
                       for each in tried if each.frames or each.error_frames)
     raise BusError(f'CAN bus {interface} {channel}', got=heard or 'no frames',
-                   expected=f'sound frames and no error frames at one of {len(RATES)} bit rates', remedy=_REMEDY)
+                   expected=f'sound frames and no error frames at one of {len(SCANNED_BIT_RATES)} bit rates',
+                   remedy=_REMEDY)
 
 
 def heard_at(interface: str, channel: str, bitrate: int, listen: float) -> RateTried:
@@ -166,9 +165,9 @@ def heard_at(interface: str, channel: str, bitrate: int, listen: float) -> RateT
     bus = open_bus(interface, channel, bitrate, LISTEN_ONLY[interface])
     try:
         begun = time.monotonic()
-        while frames < ENOUGH and not error_frames and (left := begun + SETTLED + listen - time.monotonic()) > 0:
+        while frames < 10 and not error_frames and (left := begun + OPENING_TIME + listen - time.monotonic()) > 0:
             message = bus.recv(left)
-            if message is not None and time.monotonic() >= begun + SETTLED:
+            if message is not None and time.monotonic() >= begun + OPENING_TIME:
                 frames += not message.is_error_frame
                 error_frames += message.is_error_frame
     except (can.CanError, OSError) as error:

@@ -58,7 +58,7 @@ def _where(sdo: SdoClient, address: ObjectAddress) -> str:
 
 
 #: What a server answers to a request that names an object, if it does not abort
-ANSWERS = {REQUEST_DOWNLOAD: RESPONSE_DOWNLOAD, REQUEST_UPLOAD: RESPONSE_UPLOAD,
+ANSWER_COMMANDS = {REQUEST_DOWNLOAD: RESPONSE_DOWNLOAD, REQUEST_UPLOAD: RESPONSE_UPLOAD,
            REQUEST_BLOCK_UPLOAD: RESPONSE_BLOCK_UPLOAD}
 
 
@@ -103,7 +103,7 @@ class OwnSdoClient(SdoClient):
             or request[0] & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST
         self._object = bytes(request[1:4]) if initiates else None
         if self._object is not None:
-            self._answer = ANSWERS[request[0] & COMMAND]
+            self._answer = ANSWER_COMMANDS[request[0] & COMMAND]
             self._owed[self._object] += 1
             self.requests += 1
             self.responses = queue.Queue()  # what came until now is late

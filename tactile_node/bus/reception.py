@@ -14,11 +14,9 @@ import can
 
 RECEIVE_TIMEOUT = 0.1  #: s that a read waits at most
 STOP_TIMEOUT = 1.0  #: s
-PAUSE = 0.5e-3  #: s from one read to the next on a busy bus, at least: what it adds to the age of taxels, at most
-BUSY, BUSY_FOR = 4, 0.8e-3  #: so many CAN frames in so much time [s]: taxels; a dialogue by SDO is not held up
-MOST = 256  #: CAN frames in a batch: less than a socket's buffer holds
-
-Messages = list[can.Message]
+READ_PAUSE = 0.5e-3  #: s from one read to the next on a busy bus, at least: what it adds to the age of taxels, at most
+MOST_IN_BATCH = 256  #: CAN frames: less than a socket's buffer holds
+BUSY_FRAMES = 4  #: within 0.8 ms are taxels; a dialogue by SDO is not held up
 
 
 class Batch(NamedTuple):
@@ -28,7 +26,7 @@ class Batch(NamedTuple):
     clock [s].
     """
 
-    messages: Messages
+    messages: list[can.Message]
     came: tuple[float, float] | None = None
 
 
@@ -47,7 +45,7 @@ class Reception:
         self._bus = bus
         self._on_batch = on_batch
         self._on_error = on_error
-        self._recent: deque[float] = deque(maxlen=BUSY)  # when the last messages were read
+        self._recent: deque[float] = deque(maxlen=BUSY_FRAMES)  # when the last messages were read
         self._error: Exception | None = None  # not yet reported
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='reception', daemon=True)
@@ -68,15 +66,15 @@ class Reception:
                 begun = time.monotonic()
                 self._on_batch(batch)
                 if self._is_busy(len(batch.messages), begun):
-                    time.sleep(max(0.0, begun + PAUSE - time.monotonic()))
+                    time.sleep(max(0.0, begun + READ_PAUSE - time.monotonic()))
             except Exception as error:  # each backend of python-can raises its own
                 if not self._stopping.is_set():
                     self._on_error(error)
                 self._stopping.wait(RECEIVE_TIMEOUT)  # a dead adapter fails at once
 
     def _is_busy(self, messages: int, now: float) -> bool:
-        self._recent.extend([now] * min(messages, BUSY))
-        return len(self._recent) == BUSY and now - self._recent[0] < BUSY_FOR
+        self._recent.extend([now] * min(messages, BUSY_FRAMES))
+        return len(self._recent) == BUSY_FRAMES and now - self._recent[0] < 0.8e-3
 
     def _read(self) -> Batch:
         if isinstance(self._bus, BatchBus):
@@ -84,12 +82,12 @@ class Reception:
         error, self._error = self._error, None
         if error is not None:
             raise error
-        messages: Messages = []
+        messages: list[can.Message] = []
         message = self._bus.recv(RECEIVE_TIMEOUT)
         while message is not None:
             messages.append(message)
             try:
-                message = self._bus.recv(0) if len(messages) < MOST else None
+                message = self._bus.recv(0) if len(messages) < MOST_IN_BATCH else None
             except Exception as error:  # after what came before it
                 self._error = error
                 break

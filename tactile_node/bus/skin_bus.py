@@ -29,9 +29,6 @@ from tactile_node.skin.pads import CanopenNode, LivePad, check_pads, live_pads
 
 logger = logging.getLogger(__name__)
 
-# Interfaces that stamp reception by the clock our own SYNC is stamped by
-HOST_STAMPED = ('socketcan', 'virtual')
-CONSUMER_TIMEOUT = 2.0  # s that close() waits for an on_frame under way
 
 
 class SkinBus:
@@ -55,7 +52,7 @@ class SkinBus:
         self.devices = BusDevices(settings, self._nodes, self._monitor, self._opened)
         self._polls = {node.node_id: self._polling(node, node.layout.domain)
                        for node in self._nodes if node.layout.domain is not None}
-        is_host_stamped = settings.interface in HOST_STAMPED
+        is_host_stamped = settings.interface in ('socketcan', 'virtual')  # by the clock that stamps our own SYNC
         self._router = Router(self._pads, self._consumer, foreign_sync=not settings.produce_sync,
                               one_clock=not settings.produce_sync or is_host_stamped,
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
@@ -185,7 +182,7 @@ class SkinBus:
         if self._network is not None:
             self._network.close()
             self._network = None
-            self._traffic.end(CONSUMER_TIMEOUT)
+            self._traffic.end(timeout=2.0)  # of an on_frame under way
 
     def call_in_turn(self, call: Callable[[], None]) -> None:
         """Make a call on the assembler's thread, after all that was received so far."""

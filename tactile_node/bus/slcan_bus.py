@@ -18,19 +18,14 @@ from can.util import CAN_FD_DLC
 
 from tactile_node.bus.reception import Batch
 
-PORT_TIMEOUT = 0.002  # s that one read of an idle port waits; data wake it at once
 ENDS = b'\r\a'  # of a line: done, refused
-ACKNOWLEDGED = (b'', b'z', b'Z')  # lines that only confirm a frame sent
 
 LONGEST_LINE = 160  # characters: more than a CAN FD frame takes, so the end of a line is missing
 HEXADECIMAL = frozenset('0123456789abcdefABCDEF')
 ID_DIGITS = dict.fromkeys('trdb', 3) | dict.fromkeys('TxRDB', 8)  # by the kind of frame; what else comes is none
-ANSWERS, LONGEST_ANSWER = ('', 'V', 'v', 'N', 'F', 'z', 'Z'), 20  # version, serial number, status flags, sent
-STAMP_DIGITS = (0, 4)  # of the time some adapters add
-PROTOCOL_VIOLATION = 0x008  # linux/can/error.h
 
-ANSWER = 0.3  # s in which an adapter that is awake answers
-RESET = 2.0  # s that one takes to start which is reset when its port is opened, as an Arduino is
+WAKE_TIMEOUT = 0.3  # s in which an adapter that is awake answers
+RESET_TIME = 2.0  # s that one takes to start which is reset when its port is opened, as an Arduino is
 
 
 class BulkSlcanBus(slcanBus):
@@ -51,9 +46,10 @@ class BulkSlcanBus(slcanBus):
         self._lock = _locked(channel.split('@')[0])
         try:
             super().__init__(channel, bitrate=bitrate, sleep_after_open=sleep_after_open or 0.0,
-                             **{'timeout': PORT_TIMEOUT} | options)
+                             # s that one read of an idle port waits; data wake it at once
+                             **{'timeout': 0.002} | options)
             if sleep_after_open is None and not self._is_awake():
-                time.sleep(RESET - ANSWER)
+                time.sleep(RESET_TIME - WAKE_TIMEOUT)
                 self.open() if bitrate is None else self.set_bitrate(bitrate)
         except BaseException:
             self._release()
@@ -82,7 +78,7 @@ class BulkSlcanBus(slcanBus):
     def _is_awake(self) -> bool:
         """Whether a byte is received soon: an answer, or a frame."""
         self._write('V')
-        end = time.monotonic() + ANSWER
+        end = time.monotonic() + WAKE_TIMEOUT
         while not self._buffer and time.monotonic() < end:
             self._buffer += self.serialPortOrig.read(1)
         return bool(self._buffer)
@@ -117,7 +113,7 @@ class BulkSlcanBus(slcanBus):
             if len(rest) > LONGEST_LINE:
                 self._buffer.clear()
                 self._lines.append('t')  # no frame, but a damaged one
-            self._lines += [line.decode('ascii', 'replace') for line in lines if line not in ACKNOWLEDGED]
+            self._lines += [line.decode('ascii', 'replace') for line in lines if line not in (b'', b'z', b'Z')]
             if end is not None and time.monotonic() >= end:
                 return
 
@@ -143,7 +139,8 @@ class BulkSlcanBus(slcanBus):
 
 def _damaged_frame(now: float) -> can.Message:
     """The frame in a damaged line is lost, as on a damaged wire."""
-    return can.Message(now, PROTOCOL_VIOLATION, is_extended_id=False, is_error_frame=True, data=bytes(8))
+    protocol_violation = 0x008  # linux/can/error.h
+    return can.Message(now, protocol_violation, is_extended_id=False, is_error_frame=True, data=bytes(8))
 
 
 def _locked(port: str) -> int | None:
@@ -172,7 +169,7 @@ def is_sound(line: str) -> bool:
     """
     digits = ID_DIGITS.get(line[:1])
     if digits is None:
-        return line[:1] in ANSWERS and len(line) <= LONGEST_ANSWER
+        return line[:1] in ('', *'VvNFzZ') and len(line) <= 20  # version, serial number, status flags, sent
     body = line[1:]
     if len(body) <= digits or not HEXADECIMAL.issuperset(body):
         return False
@@ -180,4 +177,4 @@ def is_sound(line: str) -> bool:
     if line[0] in 'tTxrR' and size > 8 or can_id > (0x7FF if digits == 3 else 0x1FFF_FFFF):
         return False
     data = 0 if line[0] in 'rR' else CAN_FD_DLC[size]
-    return len(body) - digits - 1 - 2 * data in STAMP_DIGITS
+    return len(body) - digits - 1 - 2 * data in (0, 4)  # digits of the time that some adapters add

@@ -4,12 +4,8 @@ import threading
 import time
 from collections.abc import Callable
 
-JUMP = 0.1  # s between two looks: less may be slewing
-HELD_UP = 0.01  # s that reading both clocks may take, or they are read again
-TRIES = 10  # then the last reading is used
-IN_FLIGHT = 2.0  # s after a jump in which messages stamped before it may still come
-MAX_LAG = 1.0  # s: an adapter that seems to lag more has begun to count again
-DRIFT = 1e-4  # relative: no adapter's crystal is further off
+CLOCK_JUMP = 0.1  # s between two looks: less may be slewing
+CLOCK_DRIFT = 1e-4  # relative: no adapter's crystal is further off
 
 
 class StampClock:
@@ -20,7 +16,7 @@ class StampClock:
 
     ``host_stamped``: messages carry this machine's wall clock (socketcan, virtual), right also when they are read
     late. Else they carry the adapter's own clock, of unknown epoch: the least time from stamp to arrival seen
-    so far, let grow by ``DRIFT``, is taken for its offset, so a stamp is late by the quickest way through the adapter.
+    so far, let grow by ``CLOCK_DRIFT``, is taken for its offset, so a stamp is late by the quickest way through it.
     """
 
     def __init__(self, host_stamped: bool = True, wall: Callable[[], float] | None = None,
@@ -58,7 +54,7 @@ class StampClock:
             wall, steady = self._look()
             if not self._host_stamped:
                 return wall + self.ahead - self._adapter_age(timestamp, steady)
-            if steady - self._jumped > IN_FLIGHT:
+            if steady - self._jumped > 2.0:  # until then messages stamped before the jump may come
                 return timestamp + self.ahead
             ages = [wall - timestamp, steady + self._before - timestamp]  # stamped after, or before the jump
             return wall + self.ahead - min((age for age in ages if age >= 0), default=0.0)
@@ -78,18 +74,18 @@ class StampClock:
     def _both(self) -> tuple[float, float]:
         """Both clocks at one time."""
         steady = self._steady()
-        for _ in range(TRIES):
+        for _ in range(10):  # then the last reading is used
             before, wall, steady = steady, self._wall(), self._steady()
-            if steady - before < HELD_UP:
+            if steady - before < 0.01:  # not held up meanwhile
                 break
         return wall, steady
 
     def _look(self) -> tuple[float, float]:
         wall, steady = self._wall(), self._steady()
-        if abs(wall - steady - self._offset) > JUMP:  # or this thread was held up between the two
+        if abs(wall - steady - self._offset) > CLOCK_JUMP:  # or this thread was held up between the two
             wall, steady = self._both()
         offset = wall - steady
-        if abs(step := offset - self._offset) > JUMP:
+        if abs(step := offset - self._offset) > CLOCK_JUMP:
             self.jumps += 1
             self._before, self._jumped = self._offset, steady
             self._lead_before = self._offset + self.ahead
@@ -99,9 +95,9 @@ class StampClock:
 
     def _adapter_age(self, timestamp: float, steady: float) -> float:
         lag = steady - timestamp
-        if self._least is None or lag < self._least or lag - self._least > MAX_LAG:
+        if self._least is None or lag < self._least or lag - self._least > 1.0:  # begun to count again
             self._least = lag
         else:
-            self._least += DRIFT * (steady - self._looked)
+            self._least += CLOCK_DRIFT * (steady - self._looked)
         self._looked = steady
         return max(0.0, lag - self._least)

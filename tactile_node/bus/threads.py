@@ -67,14 +67,14 @@ class CallQueue:
             call(*args)
 
 
-LEAST = 0.9  #: of a period, between two calls that catch up: what a full bus carries is still under way
+LEAST_PAUSE = 0.9  #: of a period, between two calls that catch up: what a full bus carries is still under way
 
 
 class Schedule:
     """When the next call is due, by ideal times a ``period`` apart, so that delays do not add up.
 
-    A call that came late is followed by shorter pauses, but none below LEAST x period, until the ideal times are met
-    again. When a whole period was missed its call is left out and counted in ``overruns``: a burst of SYNCs would
+    A call that came late is followed by shorter pauses, but none below LEAST_PAUSE x period, until the ideal times are
+    met again. When a whole period was missed its call is left out and counted in ``overruns``: a burst of SYNCs would
     tear frames.
     """
 
@@ -89,7 +89,7 @@ class Schedule:
         missed = int((at - self._ideal) / self._period)
         self.overruns += missed
         self._ideal += (missed + 1) * self._period
-        self.due = max(self._ideal, at + LEAST * self._period)
+        self.due = max(self._ideal, at + LEAST_PAUSE * self._period)
 
 
 class Pacer(StoppableThread):
@@ -133,28 +133,28 @@ class Reminder:
         self._kind = ''
 
 
-PERIOD = 1.0   #: s, at the latest after which the state is published again (REP-107)
-MOST = 20      #: publications within any PERIOD
-MARGIN = 0.05  #: s from a decision to its publication, at most: no PERIOD of any reader's sees more than MOST
-EARLY = 0.02   #: s: a round that comes a little early is the last one before the period is over
+STATE_PERIOD = 1.0  #: s, at the latest after which the state is published again (REP-107)
+MOST_STATES = 20    #: published within any STATE_PERIOD
+STATE_MARGIN = 0.05  #: s from a decision to its publication, at most: no reader sees more than MOST_STATES in a period
+EARLY_ROUND = 0.02   #: s: a round that comes a little early is the last one before the period is over
 
 
 class ChangePace:
-    """Lets a state through when it has changed, MOST times in a PERIOD at most, and after each PERIOD.
+    """Lets a state through when it has changed, MOST_STATES times in a STATE_PERIOD at most, and after each.
 
     A change that comes too soon is let through by a later call, unless the state has changed back.
     """
 
     def __init__(self) -> None:
-        self._published: deque[float] = deque(maxlen=MOST)
+        self._published: deque[float] = deque(maxlen=MOST_STATES)
         self._key: Hashable = None
 
     def is_due(self, key: Hashable, now: float) -> bool:
         """Whether to publish the state ``key`` now, and note that it is published."""
-        is_over = not self._published or now - self._published[-1] >= PERIOD - EARLY
+        is_over = not self._published or now - self._published[-1] >= STATE_PERIOD - EARLY_ROUND
         if key == self._key and not is_over:
             return False
-        if len(self._published) == MOST and now - self._published[0] < PERIOD + MARGIN:
+        if len(self._published) == MOST_STATES and now - self._published[0] < STATE_PERIOD + STATE_MARGIN:
             return False
         self.note(key, now)
         return True

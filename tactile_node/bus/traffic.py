@@ -19,9 +19,7 @@ from tactile_node.bus.threads import CallQueue
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
 
-SPACING = 4     #: SYNCs that are sent between two pauses
-BACKLOG = 2     #: periods that a node may take to send the sweeps that wait
-READING = 2e-3  #: s by which the driver sees a free bus too short
+PAUSE_SPACING = 4  #: SYNCs that are sent between two pauses
 
 
 class SyncPause:
@@ -33,20 +31,21 @@ class SyncPause:
     """
 
     def __init__(self, period: float):
-        self._length = BACKLOG + ceil((FREE_TIME + READING) / period)  # SYNCs
+        # SYNCs: two periods for the sweeps that wait; and the driver sees a free bus 2 ms too short
+        self._length = 2 + ceil((FREE_TIME + 2e-3) / period)
         self.count = 0  #: SYNCs left out
         self.restart()
 
     def restart(self) -> None:
         """SYNC was off."""
-        self._since = SPACING  # SYNCs sent since the last pause
+        self._since = PAUSE_SPACING  # SYNCs sent since the last pause
         self._left = 0  # SYNCs to be left out
 
     def is_due(self, is_in_doubt: bool) -> bool:
         """Whether to leave out the SYNC that is due, where it is in doubt how far a node is."""
         if not is_in_doubt:
             self._left = 0
-        elif not self._left and self._since >= SPACING:
+        elif not self._left and self._since >= PAUSE_SPACING:
             self._left = self._length
             self._since = 0
         if self._left:

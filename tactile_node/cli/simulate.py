@@ -22,7 +22,7 @@ from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.figures import MOST_SIDE, NAMED, Silhouette, named_silhouette, silhouette_of
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.simulator.slcan_pty import SlcanPty
-from tactile_node.simulator.touches import AREAS, HOLD, NOISE, gripper_sources
+from tactile_node.simulator.touches import TAXEL_NOISE, TOUCH_AREAS, TOUCH_HOLD, gripper_sources
 from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import PadSettings
 
@@ -82,14 +82,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--shapes', nargs='+', default=CLASSES, metavar='SHAPE', help='what touches: '
                         f'{", ".join((*CLASSES, *NAMED))}, or the file of a picture, dark on white (default: the first '
                         'five)')
-    add_number(parser, '--areas', limits={'above': 0}, nargs='+', default=AREAS, metavar='TAXELS',
+    add_number(parser, '--areas', limits={'above': 0}, nargs='+', default=TOUCH_AREAS, metavar='TAXELS',
                help='of the contacts (default: 40 60 80)')
     add_number(parser, '--rounds', int, limits={'least': 1}, default=1, metavar='N', help='N touches of each shape and '
                'area, each at another place and angle, before the programme repeats (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='of the touches (default: %(default)s)')
-    add_number(parser, '--noise', limits={'most': 1}, default=NOISE, metavar='SD', help='standard deviation of each '
+    add_number(parser, '--noise', limits={'most': 1}, default=TAXEL_NOISE, metavar='SD', help='standard deviation of each '
                'taxel, as a share of the full scale (default: %(default)s)')
-    add_number(parser, '--hold', limits={'above': 0, 'unit': 's'}, default=HOLD, metavar='SECONDS',
+    add_number(parser, '--hold', limits={'above': 0, 'unit': 's'}, default=TOUCH_HOLD, metavar='SECONDS',
                help='for which each contact is held (default: %(default)s)')
     add_number(parser, '--slide', limits={'most': MOST_SLIDE, 'unit': 'm/s'}, default=0.0, metavar='SPEED', help='of a '
                'contact, there and back, while it is held, in metres a second, as 0.002 (default: it rests)')

@@ -22,9 +22,6 @@ def faults_text(faults: FaultyTaxels) -> str:
                      for kind, places in found.items() if places)
 
 
-LONGEST_STEP = 2.0  # s between two frames that still count as successive
-
-
 class PadCondition(NamedTuple):
     """What is known of a pad."""
 
@@ -101,7 +98,7 @@ class ConditionedPad:
         step, self._stamp = frame.stamp - self._stamp, frame.stamp
         if self.detector.has_changed or step < 0:
             self.unchanged = 0.0
-        elif step < LONGEST_STEP and np.isfinite(frame.values).any():
+        elif step < 2.0 and np.isfinite(frame.values).any():
             self.unchanged += step
 
     def _combine(self, found: FaultyTaxels) -> None:

@@ -9,9 +9,6 @@ import numpy as np
 from tactile_node.errors import ConfigurationError
 from tactile_node.read_only import read_only
 
-BYTES, HEAD = 64, 4096  #: that a file may have for each gain, and beside them
-WITHIN = (0.01, 100.0)  #: a gain beyond is a typing error or a dead taxel
-
 
 def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
     """Read gains, float32 (rows, cols), read-only, from .npy or from text: a row of the pad a line, commas or blanks.
@@ -21,7 +18,7 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
     where = f'gain file {path}'
     try:
         is_binary = str(path).endswith('.npy')
-        written = _read(Path(path), BYTES * rows * cols + HEAD)
+        written = _read(Path(path), most=64 * rows * cols + 4096)
         gains = np.load(BytesIO(written), allow_pickle=False) if is_binary else _text(written)
         if gains.dtype.kind not in 'iuf':
             raise ValueError(f'an array of {gains.dtype}')
@@ -33,7 +30,7 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
     if gains.shape != (rows, cols):
         raise ConfigurationError(where, expected=f'{rows} rows of {cols} gains, as the pad has taxels',
                                  got=f'shape {gains.shape}', remedy='Give the gains of this pad.')
-    low, high = WITHIN
+    low, high = 0.01, 100.0  # beyond is a typing error or a dead taxel
     wrong = ~((gains >= low) & (gains <= high))  # NaN too
     if wrong.any():
         row, col = np.argwhere(wrong)[0]

@@ -42,9 +42,6 @@ def drift_limit(given: float, unit: str, gains: np.ndarray | None = None) -> flo
 
 
 RAISED_TAXELS = 3  #: connected taxels that stand out make a contact; fewer may be faulty
-BACKGROUND = 0.25  #: quantile of the loads taken for what nothing presses: an object may cover the rest
-LOWEST = 0.05      #: quantile; BACKGROUND - LOWEST is 0.97 standard deviations of normal offsets
-SPREADS = 6.0      #: such distances above the background that no offset reaches
 
 
 class ContactGuard(NamedTuple):
@@ -82,8 +79,9 @@ class ContactGuard(NamedTuple):
     def _standing_out(self, mean: np.ndarray, known: np.ndarray) -> np.ndarray:
         if not known.any():
             return known
-        lowest, background = np.quantile(mean[known], (LOWEST, BACKGROUND))
-        raised = known & (mean >= background + max(self.raised, SPREADS * (background - lowest)))
+        # an object may cover three quarters; the distance is 0.97 standard deviations of normal offsets, six are none
+        lowest, background = np.quantile(mean[known], (0.05, 0.25))
+        raised = known & (mean >= background + max(self.raised, 6 * (background - lowest)))
         groups, count = label(raised, np.ones((3, 3)))
         sizes = np.bincount(groups.ravel(), minlength=count + 1)
         sizes[0] = 0
@@ -91,8 +89,6 @@ class ContactGuard(NamedTuple):
         return of_contacts
 
 
-FAULTY = (TaxelStatus.DEAD, TaxelStatus.FAULTY)
-SETTLING = 3  #: frames ignored after a device has zeroed itself: some were under way
 
 
 class ZeroState(PhrasedCode):
@@ -199,7 +195,8 @@ class TaredPad:
             if (drift := self.drift) is not None and is_valid:
                 zero = np.zeros_like(frame.values) if self.offset is None else self.offset
                 is_contact = bool(self._guard.pressed(frame.values[np.newaxis], zero).any())
-                self.offset = drift.update(frame.stamp, frame.values, zero, np.isin(frame.status, FAULTY), is_contact)
+                is_faulty = np.isin(frame.status, (TaxelStatus.DEAD, TaxelStatus.FAULTY))
+                self.offset = drift.update(frame.stamp, frame.values, zero, is_faulty, is_contact)
         if not is_valid:
             return without_any_value(frame)
         if self.offset is None:
@@ -242,7 +239,7 @@ class TaredPad:
                 self._zero_state, self.offset, self._boots = before
             raise
         try:
-            self._take_next(SETTLING, timeout)
+            self._take_next(3, timeout)  # some were under way
             return zeroed, self.tare(frames, limit, timeout)
         except BaseException:
             self._zero_state = ZeroState.DEVICE_NOT_CHECKED

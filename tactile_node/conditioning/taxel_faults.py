@@ -16,13 +16,13 @@ from tactile_node.yaml_section import load_mapping
 
 CONTACTS = 5          #: that must give evidence against a taxel, one after the other
 MIN_TOUCHED = 3       #: taxels that make a contact
-FALLEN = 0.6          #: of the taxels that rose in a contact have fallen when it is over
-RELEASED = 0.5        #: of the taxels pressed at its height may then still be: others' edges come and go in a grasp
+FALLEN_SHARE = 0.6    #: of the taxels that rose in a contact have fallen when it is over
+RELEASED_SHARE = 0.5  #: of the taxels pressed at its height may then still be: others' edges come and go in a grasp
 APART = 3.0           #: taxels by which the centres of these contacts must differ, for a dead taxel
 ALIVE = 0.1           #: x limit: a taxel that reads so much has felt something
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
-JUMP = 2.0            #: x limit: a change from one frame to the next that counts as a jump
-ALONE = 0.5           #: x limit: a jump is alone when no neighbour changes by so much in the same frame
+JUMP_SHARE = 2.0            #: x limit: a change from one frame to the next that counts as a jump
+ALONE_SHARE = 0.5           #: x limit: a jump is alone when no neighbour changes by so much in the same frame
 FLICKER_TIME = 5.0    #: s over which lone jumps are counted
 FLICKER_JUMPS = 40    #: lone jumps within that time, and
 FLICKER_SHARE = 0.25  #: of the frames within it
@@ -122,12 +122,12 @@ class FaultDetector:
         was_flickering, fading = self._is_flickering(), np.exp(-max(passed, 0.0) / FLICKER_TIME)
         self._jumps *= fading
         self._frames = self._frames * fading + 1
-        jumps = change >= JUMP * self.limit
+        jumps = change >= JUMP_SHARE * self.limit
         if jumps.any():
             others = np.where(unknown | self._pressed, np.inf, np.nan_to_num(change))
             others[self.faults.kinds != 0] = 0
             others = maximum_filter(others, footprint=NEIGHBOURS, mode='constant')
-            self._jumps[jumps & (others < ALONE * self.limit)] += 1
+            self._jumps[jumps & (others < ALONE_SHARE * self.limit)] += 1
         return bool((was_flickering != self._is_flickering()).any())
 
     def _is_flickering(self) -> np.ndarray:
@@ -137,7 +137,8 @@ class FaultDetector:
         risen, pressed = int(np.count_nonzero(self._risen)), int(np.count_nonzero(self._pressed))
         self._height = max(self._height, pressed)
         fallen = np.count_nonzero(self._risen & ~self._pressed)
-        return bool(risen >= MIN_TOUCHED and pressed <= RELEASED * self._height and fallen >= FALLEN * risen)
+        return bool(risen >= MIN_TOUCHED and pressed <= RELEASED_SHARE * self._height
+                    and fallen >= FALLEN_SHARE * risen)
 
     def _count_contact(self) -> None:
         touched, self._risen, self._height = self._risen, np.zeros_like(self._risen), 0
@@ -191,11 +192,11 @@ def _surrounded(mask: np.ndarray) -> np.ndarray:
     return found
 
 
-ABOUT = 'a file of faulty taxels'
-HEAD = '''# Faulty taxels, [row, col], as the skin driver found them. They are NaN from the first frame on.
+FILE_CONTENT = 'a file of faulty taxels'
+FILE_HEAD = '''# Faulty taxels, [row, col], as the skin driver found them. They are NaN from the first frame on.
 # Remove one to have it evaluated again; add one that you know to be faulty.
 '''
-KINDS = tuple(kind for kind in TaxelFault if kind)
+FAULT_KINDS = tuple(kind for kind in TaxelFault if kind)
 
 
 def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[str, FaultyTaxels]:
@@ -205,11 +206,11 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
     """
     kinds, path = {name: np.zeros(shape, np.uint8) for name, shape in pads.items()}, _usable(path)
     if path.exists():
-        top = load_mapping(path, ABOUT)
+        top = load_mapping(path, FILE_CONTENT)
         section = top.section('pads')
         for name, (rows, cols) in pads.items():
             given = section.section(name, {})
-            for kind in KINDS:
+            for kind in FAULT_KINDS:
                 key = kind.name.lower()
                 for taxel in given.sequence(key, []):
                     row, col = given.checked_integers(key, taxel, count=2, low=0, high=max(rows, cols) - 1)
@@ -225,15 +226,16 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
 def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
     """Write the faulty taxels of these pads; entries of other pads stay. Raises ConfigurationError."""
     path = _usable(path)
-    pads = load_mapping(path, ABOUT).take('pads', {}) if path.exists() else {}
+    pads = load_mapping(path, FILE_CONTENT).take('pads', {}) if path.exists() else {}
     if not isinstance(pads, dict):
-        raise ConfigurationError(str(path), expected=ABOUT, got='another one', remedy='Name another file.')
-    pads |= {name: {kind.name.lower(): [list(place) for place in found.places(kind)] for kind in KINDS}
+        raise ConfigurationError(str(path), expected=FILE_CONTENT, got='another one', remedy='Name another file.')
+    pads |= {name: {kind.name.lower(): [list(place) for place in found.places(kind)] for kind in FAULT_KINDS}
              for name, found in faults.items()}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with output_file(path) as stream:
-            stream.write((HEAD + yaml.safe_dump({'pads': pads}, default_flow_style=None, sort_keys=False)).encode())
+            content = yaml.safe_dump({'pads': pads}, default_flow_style=None, sort_keys=False)
+            stream.write((FILE_HEAD + content).encode())
     except (OSError, InputError) as error:
         got = error.got if isinstance(error, InputError) else error.strerror or str(error)
         raise ConfigurationError(str(path), expected='a file that can be written', got=got,

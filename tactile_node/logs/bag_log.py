@@ -1,6 +1,6 @@
 """CAN frames in ROS 2 bags, as can_msgs/msg/Frame: .mcap, .db3 (rosbag2), or a bag's folder. Knows no ROS.
 
-MCAP is written in chunks of CHUNK bytes, and of those since the last flush: a file cut short is read up to the cut, and
+MCAP is written in chunks of CHUNK_BYTES, and of those since the last flush: a file cut short is read up to the cut, and
 damage costs the chunk in which it is. Python's libraries that write bags for others (rosbags) give chunks no checksum.
 """
 
@@ -11,21 +11,20 @@ import can
 import numpy as np
 
 from tactile_node.errors import LogError
-from tactile_node.logs.bag_records import MSG, OnDamage, Recorded, begin_of, decompressed, library, records_of
+from tactile_node.logs.bag_records import MSG_ENCODING, OnDamage, Recorded, begin_of, decompressed, library, records_of
 from tactile_node.logs.damage import Damage, DamageKind
 from tactile_node.logs.replay_times import SECOND, WHOLE, Window
 
-TYPE, TOPIC = 'can_msgs/msg/Frame', 'from_can_bus'  # the topic is that of ros2_socketcan
-#: As the package can_msgs defines it
-DEFINITION = '''std_msgs/Header header
+CAN_TYPE, CAN_TOPIC = 'can_msgs/msg/Frame', 'from_can_bus'  # the topic is that of ros2_socketcan
+#: of CAN_TYPE as the package can_msgs has it, with what it contains
+CAN_DEFINITION = '''std_msgs/Header header
 uint32 id
 bool is_rtr
 bool is_extended
 bool is_error
 uint8 dlc
 uint8[8] data
-'''
-HEADER = '''================================================================================
+================================================================================
 MSG: std_msgs/Header
 builtin_interfaces/Time stamp
 string frame_id
@@ -36,7 +35,7 @@ uint32 nanosec
 '''
 #: bytes, uncompressed: 0.5 s of a full bus of 1 Mbit/s, as much as a killed recording loses. Damage to a larger one
 #: costs more, and smaller ones give larger files.
-CHUNK = 1 << 18
+CHUNK_BYTES = 1 << 18
 
 
 class BagCanReader:
@@ -58,13 +57,13 @@ class BagCanReader:
         try:
             for recorded in records_of(self._path, self._on_damage, *bounds):
                 self._seen.setdefault(recorded.topic, recorded.type)
-                if recorded.type == TYPE:
+                if recorded.type == CAN_TYPE:
                     given += 1
                     yield from self._decoded(recorded)
         finally:
-            if not given and self._seen and TYPE not in self._seen.values():
+            if not given and self._seen and CAN_TYPE not in self._seen.values():
                 topics = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self._seen.items()))
-                raise LogError(str(self._path), expected=f'a topic of type {TYPE}', got=topics,
+                raise LogError(str(self._path), expected=f'a topic of type {CAN_TYPE}', got=topics,
                                remedy='Record the topic of your CAN driver, such as /from_can_bus of ros2_socketcan.')
 
     def _decoded(self, recorded: Recorded) -> Iterator[can.Message]:
@@ -95,10 +94,10 @@ class McapCanWriter:
         self.file = open(path, 'wb')
         self._types = types
         self._sequence = 0
-        self._writer = writer.Writer(self.file, chunk_size=CHUNK)
+        self._writer = writer.Writer(self.file, chunk_size=CHUNK_BYTES)
         self._writer.start(profile='ros2', library='tactile_skin')
-        schema = self._writer.register_schema(TYPE, MSG, (DEFINITION + HEADER).encode())
-        self._channel = self._writer.register_channel(TOPIC, 'cdr', schema)
+        schema = self._writer.register_schema(CAN_TYPE, MSG_ENCODING, CAN_DEFINITION.encode())
+        self._channel = self._writer.register_channel(CAN_TOPIC, 'cdr', schema)
         self._repeat_types(schema, library('mcap.records', path), library('mcap.data_stream', path))
 
     def on_message_received(self, message: can.Message) -> None:
@@ -114,8 +113,8 @@ class McapCanWriter:
     def _repeat_types(self, schema: int, records, streams) -> None:
         """Before the first chunk, which has them, too: damage to it does not take all others their meaning."""
         builder = streams.RecordBuilder()
-        records.Schema(id=schema, name=TYPE, encoding=MSG, data=(DEFINITION + HEADER).encode()).write(builder)
-        records.Channel(id=self._channel, topic=TOPIC, message_encoding='cdr', metadata={},
+        records.Schema(id=schema, name=CAN_TYPE, encoding=MSG_ENCODING, data=CAN_DEFINITION.encode()).write(builder)
+        records.Channel(id=self._channel, topic=CAN_TOPIC, message_encoding='cdr', metadata={},
                         schema_id=schema).write(builder)
         self.file.write(builder.end())
 
@@ -135,12 +134,12 @@ class _Types:
         typesys = library('rosbags.typesys', path)
         # all types of a ROS distribution take 0.2 s, in which a recording that rotates would stand still
         self._store = typesys.get_typestore(typesys.Stores.EMPTY)
-        self._store.register(typesys.get_types_from_msg(DEFINITION + HEADER, TYPE))
-        self._frame = self._store.types[TYPE]
+        self._store.register(typesys.get_types_from_msg(CAN_DEFINITION, CAN_TYPE))
+        self._frame = self._store.types[CAN_TYPE]
 
     def message(self, recorded: Recorded) -> can.Message:
         """Stamped as the CAN driver did, or when it was recorded where it did not."""
-        frame = self._store.deserialize_cdr(decompressed(recorded.cdr), TYPE)
+        frame = self._store.deserialize_cdr(decompressed(recorded.cdr), CAN_TYPE)
         stamp = frame.header.stamp
         time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND
         data = bytes(frame.data[:min(frame.dlc, 8)])
@@ -155,4 +154,4 @@ class _Types:
         frame = self._frame(header=header, id=message.arbitration_id, is_rtr=message.is_remote_frame,
                             is_extended=message.is_extended_id, is_error=message.is_error_frame, dlc=message.dlc,
                             data=np.frombuffer(data, np.uint8))
-        return bytes(self._store.serialize_cdr(frame, TYPE))
+        return bytes(self._store.serialize_cdr(frame, CAN_TYPE))

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from tactile_node.errors import LogError
 from tactile_node.logs.damage import Damage, DamageKind
-from tactile_node.logs.series import SUFFIXES, Part, files_of, parts_of
-
-CHUNK = 1 << 20  # bytes
+from tactile_node.logs.replay_times import SECOND
+from tactile_node.logs.series import BAG_SUFFIXES, Part, files_of, parts_of
 
 
 def message_count(path: str | Path, types: Collection[str]) -> int | None:
@@ -34,7 +33,7 @@ def message_count(path: str | Path, types: Collection[str]) -> int | None:
 
 def _lines(path: Path) -> int:
     with gzip.open(path) if path.suffix == '.gz' else open(path, 'rb') as stream:
-        return sum(chunk.count(b'\n') for chunk in iter(lambda: stream.read(CHUNK), b''))
+        return sum(chunk.count(b'\n') for chunk in iter(lambda: stream.read(1 << 20), b''))
 
 
 def _count_of_mcap(path: Path, types: Collection[str]) -> int:
@@ -50,10 +49,7 @@ def _count_of_mcap(path: Path, types: Collection[str]) -> int:
 if TYPE_CHECKING:
     from tactile_node.logs.mcap_file import McapFile
 
-ZSTANDARD = b'\x28\xB5\x2F\xFD'  # RFC 8878: how such data begin; CDR begins with 00
-MSG = 'ros2msg'  #: the encoding of definitions that are written as .msg files
-SECOND = 1_000_000_000  # ns
-DISORDER = SECOND  # ns: messages are recorded in a wrong order by less
+MSG_ENCODING = 'ros2msg'  #: the encoding of definitions that are written as .msg files
 OnDamage = Callable[[Damage], None]
 
 
@@ -69,7 +65,7 @@ class Recorded(NamedTuple):
 
 def is_bag(path: str | Path) -> bool:
     """Whether it is to be read as a bag: by suffix, or a folder."""
-    return Path(path).suffix in SUFFIXES or Path(path).is_dir()
+    return Path(path).suffix in BAG_SUFFIXES or Path(path).is_dir()
 
 
 def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int | None = None) -> Iterator[Recorded]:
@@ -84,7 +80,7 @@ def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int
             damages.append(found)
             continue
         if until is not None and found.time >= until:
-            if found.time >= until + DISORDER:
+            if found.time >= until + SECOND:  # messages are recorded in a wrong order by less
                 break
             continue
         if damages:
@@ -122,7 +118,7 @@ def topics_of(path: str | Path) -> dict[str, str]:
 
 def decompressed(data: bytes) -> bytes:
     """``ros2 bag record --compression-mode message`` compresses each message alone."""
-    if not data.startswith(ZSTANDARD):
+    if not data.startswith(b'\x28\xB5\x2F\xFD'):  # RFC 8878; CDR begins with 00
         return data
     return import_module('zstandard').ZstdDecompressor().decompressobj().decompress(data)
 
@@ -180,7 +176,7 @@ def opened_mcap(path: Path) -> Iterator['McapFile']:
 
 
 def _definition(schema) -> str:
-    return schema.data.decode('utf-8', 'replace') if schema.encoding == MSG else ''
+    return schema.data.decode('utf-8', 'replace') if schema.encoding == MSG_ENCODING else ''
 
 
 def _topics_of_mcap(path: Path) -> dict[str, str]:
@@ -220,6 +216,6 @@ def _definitions(base: sqlite3.Connection) -> dict[str, str]:
     """By type; bags before ROS 2 Iron have no such table."""
     try:
         return dict(base.execute('SELECT topic_type, encoded_message_definition FROM message_definitions '
-                                 'WHERE encoding = ?', (MSG,)))
+                                 'WHERE encoding = ?', (MSG_ENCODING,)))
     except sqlite3.OperationalError:
         return {}

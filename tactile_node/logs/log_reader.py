@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: `candump -L`
 CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: `candump can0`, for people
 SET_BACK = 1.0  # s: two frames of one clock are recorded in a wrong order by less
-FAR = 10.0      # s ahead of the frame before: between two frames of a skin at work there is less
+FAR_AHEAD = 10.0      # s ahead of the frame before: between two frames of a skin at work there is less
 
 
 def _reader(path: str, on_unread: Callable[[str], None]) -> MessageReader:
@@ -170,7 +170,7 @@ class CanLogReader:
 
 
 def without_strays(messages: Iterable[can.Message], on_stray: Callable[[can.Message], None]) -> Iterator[can.Message]:
-    """Leave out each frame that alone lies FAR ahead of its neighbours, or SET_BACK behind; ``on_stray`` gets it.
+    """Leave out each frame that alone lies FAR_AHEAD ahead of its neighbours, or SET_BACK behind; ``on_stray`` gets it.
 
     Where a clock was set, or the bus was at rest, the next frame follows the new time.
 
@@ -202,4 +202,4 @@ def _is_stray(last: float | None, stamp: float, following: float) -> bool:
 
 
 def _fits(stamp: float, last: float) -> bool:
-    return last - SET_BACK <= stamp <= last + FAR
+    return last - SET_BACK <= stamp <= last + FAR_AHEAD

@@ -8,15 +8,14 @@ from typing import Any
 import can
 
 from tactile_node.errors import LogError
-from tactile_node.logs.bag_log import CHUNK, McapCanWriter
+from tactile_node.logs.bag_log import CHUNK_BYTES, McapCanWriter
 from tactile_node.logs.series import files_of, following, part, suffix_of
 
 logger = logging.getLogger(__name__)
 
-SUFFIXES = ('.log', '.log.gz', '.mcap')  #: what is written
+WRITTEN_SUFFIXES = ('.log', '.log.gz', '.mcap')  #: what is written
 FLUSH_PERIOD = 0.5  # s: what a killed recording loses at most
 MEGABYTE = 1_000_000  # bytes
-LOOK_EVERY = 256  # CAN frames between two looks at the size of a file that is limited
 
 
 class LogFile:
@@ -42,7 +41,7 @@ class LogFile:
 
     def reaches(self, largest: int) -> bool:
         """Return whether the file has ``largest`` bytes, with all that was written so far. Raises OSError."""
-        if isinstance(self.writer, McapCanWriter) and self.writer.file.tell() + CHUNK < largest:
+        if isinstance(self.writer, McapCanWriter) and self.writer.file.tell() + CHUNK_BYTES < largest:
             return False  # without a flush, which would end its chunk
         self.flush()
         return self._size >= largest
@@ -154,7 +153,7 @@ class CanLogWriter:
 
     def _limit(self, file: LogFile) -> None:
         """Begin the next file where this one is large enough."""
-        if not self._largest or file.can_frames % LOOK_EVERY or not self._is_full(file) or not self._close(file):
+        if not self._largest or file.can_frames % 256 or not self._is_full(file) or not self._close(file):
             return
         try:
             path = part(self.path, self._part + 1)
@@ -205,9 +204,9 @@ class CanLogWriter:
 
 def _check_suffix(path: Path) -> None:
     suffix = suffix_of(path)
-    if suffix.lower() not in SUFFIXES:
+    if suffix.lower() not in WRITTEN_SUFFIXES:
         log = f'{str(path).removesuffix(suffix)}.log'
-        raise LogError(str(path), expected=f'a log file that can be written: {", ".join(SUFFIXES)}',
+        raise LogError(str(path), expected=f'a log file that can be written: {", ".join(WRITTEN_SUFFIXES)}',
                        got=f'the suffix {suffix!r}' if suffix else 'no suffix',
                        remedy=f'Record to {log}; python-can makes other formats of it: '
                               f'python -m can.logconvert {log} {path}.' if suffix else 'Name it session.log.')

@@ -37,7 +37,7 @@ from tactile_node.skin.eds_rules import Identity
 from tactile_node.skin.layout import TpdoLayout
 from tactile_node.skin.pads import PadSettings
 
-WATCHED = (range(IDENTITY, IDENTITY + 1), range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS),
+WATCHED_OBJECTS = (range(IDENTITY, IDENTITY + 1), range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS),
            range(TPDO_MAPPING, TPDO_MAPPING + MAX_TPDOS))
 
 
@@ -158,7 +158,7 @@ class _Node:
 def _object_of(data: bytes) -> tuple[int, int] | None:
     """Index and sub-index of an SDO frame, where they are watched; a segment has none, but may look like it."""
     index = int.from_bytes(data[1:3], 'little')
-    if len(data) != SDO_BYTES or not any(index in indices for indices in WATCHED):
+    if len(data) != SDO_BYTES or not any(index in indices for indices in WATCHED_OBJECTS):
         return None
     return index, data[3]
 

@@ -27,16 +27,14 @@ from mcap.summary import Summary
 from tactile_node.logs.damage import Damage, DamageKind
 
 MAGIC = b'\x89MCAP0\r\n'
-HEAD = struct.Struct('<BQ')     #: of a record: opcode, length of its content [bytes]
+RECORD_HEAD = struct.Struct('<BQ')     #: of a record: opcode, length of its content [bytes]
 _FOOTER = struct.Struct('<QQI')  # begin of the summary, of its offsets, checksum of both up to here
-TAIL = HEAD.size + _FOOTER.size + len(MAGIC)  # bytes: the footer and what ends the file
-LENGTHS = {Opcode.FOOTER: _FOOTER.size, Opcode.DATA_END: 4}  #: [bytes]
+TAIL_BYTES = RECORD_HEAD.size + _FOOTER.size + len(MAGIC)  # bytes: the footer and what ends the file
+FIXED_LENGTHS = {Opcode.FOOTER: _FOOTER.size, Opcode.DATA_END: 4}  #: [bytes]
 OPCODES = frozenset(Opcode)
-APPLICATIONS = 0x80  # opcodes from here on are theirs
-COMPRESSIONS = '', 'lz4', 'zstd'
 CHUNK_SIZE = 40    # bytes of a chunk beside its records and the name of its compression
-LARGEST = 1 << 30  # bytes of a record, uncompressed; a damaged head may claim any number
-WINDOW = 1 << 20   # bytes
+LARGEST_RECORD = 1 << 30  # bytes of a record, uncompressed; a damaged head may claim any number
+SEARCH_BYTES = 1 << 20   # bytes
 #: where a chunk may begin: opcode, a length below 2**40, and after times, size and checksum the compression's name
 _CHUNK_HEAD = re.compile(rb'(?s)\x06(?=.{5}\0\0\0.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd))')
 
@@ -55,9 +53,9 @@ class McapFile:
 
     def __init__(self, file: int, name: str):
         self._file, self._name, self._size = file, name, os.fstat(file).st_size
-        tail = os.pread(file, TAIL, max(self._size - TAIL, 0))
+        tail = os.pread(file, TAIL_BYTES, max(self._size - TAIL_BYTES, 0))
         self._has_end = tail.endswith(MAGIC)
-        self.summary = self._read_summary(tail) if self._has_end and len(tail) == TAIL else None
+        self.summary = self._read_summary(tail) if self._has_end and len(tail) == TAIL_BYTES else None
         self._schemas: dict[int, Schema] = {} if self.summary is None else self.summary.schemas
         self._channels: dict[int, Channel] = {} if self.summary is None else self.summary.channels
 
@@ -79,8 +77,8 @@ class McapFile:
             yield Damage(DamageKind.RECORDS, self._name, detail=f'{read} of {statistics.message_count} messages')
 
     def _read_summary(self, tail: bytes) -> Summary | None:
-        begin, _, checksum = _FOOTER.unpack_from(tail, HEAD.size)
-        content = os.pread(self._file, max(self._size - TAIL - begin, 0), begin) if begin < self._size else b''
+        begin, _, checksum = _FOOTER.unpack_from(tail, RECORD_HEAD.size)
+        content = os.pread(self._file, max(self._size - TAIL_BYTES - begin, 0), begin) if begin < self._size else b''
         if not content or checksum not in (0, zlib.crc32(content + tail[:-len(MAGIC) - 4])):
             return None
         try:
@@ -95,8 +93,8 @@ class McapFile:
             if index.message_end_time < since:
                 continue
             record = os.pread(self._file, index.chunk_length, index.chunk_start_offset)
-            chunk = _chunk_of(record[HEAD.size:])
-            if chunk is None or HEAD.unpack_from(record)[1] != index.chunk_length - HEAD.size:
+            chunk = _chunk_of(record[RECORD_HEAD.size:])
+            if chunk is None or RECORD_HEAD.unpack_from(record)[1] != index.chunk_length - RECORD_HEAD.size:
                 yield Damage(DamageKind.RECORDS, self._name, 1, index.chunk_length)
             else:
                 yield from self._read_chunk(chunk, since)
@@ -105,13 +103,13 @@ class McapFile:
         at: int | None = len(MAGIC)
         while at is not None:
             opcode, length = self._head(at) or (None, 0)
-            end = at + HEAD.size + length
+            end = at + RECORD_HEAD.size + length
             record = os.pread(self._file, end - at, at)
-            chunk = _chunk_of(record[HEAD.size:])
+            chunk = _chunk_of(record[RECORD_HEAD.size:])
             if chunk is not None:
                 if chunk.message_end_time >= since or self.summary is not None or not self._channels:
                     yield from self._read_chunk(chunk, since)
-            elif opcode in LENGTHS:
+            elif opcode in FIXED_LENGTHS:
                 return
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
                 yield from self._read_chunk(Chunk('', record, 0, 0, 0, end - at), since, is_chunk=False)
@@ -126,27 +124,29 @@ class McapFile:
 
     def _head(self, at: int) -> tuple[int, int] | None:
         """Return opcode and length of the record at ``at``; None where none can be that lies within the file."""
-        head = os.pread(self._file, HEAD.size, at)
-        if len(head) < HEAD.size:
+        head = os.pread(self._file, RECORD_HEAD.size, at)
+        if len(head) < RECORD_HEAD.size:
             return None
-        opcode, length = HEAD.unpack(head)
-        is_known = opcode in OPCODES or opcode >= APPLICATIONS
-        fits = length <= min(LARGEST, self._size - at - HEAD.size) and length == LENGTHS.get(opcode, length)
+        opcode, length = RECORD_HEAD.unpack(head)
+        is_known = opcode in OPCODES or opcode >= 0x80  # those of applications
+        fits = (length <= min(LARGEST_RECORD, self._size - at - RECORD_HEAD.size)
+                and length == FIXED_LENGTHS.get(opcode, length))
         return (opcode, length) if is_known and fits else None
 
     def _next_chunk(self, at: int) -> int | None:
-        for begin in range(at, self._size, WINDOW):
-            for match in _CHUNK_HEAD.finditer(os.pread(self._file, WINDOW + HEAD.size + CHUNK_SIZE, begin)):
+        for begin in range(at, self._size, SEARCH_BYTES):
+            content = os.pread(self._file, SEARCH_BYTES + RECORD_HEAD.size + CHUNK_SIZE, begin)
+            for match in _CHUNK_HEAD.finditer(content):
                 found = begin + match.start()
                 head = self._head(found)
-                if head is not None and _chunk_of(os.pread(self._file, head[1], found + HEAD.size)) is not None:
+                if head is not None and _chunk_of(os.pread(self._file, head[1], found + RECORD_HEAD.size)) is not None:
                     return found
         return None
 
     def _read_chunk(self, chunk: Chunk, since: int, is_chunk: bool = True) -> Iterator[Stored | Damage]:
         size = len(chunk.data)
         try:
-            if chunk.uncompressed_size > LARGEST:
+            if chunk.uncompressed_size > LARGEST_RECORD:
                 raise ValueError(f'a chunk of {chunk.uncompressed_size} bytes')
             found = breakup_chunk(chunk, validate_crc=True)
         except Exception as error:  # the library lets struct's, lz4's and zstandard's through beside its own
@@ -179,4 +179,4 @@ def _chunk_of(content: bytes) -> Chunk | None:
         return None
     begin = CHUNK_SIZE + len(chunk.compression)
     announced = int.from_bytes(content[begin - 8:begin], 'little')  # the library takes less, too
-    return chunk if chunk.compression in COMPRESSIONS and begin + announced == len(content) else None
+    return chunk if chunk.compression in ('', 'lz4', 'zstd') and begin + announced == len(content) else None

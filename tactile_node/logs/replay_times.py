@@ -11,8 +11,8 @@ from typing import NamedTuple
 logger = logging.getLogger(__name__)
 
 LONGEST_WAIT = 10.0  # s: a longer gap in a log is not waited for
-RESOLUTION = 1e-3  #: s: what is played within it shares an entry
-LENGTH = 4096      #: entries, so at least 4 s of playing
+PLAYED_RESOLUTION = 1e-3  #: s: what is played within it shares an entry
+MOST_ENTRIES = 4096      #: entries, so at least 4 s of playing
 
 
 class RecordedPace:
@@ -41,16 +41,16 @@ class PlayedTimes:
 
     def __init__(self, steady: Callable[[], float] = time.monotonic):
         self._steady = steady
-        self._entries: deque[tuple[float, float]] = deque(maxlen=LENGTH)  # first stamp, when it was played
+        self._entries: deque[tuple[float, float]] = deque(maxlen=MOST_ENTRIES)  # first stamp, when it was played
 
     def note(self, stamp: float) -> None:
         """``stamp`` is played now."""
         now = self._steady()
-        if not self._entries or now - self._entries[-1][1] >= RESOLUTION:
+        if not self._entries or now - self._entries[-1][1] >= PLAYED_RESOLUTION:
             self._entries.append((stamp, now))
 
     def age(self, stamp: float) -> float:
-        """Return the time since ``stamp`` was played [s], to RESOLUTION; what came before all entries is older."""
+        """Return the time since ``stamp`` was played [s], to PLAYED_RESOLUTION; more before all entries."""
         now = self._steady()
         played = next((at for first, at in reversed(self._entries) if first <= stamp), None)
         if played is None:

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import yaml
 
-SUFFIXES = ('.mcap', '.db3')  #: of bags
-METADATA = 'metadata.yaml'    #: of a bag's folder, by rosbag2
+BAG_SUFFIXES = ('.mcap', '.db3')  #: of bags
 
 
 class Part(NamedTuple):
@@ -66,7 +65,7 @@ def suffix_of(path: Path) -> str:
 
 
 def _of_folder(folder: Path) -> tuple[Part, ...]:
-    there = {file.name for file in folder.iterdir() if file.suffix in SUFFIXES}
+    there = {file.name for file in folder.iterdir() if file.suffix in BAG_SUFFIXES}
     names = there | _recorded(folder)
     return tuple(Part(folder / name, name in there)
                  for name in sorted(names, key=lambda name: (len(name), name)))  # bag_2 before bag_10
@@ -75,8 +74,8 @@ def _of_folder(folder: Path) -> tuple[Part, ...]:
 def _recorded(folder: Path) -> set[str]:
     """Files that the folder's metadata name, where it has some; a recording that was killed has none."""
     try:
-        content = yaml.safe_load((folder / METADATA).read_text(encoding='utf-8'))
+        content = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))  # by rosbag2
         named = content['rosbag2_bagfile_information']['relative_file_paths']
-        return {Path(name).name for name in named if Path(name).suffix in SUFFIXES}
+        return {Path(name).name for name in named if Path(name).suffix in BAG_SUFFIXES}
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):
         return set()

@@ -8,12 +8,12 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_node.errors import LogError
-from tactile_node.logs.bag_log import TYPE as CAN_TYPE
+from tactile_node.logs.bag_log import CAN_TYPE
 from tactile_node.logs.bag_records import (
     Recorded,
     begin_of,
@@ -27,10 +27,8 @@ from tactile_node.logs.damage import Damage, DamageKind, damage_text
 from tactile_node.logs.replay_times import SECOND, WHOLE, Window
 from tactile_node.package_files import package_file
 from tactile_node.read_only import read_only
-from tactile_node.skin.taxel_array import check_taxel_array
+from tactile_node.skin.taxel_array import Time, check_taxel_array
 from tactile_node.taxel_frame import TaxelFrame, TpdoAges
-
-NANOSECONDS = 10**9
 
 
 class PadGeometry(NamedTuple):
@@ -45,15 +43,8 @@ class PadGeometry(NamedTuple):
     layer_deviation: float = 0.0  #: standard deviation of its logarithm
 
 
-class Stamp(Protocol):
-    """builtin_interfaces/Time."""
-
-    sec: int
-    nanosec: int
-
-
-def seconds(stamp: Stamp) -> float:
-    return stamp.sec + stamp.nanosec / NANOSECONDS
+def seconds(stamp: Time) -> float:
+    return stamp.sec + stamp.nanosec / SECOND
 
 
 def geometry_of(message) -> PadGeometry:
@@ -82,8 +73,6 @@ PACKAGE = 'tactile_skin'
 TAXELS, SHAPE, STATUS = (f'{PACKAGE}/msg/{name}' for name in ('TaxelArray', 'ContactShape', 'SkinStatus'))
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 TYPES = TAXELS, SHAPE, STATUS, DIAGNOSTICS
-#: Of msg/, each after those that it contains
-DEFINITIONS = ('TaxelArray', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus')
 
 
 class PadFrame(NamedTuple):
@@ -233,7 +222,8 @@ class _Types:
 
     @cached_property
     def _ours(self) -> Any:
-        return message_types(self._typesys, DEFINITIONS)
+        return message_types(self._typesys, (  # each after those that it contains
+            'TaxelArray', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus'))
 
 
 def message_types(typesys: Any, names: Iterable[str]) -> Any:

@@ -16,7 +16,7 @@ from tactile_node.errors import InputError
 from tactile_node.read_only import read_only
 from tactile_node.simulator.world import PAD
 
-CELLS = 192  #: along the square, x and y from -1 to 1, that a named figure is drawn in
+DRAWN_CELLS = 192  #: along the square, x and y from -1 to 1, that a named figure is drawn in
 LEAST_CELLS = 30  #: of a silhouette: fewer have no outline worth pressing
 MOST_SIDE = 2048  #: of a silhouette's rows and columns
 
@@ -103,7 +103,7 @@ def named_silhouette(name: str) -> Silhouette:
     if name not in NAMED:
         raise InputError('figure', expected=f'one of {", ".join(NAMED)}', got=repr(name),
                          remedy='Give a picture of it to press another one.')
-    y, x = (np.mgrid[:CELLS, :CELLS] + 0.5) * (2 / CELLS) - 1
+    y, x = (np.mgrid[:DRAWN_CELLS, :DRAWN_CELLS] + 0.5) * (2 / DRAWN_CELLS) - 1
     return silhouette_of(name, NAMED[name](x, y))
 
 
@@ -144,7 +144,6 @@ NAMED: Mapping[str, Drawing] = MappingProxyType({
 
 
 SUBSAMPLES = 8  #: a taxel's coverage is counted on 8×8 points
-HALF_DIAGONAL = 0.708  #: of a taxel [pitches]
 
 
 class Touching(Protocol):
@@ -182,7 +181,8 @@ def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
     y, x = np.indices((rows, cols))[(slice(None), *near)].astype(float)
     depth = contact.depth(x, y)
     part = (depth >= 0).astype(float)
-    rim = np.abs(depth) < HALF_DIAGONAL  # only there a taxel can be covered in part
+    # half of a taxel's diagonal
+    rim = np.abs(depth) < 0.708  # only there a taxel can be covered in part
     step = (np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5
     dy, dx = (offset.reshape(-1) for offset in np.meshgrid(step, step, indexing='ij'))
     part[rim] = (contact.depth(x[rim][:, None] + dx, y[rim][:, None] + dy) >= 0).mean(1)

@@ -80,9 +80,6 @@ def guarded(call: Callable[..., None], *args: object) -> None:
         logger.exception('a participant of the simulated wire')
 
 
-IDLE = 0.5  #: s
-
-HandOver = Callable[[Sequence[Frame]], None]
 
 
 class LiveSegment(Segment):
@@ -93,8 +90,8 @@ class LiveSegment(Segment):
     controller. ``submit``, ``send`` and ``report`` are for any thread.
     """
 
-    def __init__(self, wire: Wire, hand_over: HandOver, lost: Callable[[], int] = lambda: 0, batch: float = 0.0,
-                 is_shared: bool = False):
+    def __init__(self, wire: Wire, hand_over: Callable[[Sequence[Frame]], None], lost: Callable[[], int] = lambda: 0,
+                 batch: float = 0.0, is_shared: bool = False):
         super().__init__(wire)
         self.now = time.monotonic()
         self._hand_over = hand_over
@@ -174,7 +171,7 @@ class LiveSegment(Segment):
 
     def _pause(self, now: float) -> float:
         """Until all is carried that waits, but not much longer than until the next frame ends [s]."""
-        due = min(max(self.wire.next_end, min(self.wire.busy_until, now + self._batch)), self.next_timer, now + IDLE)
+        due = min(max(self.wire.next_end, min(self.wire.busy_until, now + self._batch)), self.next_timer, now + 0.5)
         return due - now
 
     def _flush(self) -> None:

@@ -96,8 +96,6 @@ class PeriodicFrame(PeriodicMessageTask):
         self._is_stopped = True
 
 
-MOST_WAIT = 1.0  #: s
-
 
 class WireGateway:
     """What the host sends on ``bus`` takes its place on the wire; what devices send is handed over as it ends.
@@ -130,7 +128,7 @@ class WireGateway:
 
     def wait_until_idle(self) -> None:
         """Return when the wire has carried what waits, unless it is kept busy."""
-        self._segment.wait_until_idle(MOST_WAIT)
+        self._segment.wait_until_idle(timeout=1.0)
 
     def stop(self) -> None:
         self._segment.stop()

@@ -23,7 +23,6 @@ from tactile_node.errors import ConfigurationError
 OK, REFUSED = b'\r', b'\a'
 # Bytes not yet read by the other side; beyond this frames are lost, as in an adapter
 MAX_WAITING = 1 << 16
-VERSION, SERIAL = b'V1013\r', b'NTS01\r'
 #: bit/s by command
 BIT_RATES = {b'S0': 10_000, b'S1': 20_000, b'S2': 50_000, b'S3': 100_000, b'S4': 125_000, b'S5': 250_000,
              b'S6': 500_000, b'S7': 800_000, b'S8': 1_000_000}
@@ -112,7 +111,7 @@ class SlcanPty(can.BusABC):
         if command in (b'O', b'L', b'C'):
             self._is_silent = command == b'L'
             return self._set_open(command != b'C')
-        return {b'V': VERSION, b'N': SERIAL, b'F': b'F00\r'}.get(command,
+        return {b'V': b'V1013\r', b'N': b'NTS01\r', b'F': b'F00\r'}.get(command,
                                                                  OK if command in b'SsMmZX' else REFUSED)
 
     def _set_open(self, is_open: bool) -> bytes:

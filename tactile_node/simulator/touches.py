@@ -15,8 +15,7 @@ from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings
 
 RAMP = 0.1  # s of pressing and of letting go
-MEAN_PRESSURE = 0.6  # of full scale
-AREAS = (40.0, 60.0, 80.0)  # taxels
+TOUCH_AREAS = (40.0, 60.0, 80.0)  # taxels
 
 
 Pressed = TypeVar('Pressed', bound=Touching)
@@ -60,7 +59,7 @@ class TouchProgram:
 
 
 def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASSES,
-                  areas: tuple[float, ...] = AREAS,
+                  areas: tuple[float, ...] = TOUCH_AREAS,
                   seed: int = 0, hold: float = 1.0, pause: float = 0.5) -> TouchProgram:
     """Every shape in every area [taxels], in general position, held ``hold``, parted by ``pause`` [s]."""
     rng, now = np.random.default_rng(seed), pause
@@ -85,22 +84,21 @@ def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Genera
     if layout.value.bits == 1:
         return contact.pattern(layout.rows, layout.cols)
     full = abs(float(layout.value.to_value(np.array(layout.value.saturated_count))))
-    return pressure_frame(contact, rng, layout.rows, layout.cols, pressure=MEAN_PRESSURE,
+    return pressure_frame(contact, rng, layout.rows, layout.cols, pressure=0.6,
                           skin=Skin(full_scale=full))
 
 
-HOLD = 3.0  #: s for which a contact is held: long enough for a grasp to become stable
-NOISE = 0.005  #: standard deviation of a taxel [fraction of full scale]
+TOUCH_HOLD = 3.0  #: s for which a contact is held: long enough for a grasp to become stable
+TAXEL_NOISE = 0.005  #: standard deviation of a taxel [fraction of full scale]
 SLIDE_WAY = 2.0  #: pitches that a contact slides to either side
-REST = 3.0  #: standard deviations by which a taxel at rest is above the lowest value, which would cut its noise off
 
 
 def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouette] = CLASSES,
-                    seed: int = 0, areas: tuple[float, ...] = AREAS, *, hold: float = HOLD, slide: float = 0.0,
-                    noise: float = NOISE) -> dict[str, TaxelSource]:
+                    seed: int = 0, areas: tuple[float, ...] = TOUCH_AREAS, *, hold: float = TOUCH_HOLD,
+                    slide: float = 0.0, noise: float = TAXEL_NOISE) -> dict[str, TaxelSource]:
     """One source a pad, by its name; every second pad sees the touch from behind.
 
-    ``areas`` [taxels], ``hold`` [s] and ``slide`` [m/s] of each touch; ``noise`` of each taxel, as NOISE.
+    ``areas`` [taxels], ``hold`` [s] and ``slide`` [m/s] of each touch; ``noise`` of each taxel, as TAXEL_NOISE.
     """
     return {pad.name: _felt(pad, touch_program(pad.layout, shapes, areas, seed, hold), -1 if i % 2 else 1, slide, noise,
                             np.random.default_rng((seed, i))) for i, pad in enumerate(pads)}
@@ -112,7 +110,7 @@ def _felt(pad: PadSettings, program: TouchProgram, step: int, slide: float, nois
     value, is_on_off = pad.layout.value, pad.layout.value.bits == 1
     lowest, full_scale = sorted(value.to_value(np.array(value.raw_range)).tolist())
     deviation = 0.0 if is_on_off else noise * full_scale
-    rest = max(0.0, lowest + REST * deviation) if deviation else 0.0
+    rest = max(0.0, lowest + 3 * deviation) if deviation else 0.0  # or the lowest value would cut off its noise
 
     def source(time: float) -> np.ndarray:
         values = program(time)[:, ::step]

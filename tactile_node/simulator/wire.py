@@ -9,8 +9,6 @@ from typing import NamedTuple
 
 from tactile_node.cia301.frame_bits import Frame, arbitration, worst_case_bits
 
-LEAST_BITS = 47  #: of a frame
-
 
 class Waiting(NamedTuple):
     """A frame in a sender's queue."""
@@ -144,7 +142,8 @@ class Wire:
     @property
     def next_end(self) -> float:
         """When the next frame ends at the earliest [s]; infinite when none waits."""
-        return self._current.end if self._current is not None else self.next_start + LEAST_BITS * self._bit
+        shortest = 47 * self._bit
+        return self._current.end if self._current is not None else self.next_start + shortest
 
     @property
     def busy_until(self) -> float:
@@ -165,8 +164,8 @@ class Wire:
         self._current = Carried(start, self._free, waiting.frame, winner)
 
 
-WINDOW = 0.1     #: s, of which the busiest is reported
-STEP = 1e-5      #: s, resolution of the percentiles of lateness
+PEAK_WINDOW = 0.1     #: s, of which the busiest is reported
+LATENESS_STEP = 1e-5      #: s, resolution of the percentiles of lateness
 
 
 class WireReport(NamedTuple):
@@ -175,7 +174,7 @@ class WireReport(NamedTuple):
     seconds: float     #: of the wire
     frames: int        #: carried, of all participants
     load: float        #: share of the time in which the wire was busy
-    peak_load: float   #: of the busiest WINDOW
+    peak_load: float   #: of the busiest PEAK_WINDOW
     sweeps: int        #: that the devices have queued
     skipped: int       #: sweeps that devices left out because too many were queued
     refused: int       #: frames for which a queue had no room
@@ -189,7 +188,7 @@ class WireReport(NamedTuple):
     def text(self) -> str:
         """Three lines for a user."""
         return (f'wire: {self.frames} frames in {self.seconds:.1f} s, load {self.load:.1%}, '
-                f'at most {self.peak_load:.1%} of {WINDOW:g} s\n'
+                f'at most {self.peak_load:.1%} of {PEAK_WINDOW:g} s\n'
                 f'devices: {self.sweeps} sweeps, {self.skipped} skipped; frames refused by a full queue: '
                 f'{self.refused}; not read by the host: {self.lost} of {self.handed}\n'
                 f'sender: late by {self.late_p50 * 1e3:.2f} ms (median), {self.late_p99 * 1e3:.2f} ms (99 %), '
@@ -205,7 +204,7 @@ class WireRecord:
         self.busy = 0.0
         self.late_max = 0.0
         self._late: dict[int, int] = {}
-        self._window_end, self._window_busy, self._peak = begin + WINDOW, 0.0, 0.0
+        self._window_end, self._window_busy, self._peak = begin + PEAK_WINDOW, 0.0, 0.0
 
     def carried(self, start: float, end: float) -> None:
         """The wire was busy from ``start`` to ``end`` [s]."""
@@ -214,15 +213,15 @@ class WireRecord:
         self.busy += end - start
         if end > self._window_end:
             self._window_busy += max(self._window_end - start, 0.0)
-            self._peak = max(self._peak, self._window_busy / WINDOW)
-            self._window_end += WINDOW * math.ceil((end - self._window_end) / WINDOW)
-            start, self._window_busy = max(start, self._window_end - WINDOW), 0.0
+            self._peak = max(self._peak, self._window_busy / PEAK_WINDOW)
+            self._window_end += PEAK_WINDOW * math.ceil((end - self._window_end) / PEAK_WINDOW)
+            start, self._window_busy = max(start, self._window_end - PEAK_WINDOW), 0.0
         self._window_busy += end - start
 
     def handed_over(self, late: float) -> None:
         """A frame was handed to the host so long after its end [s]."""
         self.handed += 1
-        step = int(late / STEP)
+        step = int(late / LATENESS_STEP)
         self._late[step] = self._late.get(step, 0) + 1
         if late > self.late_max:
             self.late_max = late
@@ -232,13 +231,13 @@ class WireRecord:
 
     @property
     def peak_load(self) -> float:
-        return max(self._peak, self._window_busy / WINDOW)
+        return max(self._peak, self._window_busy / PEAK_WINDOW)
 
     def late(self, share: float) -> float:
-        """The lateness that ``share`` of the frames do not exceed [s], rounded up to STEP."""
+        """The lateness that ``share`` of the frames do not exceed [s], rounded up to LATENESS_STEP."""
         seen = 0
         for step in sorted(self._late):
             seen += self._late[step]
             if seen >= share * self.handed:
-                return min((step + 1) * STEP, self.late_max)
+                return min((step + 1) * LATENESS_STEP, self.late_max)
         return 0.0

@@ -28,11 +28,8 @@ _KEYS = {key.lower(): key for key in (
     'DefaultValue', 'ParameterValue', 'PDOMapping', 'SubNumber', 'LowLimit', 'HighLimit', 'CompactSubObj',
     'StorageLocation', 'Denotation', 'Factor', 'Unit', 'Description', 'SupportedObjects', 'NrOfEntries',
     *(f'BaudRate_{rate}' for rate in (10, 20, 50, 125, 250, 500, 800, 1000)))}
-_END_OF_FILE = '\x1a'  #: of DOS: editors of the time of CiA 306 end a file with it
 _TITLES = {'deviceinfo': 'DeviceInfo', 'fileinfo': 'FileInfo'}
-_IGNORED = ('Comments', 'DummyUsage', 'DeviceComissioning')  # nothing in these concerns taxels
 _PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN: these carry the value themselves
-_WITH_SUBS = (0x8, 0x9)  # ARRAY, RECORD
 _REMEDY = "Use the device maker's EDS, or correct this one (CiA 306)."
 _import_eds: Callable[[StringIO, int], ObjectDictionary] = import_eds  # canopen gives it no types
 
@@ -66,7 +63,7 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
 
 def read_eds(path: Path) -> str:
     """Return the text of an EDS, up to the end of file of DOS. Raises OSError."""
-    return _decode(path.read_bytes()).split(_END_OF_FILE, 1)[0]
+    return _decode(path.read_bytes()).split('\x1a', 1)[0]  # of DOS: editors of the time of CiA 306 end a file with it
 
 
 def _decode(content: bytes) -> str:
@@ -109,7 +106,7 @@ def _tidied(path: Path, parser: _Parser) -> _Parser:
     for name in parser.sections():
         sub = _SUBOBJECT.fullmatch(name)
         title = f'{sub[1]}sub{sub[2]}' if sub else _TITLES.get(name.lower(), name)
-        if title in _IGNORED:
+        if title in ('Comments', 'DummyUsage', 'DeviceComissioning'):  # nothing in these concerns taxels
             continue
         if tidied.has_section(title):
             _refuse(path, 'every section once', f'section [{title}] again as [{name}]')
@@ -136,7 +133,7 @@ def _check_identity(path: Path, parser: RawConfigParser) -> None:
     title = f'{IDENTITY:04X}'
     if not parser.has_section(title):
         return
-    if int(parser.get(title, 'ObjectType', fallback='0x7'), 0) not in _WITH_SUBS:
+    if int(parser.get(title, 'ObjectType', fallback='0x7'), 0) not in (0x8, 0x9):  # ARRAY, RECORD
         _refuse(path, f'a RECORD (ObjectType=0x9) in section [{title}]', 'an object without sub-indices')
     for name in parser.sections():
         sub = _SUBOBJECT.fullmatch(name)

@@ -85,8 +85,6 @@ def _number(record: ODRecord | ODArray, sub: int, eds: str) -> int | None:
 #: mapped objects
 COMMUNICATION_BITS = {1: 32, TRANSMISSION_TYPE: 8}
 TIME_BITS = {INHIBIT_TIME: 16, EVENT_TIMER: 16}
-#: Access types (CiA 306) of what only a client writes: wo, and rww, which an RPDO may carry
-NOT_SENT = ('wo', 'rww')
 MAPPING_BITS = {0: 8} | dict.fromkeys(range(1, MAX_PDO_BITS + 1), 32)
 
 
@@ -189,7 +187,7 @@ def _check_mappable(variable: ODVariable, text: EdsText) -> None:
     title = f'{variable.index:04X}'
     section = f'{title}sub{variable.subindex:X}'
     section = section if text.entry(section) is not None else title  # VAR, CompactSubObj
-    if variable.access_type in NOT_SENT:
+    if variable.access_type in ('wo', 'rww'):  # only a client writes these; rww may be in an RPDO
         refuse_eds(text.eds, text.place(section, 'AccessType'), got=variable.access_type,
                    expected='ro, rw, rwr or const for an object that a TPDO sends')
     if text.number(section, 'PDOMapping') == 0:

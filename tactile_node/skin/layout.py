@@ -18,7 +18,6 @@ from tactile_node.cia301.objects import (
 )
 from tactile_node.yaml_section import Section
 
-AGED_AFTER = 3  #: event timers: two transmissions in a row may be lost
 SWEEP_SHARE = 0.45  #: of the period; twice that leaves a tenth for the device's timer and our stamps
 
 
@@ -66,7 +65,7 @@ def read_event_driven(top: Section) -> EventDriven | None:
         section.refuse('event_timer', expected='one > 0, as TPDOs come each at its own time', got='0',
                        remedy='Without it a TPDO that is lost for ever looks like one whose taxels do not change.')
     else:
-        max_age = section.number('max_age', AGED_AFTER * timer, positive=True)
+        max_age = section.number('max_age', 3 * timer, positive=True)  # two transmissions in a row may be lost
     section.done()
     return EventDriven(kind, timer, inhibit, is_sweeps, period, max_age)
 

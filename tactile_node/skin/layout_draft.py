@@ -73,7 +73,6 @@ def _cob_id(dictionary: ObjectDictionary, index: int, node_id: int) -> CobId | N
 FILL_IN = 'FILL IN'     #: marks what an EDS cannot say
 GUESS = 'GUESS'         #: marks what it does not say
 MAX_BITS = 32           #: of a taxel
-IMPROBABLE_PITCH = 1.0  #: m: refused until it is replaced
 TAXELS_IN_LINE = 6
 
 
@@ -163,7 +162,7 @@ def _head(eds: str, taxels: int, shape: Shape, is_width_guessed: bool, bits: int
     yield "# with the device's manual; then: tactile check THIS_FILE EDS. The keys are explained in sim16x16.yaml."
     yield f'rows: {shape.rows}{guess}'
     yield f'cols: {shape.cols}{guess}'
-    yield f'pitch: {IMPROBABLE_PITCH}  # {FILL_IN}: between the centres of neighbouring taxels [m]'
+    yield f'pitch: 1.0  # {FILL_IN}: between the centres of neighbouring taxels [m]'
     yield 'value:'
     yield f'  unit: Pa  # {FILL_IN}: Pa, N, or 1 for on/off taxels'
     yield f'  scale: 1.0  # {FILL_IN}: unit per count'

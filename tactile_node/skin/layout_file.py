@@ -34,8 +34,6 @@ from tactile_node.skin.layout import (
 from tactile_node.skin.layout_rules import check_layout
 from tactile_node.yaml_section import Section, load_mapping, shown
 
-MOST = MAX_TPDOS  #: repetitions of one entry: bounds what a mistyped layout can allocate
-
 
 class Shift(NamedTuple):
     """How far a repetition is from the entry as it is written."""
@@ -50,7 +48,7 @@ class Shift(NamedTuple):
 
 
 #: what each step may be at most, either way
-LARGEST = {'number': MAX_TPDOS, 'cob_id': ID_MASK, 'object': MAX_INDEX, 'sub': MAX_SUBINDEX, 'node': MAX_NODE_ID}
+LARGEST_STEPS = {'number': MAX_TPDOS, 'cob_id': ID_MASK, 'object': MAX_INDEX, 'sub': MAX_SUBINDEX, 'node': MAX_NODE_ID}
 
 
 def repeated(section: Section, tpdos: tuple[TpdoLayout, ...]) -> tuple[TpdoLayout, ...]:
@@ -66,8 +64,8 @@ def repeated(section: Section, tpdos: tuple[TpdoLayout, ...]) -> tuple[TpdoLayou
     for loop in loops:
         count, step = _loop(loop)
         total *= count
-        if total > MOST:
-            section.refuse('repeat', expected=f'at most {MOST} repetitions', got=f'{total} or more',
+        if total > MAX_TPDOS:  # bounds what a mistyped layout can allocate
+            section.refuse('repeat', expected=f'at most {MAX_TPDOS} repetitions', got=f'{total} or more',
                            remedy='Correct the counts.')
         shifts.append([Shift._make(i * part for part in step) for i in range(count)])
     return tuple(_shift_tpdo(section, tpdo, _total(parts)) for parts in product(*shifts) for tpdo in tpdos)
@@ -78,8 +76,8 @@ def _total(parts: tuple[Shift, ...]) -> Shift:
 
 
 def _loop(loop: Section) -> tuple[int, Shift]:
-    count = loop.integer('count', 1, MOST)
-    numbers = [loop.integer(key, -most, most, 0) for key, most in LARGEST.items()]
+    count = loop.integer('count', 1, MAX_TPDOS)
+    numbers = [loop.integer(key, -most, most, 0) for key, most in LARGEST_STEPS.items()]
     down, right = loop.checked_integers('step', loop.take('step', [0, 0]), count=2, low=-MAX_SIDE, high=MAX_SIDE)
     loop.done()
     return count, Shift._make((*numbers, down, right))

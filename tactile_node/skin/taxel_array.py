@@ -11,7 +11,6 @@ from tactile_node.press_levels import PRESS_BY_UNIT
 from tactile_node.skin.layout import MAX_SIDE
 from tactile_node.taxel_frame import TaxelStatus
 
-LAST_SECOND = 2**31 - 1  #: of Time; rounding must not go beyond it
 NANOSECONDS = 10**9
 #: By TaxelStatus, to its largest number: whether a taxel of this status has a value
 GIVES_VALUE = np.isin(np.arange(256), (TaxelStatus.VALID, TaxelStatus.SATURATED))
@@ -114,7 +113,7 @@ def check_finite(*numbers: float) -> RejectReason | None:
 
 def check_time(time: Time) -> RejectReason | None:
     """Check that a stamp is from 1970 to 2038."""
-    return None if 0 <= time.sec < LAST_SECOND and time.nanosec < NANOSECONDS else RejectReason.WRONG_STAMP
+    return None if 0 <= time.sec < 2**31 - 1 and time.nanosec < NANOSECONDS else RejectReason.WRONG_STAMP
 
 
 def check_duration(duration: Time) -> RejectReason | None:

@@ -76,11 +76,6 @@ class OverloadWatch:
         self._kind, self._seen = kind, now
 
 
-HOLD = 1.0  # s for which a foreign SYNC stays reported
-WINDOW, SYNCS = 1.0, 20  # s and SYNCs over which a period is measured, at least
-TOLERANCE = 0.2  # of the period; a window of SYNCS is right to 5 %
-
-
 class SyncWatch:
     """Own SYNCs are not received. Where this driver produces SYNC each one received is another producer's; else their
     period is measured, and is wrong where two windows agree: the first may begin before the producer does.
@@ -110,19 +105,19 @@ class SyncWatch:
     def _count(self, now: float, new: int) -> None:
         if new:
             self._foreign_at = now
-        is_foreign = self._foreign_at is not None and now - self._foreign_at <= HOLD
+        is_foreign = self._foreign_at is not None and now - self._foreign_at <= 1.0
         self.state = SyncState(SyncFault.SECOND_PRODUCER if is_foreign else SyncFault.NONE, self.state.foreign + new)
 
     def _measure(self, now: float, received: int) -> None:
         begun, before = self._begun = self._begun or (now, received)
-        if now - begun < max(WINDOW, SYNCS * self._period):
+        if now - begun < max(1.0, 20 * self._period):
             return
         self._begun = (now, received)
         if received == before:
             self._was_other = False
             return  # the nodes report that it is missing
         period = (now - begun) / (received - before)
-        is_other = abs(period - self._period) > TOLERANCE * self._period
+        is_other = abs(period - self._period) > 0.2 * self._period  # 20 SYNCs are right to 5 %
         fault = SyncFault.OTHER_PERIOD if is_other and self._was_other else SyncFault.NONE
         self.state, self._was_other = SyncState(fault, period=period), is_other
 

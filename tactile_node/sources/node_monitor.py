@@ -15,9 +15,7 @@ from tactile_node.sources.node_traffic import BusSeen, NodeTraffic
 from tactile_node.sources.outage import Attempts, OutageClock
 from tactile_node.taxel_frame import TaxelFrame
 
-PAUSES = 5  # of a node without SYNC: so many sweeps or event timers without a TPDO are a fault
-GRACE = 0.3  # s a node has to obey a command and to report it: three heartbeats
-PATIENCE = 10  # times the time that a node may be silent while this process is too slow to hear it
+OVERLOAD_PATIENCE = 10  # times the time that a node may be silent while this process is too slow to hear it
 
 
 class Setup(NamedTuple):
@@ -67,7 +65,7 @@ class NodeMonitor:
         """How long it may be silent [s]."""
         self._heartbeat_timeout = heartbeat
         event = self.node.layout.event_driven
-        self._data_timeout = data if event is None else max(data, PAUSES * event.longest_pause)
+        self._data_timeout = data if event is None else max(data, 5 * event.longest_pause)
 
     @property
     def boots(self) -> int:
@@ -177,13 +175,13 @@ class NodeMonitor:
         if ran_again > self._since:
             was_heard = (self._heard.heard or 0.0) > self._since
             self._excuses = 0 if was_heard else self._excuses + 1
-            if self._excuses < PATIENCE:
+            if self._excuses < OVERLOAD_PATIENCE:
                 self._since = ran_again
 
     def _is_silent(self, now: float) -> bool:
         """A device with a heartbeat time that is not ours may be silent for three of its periods."""
         own = self._heartbeat_time or max(self._heard.intervals or (0.0,))
-        allowed = max(self._heartbeat_timeout, 3 * own) * (PATIENCE if self._is_overloaded else 1)
+        allowed = max(self._heartbeat_timeout, 3 * own) * (OVERLOAD_PATIENCE if self._is_overloaded else 1)
         return now - max(self._heard.heard or 0.0, self._since) > allowed
 
     def _detected(self, now: float, is_active: bool) -> NodeFault:
@@ -200,7 +198,8 @@ class NodeMonitor:
         if is_silent:  # both may have stopped together: half of the time tells
             has_still = now - self.data_at <= self._data_timeout / 2 or self._is_overloaded
             return NodeFault.NO_HEARTBEAT if is_active and has_still else NodeFault.SILENT
-        if not is_active or now - self._commanded < max(GRACE, 3 * (self._heartbeat_time or 0.0)):
+        # a node has three heartbeats, or 0.3 s, to obey a command and to report it
+        if not is_active or now - self._commanded < max(0.3, 3 * (self._heartbeat_time or 0.0)):
             return NodeFault.NONE
         if self._heard.state != NmtState.OPERATIONAL:
             return NodeFault.NOT_OPERATIONAL

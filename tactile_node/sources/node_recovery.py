@@ -18,8 +18,6 @@ logger = logging.getLogger(__name__)
 
 Result = TypeVar('Result')
 
-FIRST_TRIES = 3  # configurations of a device that boots again meanwhile
-RETRY_TIMEOUT = 0.3  # s, one SDO request: a device that does not answer now is tried again later
 NOT_TO_BE_CONFIGURED = (NodeFault.NOT_OPERATIONAL, NodeFault.NO_SYNC)
 WAITED_FOR = (NodeFault.NO_SYNC, NodeFault.TWO_SENDERS)  # no request to the node can help
 
@@ -58,7 +56,7 @@ class NodeRecovery:
     def _absence(self, monitor: NodeMonitor, timeout: float) -> DeviceAbsentError | None:
         """Configure it; the error when it does not answer. Any other is raised."""
         try:
-            self._configure(monitor, timeout, FIRST_TRIES)
+            self._configure(monitor, timeout, 3)  # a device may boot again meanwhile
         except DeviceAbsentError as error:
             return error
         return None
@@ -93,7 +91,7 @@ class NodeRecovery:
         pause = _stops_taxels(fault) or monitor.refuses_while_it_sends
         try:
             if fault not in NOT_TO_BE_CONFIGURED:
-                self._configure(monitor, RETRY_TIMEOUT, pause=pause)
+                self._configure(monitor, 0.3, pause=pause)
             if is_active and (pause or fault is not NodeFault.TPDO_MISSING):
                 self._bus.start_node(monitor.node, was_silent=pause)
                 monitor.commanded(time.monotonic(), self._bus.statistics().pads[monitor.node.pad])

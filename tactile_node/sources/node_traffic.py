@@ -9,8 +9,7 @@ from tactile_node.assembly.health import SentTpdo
 from tactile_node.cia301.heartbeat import HeardNode
 from tactile_node.skin.pads import CanopenNode
 
-QUEUED = 3  # TPDOs of one COB-ID that may wait in a device or an adapter when a look begins
-TPDO_LOOKS = 10  # in one ``timeout``
+LOOKS_IN_WINDOW = 10
 
 
 class _TpdoLook(NamedTuple):
@@ -64,18 +63,15 @@ class SurplusTpdos:
     def update(self, now: float, syncs: int, received: Sequence[int], delay: float) -> tuple[int, ...]:
         """Return their places, by the counts of SYNCs and of TPDOs ``received`` so far."""
         looks = self._looks
-        if not looks or now - looks[-1].at >= delay / TPDO_LOOKS:
+        if not looks or now - looks[-1].at >= delay / LOOKS_IN_WINDOW:
             looks.append(_TpdoLook(now, syncs, tuple(received)))
         while len(looks) > 1 and now - looks[1].at >= 3 * delay:
             looks.popleft()
         then = next(look for look in looks if now - look.at <= 2 * delay or look is looks[-1])
-        allowed = syncs - looks[0].syncs + QUEUED
+        allowed = syncs - looks[0].syncs + 3  # that may wait in a device or an adapter when a look begins
         return tuple(place for place, (count, before) in enumerate(zip(received, then.received))
                      if count - before > allowed)
 
-
-MARGIN = 1.25  # of a producer's clock, and of the time it takes between two heartbeats
-LOOKS = 10  # in one window
 
 
 class _Look(NamedTuple):
@@ -101,16 +97,16 @@ class HeartbeatWatch:
         ``delay`` [s]: an adapter may have held back what it hands over now.
         """
         looks, window = self._looks, 3 * (delay + 2 * period)
-        if not looks or now - looks[-1].at >= window / LOOKS:
+        if not looks or now - looks[-1].at >= window / LOOKS_IN_WINDOW:
             looks.append(_Look(now, heartbeats, guarded))
         while len(looks) > 1 and now - looks[1].at >= window:
             looks.popleft()
         first = looks[0]
-        expected = MARGIN * (now - first.at + delay) / period + 2
+        expected = 1.25 * (now - first.at + delay) / period + 2  # a producer's clock and pauses may be so much shorter
         return now - first.at >= window and guarded == first.guarded and heartbeats - first.heartbeats > expected
 
 
-HOLD = 0.5  # s beyond the time in which what is left of the second device would be seen
+TWO_SENDERS_HOLD = 0.5  # s beyond the time in which what is left of the second device would be seen
 
 
 class SenderWatch:
@@ -123,7 +119,7 @@ class SenderWatch:
         self._heartbeats = HeartbeatWatch()
         self._tpdos = SurplusTpdos()
         self._seen: float | None = None  # when they were seen last
-        self._hold = HOLD
+        self._hold = TWO_SENDERS_HOLD
         self.surplus: tuple[int, ...] = ()  #: places of the TPDOs that are received too often
 
     @property
@@ -151,7 +147,7 @@ class SenderWatch:
     def look_at_heartbeats(self, now: float, heartbeats: int, guarded: int, period: float | None,
                            delay: float) -> None:
         """See HeartbeatWatch; ``period`` None or 0: not known, or none."""
-        self._hold = HOLD + 3 * delay + 6 * (period or 0.0)
+        self._hold = TWO_SENDERS_HOLD + 3 * delay + 6 * (period or 0.0)
         if not period:
             self._heartbeats.restart()
         if period and self._heartbeats.is_doubled(now, heartbeats, guarded, period, delay):
@@ -165,9 +161,6 @@ class SenderWatch:
         surplus = self._tpdos.update(now, syncs, received, delay)
         if surplus:
             self._seen, self.surplus = now, surplus
-
-
-BACKLOG_TIME = 1.0  # s after a silence in which what was held back comes, faster than one device sends it
 
 
 class BusSeen(NamedTuple):
@@ -238,6 +231,6 @@ class NodeTraffic:
         """Whether what came up to ``now`` may have waited in device or adapter, after no sign for ``silence`` [s]."""
         if signs != self._signs:
             if now - self._signs_at > silence:
-                self._measured_from = now + BACKLOG_TIME
+                self._measured_from = now + 1.0  # until then it may come faster than one device sends it
             self._signs, self._signs_at = signs, now
         return now < self._measured_from

@@ -4,8 +4,7 @@ from typing import Generic
 
 from tactile_node.assembly.health import Cause, NodeFault, Outages
 
-FIRST_RETRY, LAST_RETRY = 0.1, 0.5  # s; the last bounds how long a cause that has ended may go unnoticed
-RAREST_RETRY = 30.0  # s, where trying costs the node's taxels or the bus's time, and has not helped so far
+LAST_RETRY = 0.5  # s; it bounds how long a cause that has ended may go unnoticed
 
 
 class OutageClock(Generic[Cause]):
@@ -56,7 +55,7 @@ class Backoff:
     def reset(self) -> None:
         """The cause may have ended: try at once."""
         self._due = 0.0
-        self._pause = FIRST_RETRY
+        self._pause = 0.1
 
     def is_due(self, now: float) -> bool:
         return now >= self._due
@@ -66,7 +65,7 @@ class Backoff:
         self._pause = min(2 * self._pause, longest)
 
 
-SETTLED = 10.0  # s without a fault after which one of RECURRING is a new one
+SETTLING_TIME = 10.0  # s without a fault after which one of RECURRING is a new one
 #: Faults whose recovery costs a healthy part of the node or of the bus something, and may not help
 RECURRING = (NodeFault.RECONFIGURED, NodeFault.TPDO_MISSING, NodeFault.NO_HEARTBEAT)
 
@@ -88,7 +87,7 @@ class Attempts:
     def __init__(self) -> None:
         self._backoff = Backoff()
         self._fault = NodeFault.NONE
-        self._last = -SETTLED
+        self._last = -SETTLING_TIME
         self.count = 0  #: to end this fault
 
     def restart(self) -> None:
@@ -109,11 +108,12 @@ class Attempts:
         """It was tried to end the fault."""
         self._last = now
         self.count += 1
-        self._backoff.attempted(now, RAREST_RETRY if self._fault in RECURRING else LAST_RETRY)
+        # of RECURRING trying costs the node's taxels or the bus's time, and has not helped so far
+        self._backoff.attempted(now, 30.0 if self._fault in RECURRING else LAST_RETRY)
 
     def has_ended(self, now: float) -> bool:
         """There is no fault now: whether the next one is a new one."""
-        if self._fault in RECURRING and now - self._last < SETTLED:
+        if self._fault in RECURRING and now - self._last < SETTLING_TIME:
             return False
         self._fault = NodeFault.NONE
         self._backoff.reset()

@@ -27,7 +27,7 @@ from tactile_node.taxel_frame import TaxelFrame
 
 logger = logging.getLogger(__name__)
 
-PERIOD = 0.02  # s between two rounds when nothing wakes the supervisor earlier
+ROUND_PERIOD = 0.02  # s between two rounds when nothing wakes the supervisor earlier
 
 
 class Supervisor:
@@ -161,12 +161,12 @@ class Supervisor:
     def _supervise(self) -> None:
         ended = time.monotonic()
         while not self._closing.is_set():
-            self._wake.wait(PERIOD)
+            self._wake.wait(ROUND_PERIOD)
             woken = time.monotonic()
             self._wake.clear()
             with self._turn:
                 self._watch.waited(time.monotonic(), time.monotonic() - woken)
-                ended = time.monotonic() if self._closing.is_set() else self._attend(woken - ended - PERIOD)
+                ended = time.monotonic() if self._closing.is_set() else self._attend(woken - ended - ROUND_PERIOD)
 
     def _attend(self, late: float) -> float:
         """One round, begun ``late`` [s]; when [s] it looked, or ended what takes time. No exception ends the rounds."""
