@@ -22,7 +22,7 @@ from tactile_node.logs.bag_records import records_of
 from tactile_node.logs.damage import DamageKind
 from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.logs.log_writer import CanLogWriter, LogFile
-from tactile_node.logs.replay_times import Window
+from tactile_node.logs.replay_times import TimeWindow
 from tactile_node.logs.series import following
 from tactile_node.logs.topic_bag import TopicBagReader
 from tactile_node.skin.layout_file import load_layout
@@ -170,7 +170,7 @@ def test_of_a_killed_recording_of_others_a_part_is_read(tmp_path):
     """Its types stand in its first chunk alone, which lies before the part."""
     path = topic_bag(tmp_path / 'x.mcap')
     path.write_bytes(path.read_bytes()[:chunks(path.read_bytes())[-1].end])
-    messages = TopicBagReader(path).messages((TAXELS,), window=Window(17.0, 25.0))
+    messages = TopicBagReader(path).messages((TAXELS,), window=TimeWindow(17.0, 25.0))
     assert [message.content.sequence for message in messages] == list(range(17, 42))
 
 
@@ -224,7 +224,8 @@ def test_a_new_recording_never_continues_into_files_of_an_older_one(tmp_path):
     assert not following(writer.path)
 
 
-@pytest.mark.parametrize('window', [Window(), Window(0.13), Window(0.13, 0.1), Window(0.25, 0.3), Window(0.45, 9.0)])
+@pytest.mark.parametrize('window', [TimeWindow(), TimeWindow(0.13), TimeWindow(0.13, 0.1), TimeWindow(0.25, 0.3),
+                                    TimeWindow(0.45, 9.0)])
 @pytest.mark.parametrize('suffix', ['.mcap', '.log'])
 def test_a_window_is_what_the_whole_has_in_it(tmp_path, suffix, window):
     first, *_ = series(tmp_path, suffix)
@@ -241,11 +242,11 @@ def test_what_lies_before_a_window_is_not_read(tmp_path, is_ended):
     for chunk in at[1:6]:
         data = zeroed(data, payload(chunk, data), chunk.end)
     path.write_bytes(data if is_ended else data[:at[-1].end])
-    reader = CanLogReader(path, window=Window(0.3295))
+    reader = CanLogReader(path, window=TimeWindow(0.3295))
     assert [int.from_bytes(m.data[:4], 'little') for m in reader] == list(range(330, FRAMES))
     assert [each.kind for each in reader.damages] == ([] if is_ended else [DamageKind.CUT_SHORT])
     with pytest.raises(LogError, match='--start'):
-        list(CanLogReader(path, window=Window(10.0)))
+        list(CanLogReader(path, window=TimeWindow(10.0)))
 
 
 def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path, capsys):

@@ -1,14 +1,6 @@
 """Makes the sentences of logs, /diagnostics and status messages from the facts of ``health``."""
 
-from tactile_node.assembly.health import (
-    BusFault,
-    Failure,
-    ForeignCommand,
-    NodeFault,
-    NodeHealth,
-    SentTpdo,
-    SyncState,
-)
+from tactile_node.assembly.health import BusFault, Failure, ForeignCommand, NodeFault, NodeHealth, SentTpdo, SyncState
 from tactile_node.cia301.objects import command_name, state_name
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError, TactileError
 

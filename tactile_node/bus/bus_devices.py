@@ -13,17 +13,8 @@ from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.device_setup import DeviceAsSet, DeviceSetup
 from tactile_node.bus.own_sdo import OwnSdoClient
+from tactile_node.cia301 import objects
 from tactile_node.cia301.emergency import DeviceErrors
-from tactile_node.cia301.objects import (
-    AUTO_ZERO,
-    ERROR_FIELD,
-    ERROR_REGISTER,
-    NMT,
-    ZERO_SIGNATURE,
-    NmtCommand,
-    NmtState,
-    state_name,
-)
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError, TwoDevicesError
 from tactile_node.skin.pads import CanopenNode
 
@@ -34,15 +25,15 @@ def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
     Raises DeviceError where nothing was zeroed, HalfZeroedError where some channels were, or where the device has not
     answered.
     """
-    where = f'{label}, object 0x{AUTO_ZERO:04X}'
-    entry = dictionary[AUTO_ZERO] if AUTO_ZERO in dictionary else None
+    where = f'{label}, object 0x{objects.AUTO_ZERO:04X}'
+    entry = dictionary[objects.AUTO_ZERO] if objects.AUTO_ZERO in dictionary else None
     subs = [0] if isinstance(entry, ODVariable) else [sub for sub in entry or () if sub]
     if not subs:
         raise DeviceError(where, expected="the device's auto-zero (CiA 404) in its EDS", got='no such object',
                           remedy='Tare without on_device: then the driver takes the zero off.')
     for sub in subs:
         try:
-            sdo.download(AUTO_ZERO, sub, ZERO_SIGNATURE)
+            sdo.download(objects.AUTO_ZERO, sub, objects.ZERO_SIGNATURE)
         except (SdoAbortedError, SdoCommunicationError, BusError) as error:
             done = subs.index(sub)
             kind = HalfZeroedError if done or not isinstance(error, SdoAbortedError) else DeviceError
@@ -61,9 +52,9 @@ def read_errors(sdo: SdoClient) -> DeviceErrors:
     register = None
     field: list[int] = []
     with suppress(SdoCommunicationError):
-        register = read(ERROR_REGISTER, 0)
-        for sub in range(1, min(read(ERROR_FIELD, 0) or 0, 4) + 1):
-            field += [entry for entry in (read(ERROR_FIELD, sub),) if entry is not None]
+        register = read(objects.ERROR_REGISTER, 0)
+        for sub in range(1, min(read(objects.ERROR_FIELD, 0) or 0, 4) + 1):
+            field += [entry for entry in (read(objects.ERROR_FIELD, sub),) if entry is not None]
     return DeviceErrors(register, tuple(field))
 
 
@@ -84,8 +75,8 @@ class BusDevices:
     def sdo_client(self, node: CanopenNode) -> AbstractContextManager[OwnSdoClient]:
         return self._network().sdo_client(node.node_id, node.dictionary, self._settings.sdo_timeout)
 
-    def command(self, command: NmtCommand, node: CanopenNode) -> None:
-        self._network().send_message(NMT, bytes([command, node.node_id]))
+    def command(self, command: objects.NmtCommand, node: CanopenNode) -> None:
+        self._network().send_message(objects.NMT, bytes([command, node.node_id]))
 
     def configure(self, node: CanopenNode, boot_timeout: float, pause: bool) -> DeviceAsSet:
         """Configure one, found within ``boot_timeout`` [s]; without ``pause`` while it sends.
@@ -95,7 +86,7 @@ class BusDevices:
         interrupts = self._interrupts
         foreign_requests = self._monitor.foreign_requests[node.node_id]
         if pause:
-            self.command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
+            self.command(objects.NmtCommand.ENTER_PRE_OPERATIONAL, node)
         with self.sdo_client(node) as sdo:
             setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries,
                                 is_interrupted=lambda: self._interrupts != interrupts)
@@ -138,10 +129,10 @@ class BusDevices:
         """
         end = time.monotonic() + max(self._settings.boot_timeout, START_PERIOD) + 3e-3 * self._settings.heartbeat_ms
         while time.monotonic() < end:
-            if self._monitor.heartbeats.wait_for(node.node_id, NmtState.OPERATIONAL, since, START_PERIOD):
+            if self._monitor.heartbeats.wait_for(node.node_id, objects.NmtState.OPERATIONAL, since, START_PERIOD):
                 return
-            self.command(NmtCommand.START, node)
+            self.command(objects.NmtCommand.START, node)
         state = self._monitor.heartbeats.of(node.node_id).state
-        heard = 'no heartbeat' if state is None else f'its heartbeat ({state_name(state)})'
+        heard = 'no heartbeat' if state is None else f'its heartbeat ({objects.state_name(state)})'
         raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=f'{heard}; {self.read_errors(node)}',
                           remedy='See its manual: a device with an error may refuse to start.')

@@ -5,23 +5,10 @@ from collections.abc import Callable, Iterable
 import can
 
 from tactile_node.assembly.health import ErrorCounters, ForeignCommand
+from tactile_node.cia301 import objects
 from tactile_node.cia301.emergency import EmergencyLog
 from tactile_node.cia301.frame_bits import Frame, worst_case_bits
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.cia301.objects import (
-    COB_ID_SYNC,
-    EMCY,
-    HEARTBEAT,
-    MAX_NODE_ID,
-    MAX_TPDOS,
-    MIN_NODE_ID,
-    NMT,
-    PRODUCER_HEARTBEAT_TIME,
-    SDO_REQUEST,
-    TPDO_COMMUNICATION,
-    TPDO_MAPPING,
-    NmtState,
-)
 from tactile_node.cia301.sdo import written_object
 
 #: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
@@ -31,8 +18,7 @@ PASSIVE, ACTIVE = 0x30, 0x40
 FRAME_BITS = tuple(worst_case_bits(Frame(0, bytes(n))) for n in range(9))
 
 #: objects that decide what TPDOs a node sends, and when
-DECIDES_TPDOS = frozenset((COB_ID_SYNC, *range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS),
-                           *range(TPDO_MAPPING, TPDO_MAPPING + MAX_TPDOS)))
+DECIDES_TPDOS = frozenset((objects.COB_ID_SYNC, *objects.COMMUNICATION_RECORDS, *objects.MAPPING_RECORDS))
 
 Feed = Callable[[int, bytes], object]
 
@@ -57,13 +43,13 @@ class BusMonitor:
         self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)  #: of another master, to a node's heartbeat time
         self.is_error_passive = False
         self.error_counters = ErrorCounters()
-        self._watched: dict[int, Feed] = {NMT: self._command}
-        for other in range(MIN_NODE_ID, MAX_NODE_ID + 1):
-            self._watched[HEARTBEAT + other] = self.heartbeats.feed
+        self._watched: dict[int, Feed] = {objects.NMT: self._command}
+        for other in range(objects.MIN_NODE_ID, objects.MAX_NODE_ID + 1):
+            self._watched[objects.HEARTBEAT + other] = self.heartbeats.feed
         for node_id in self.emergencies:
-            self._watched[HEARTBEAT + node_id] = self._heartbeat
-            self._watched[EMCY + node_id] = self._emergency
-            self._watched[SDO_REQUEST + node_id] = self._request
+            self._watched[objects.HEARTBEAT + node_id] = self._heartbeat
+            self._watched[objects.EMCY + node_id] = self._emergency
+            self._watched[objects.SDO_REQUEST + node_id] = self._request
 
     def restart(self) -> None:
         """The bus was opened again."""
@@ -99,21 +85,21 @@ class BusMonitor:
 
     def _heartbeat(self, can_id: int, data: bytes) -> None:
         if self.heartbeats.feed(can_id, data):
-            if data[0] == NmtState.BOOT_UP:
-                self.emergencies[can_id - HEARTBEAT].booted()
+            if data[0] == objects.NmtState.BOOT_UP:
+                self.emergencies[can_id - objects.HEARTBEAT].booted()
             self._on_news()
 
     def _emergency(self, can_id: int, data: bytes) -> None:
-        self.emergencies[can_id - EMCY].feed(data)
+        self.emergencies[can_id - objects.EMCY].feed(data)
 
     def _request(self, can_id: int, data: bytes) -> None:
         """Own requests are not received. What this one writes may not mean what the layout says."""
-        self.foreign_requests[can_id - SDO_REQUEST] += 1
+        self.foreign_requests[can_id - objects.SDO_REQUEST] += 1
         written = written_object(data)
-        if written == PRODUCER_HEARTBEAT_TIME:
-            self.heartbeat_writes[can_id - SDO_REQUEST] += 1
+        if written == objects.PRODUCER_HEARTBEAT_TIME:
+            self.heartbeat_writes[can_id - objects.SDO_REQUEST] += 1
         if written in DECIDES_TPDOS:
-            self.foreign_writes[can_id - SDO_REQUEST] += 1
+            self.foreign_writes[can_id - objects.SDO_REQUEST] += 1
             self._on_news()
 
     def _command(self, _can_id: int, data: bytes) -> None:

@@ -13,27 +13,8 @@ from canopen.sdo import SdoClient
 from tactile_node.bus.domain_polling import check_domain
 from tactile_node.bus.own_sdo import DeviceObjects
 from tactile_node.bus.threads import Reminder
+from tactile_node.cia301 import objects
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.cia301.objects import (
-    COB_ID_SYNC,
-    DISABLED,
-    EVENT_TIMER,
-    EVERY_SYNC,
-    ID_MASK,
-    IDENTITY,
-    INHIBIT_TIME,
-    MANUFACTURER_EVENT,
-    MAX_TPDOS,
-    NO_RTR,
-    PRODUCER_HEARTBEAT_TIME,
-    PRODUCES_SYNC,
-    SAM_MPDO,
-    SYNC_ID_MASK,
-    TPDO_COMMUNICATION,
-    TPDO_MAPPING,
-    TRANSMISSION_TYPE,
-    state_name,
-)
 from tactile_node.errors import DeviceAbsentError, DeviceError
 from tactile_node.skin.eds_rules import Identity, identity_of
 from tactile_node.skin.layout import TpdoLayout
@@ -42,8 +23,8 @@ from tactile_node.skin.pads import CanopenNode
 logger = logging.getLogger(__name__)
 
 #: bytes and name of the sub-indices of a communication record that say when a TPDO is sent
-SENDING_TIMES = {TRANSMISSION_TYPE: (1, 'transmission type'), INHIBIT_TIME: (2, 'inhibit time'),
-                 EVENT_TIMER: (2, 'event timer')}
+SENDING_TIMES = {objects.TRANSMISSION_TYPE: (1, 'transmission type'), objects.INHIBIT_TIME: (2, 'inhibit time'),
+                 objects.EVENT_TIMER: (2, 'event timer')}
 
 MappingEntries = list[int] | None  # of a mapping record; None: an MPDO with source addressing
 
@@ -85,7 +66,7 @@ class DeviceSetup(DeviceObjects):
         while True:
             self._check_interrupt()
             try:
-                self._sdo.upload(IDENTITY, 1)
+                self._sdo.upload(objects.IDENTITY, 1)
                 return
             except SdoAbortedError:  # it answers; the next step finds what it lacks
                 return
@@ -104,43 +85,44 @@ class DeviceSetup(DeviceObjects):
     def _silence(self) -> str:
         state = self._heartbeats.of(self._node.node_id).state
         if state is not None:
-            return f'only its heartbeat ({state_name(state)})'
+            return f'only its heartbeat ({objects.state_name(state)})'
         others = ', '.join(map(str, self._heartbeats.nodes))
         return f'no answer, but heartbeats of node {others}' if others else 'no answer'
 
     def _check_identity(self) -> None:
         ours = identity_of(self._node.dictionary, self._node.eds)
-        theirs = Identity(*(self._read_if_any(IDENTITY, sub) for sub in (1, 2, 3)))
+        theirs = Identity(*(self._read_if_any(objects.IDENTITY, sub) for sub in (1, 2, 3)))
         if not ours.accepts(theirs):
-            raise DeviceError(f'{self._label}, object 0x{IDENTITY:04X}', expected=f'{ours} as in {self._node.eds}',
-                              got=str(theirs),
+            raise DeviceError(f'{self._label}, object 0x{objects.IDENTITY:04X}', got=str(theirs),
+                              expected=f'{ours} as in {self._node.eds}',
                               remedy='Check the node-ID, or give the EDS and layout of this device.')
         if ours.not_given:
             logger.warning('%s: its EDS %s gives no %s in object 0x%04X, so that any is accepted.', self._label,
-                           self._node.eds, ', '.join(ours.not_given), IDENTITY)
+                           self._node.eds, ', '.join(ours.not_given), objects.IDENTITY)
         logger.info('%s is there: %s.', self._label, theirs)
 
     def _set_sync(self, wanted: int) -> None:
         """Bits 30 and 31 are none of the COB-ID. A device that produces SYNC may go on; its COB-ID is fixed."""
-        if COB_ID_SYNC not in self._node.dictionary:
-            logger.info('%s: its EDS has no object 0x%04X, so its SYNC COB-ID stays.', self._label, COB_ID_SYNC)
+        if objects.COB_ID_SYNC not in self._node.dictionary:
+            logger.info('%s: its EDS has no object 0x%04X, so its SYNC COB-ID stays.', self._label, objects.COB_ID_SYNC)
             return
-        now = self._read_if_any(COB_ID_SYNC, 0)
-        if now is not None and now & SYNC_ID_MASK == wanted:
+        now = self._read_if_any(objects.COB_ID_SYNC, 0)
+        if now is not None and now & objects.SYNC_ID_MASK == wanted:
             return
-        if now is not None and now & PRODUCES_SYNC:
-            raise DeviceError(f'{self._label}, object 0x{COB_ID_SYNC:04X}', expected=f'SYNC COB-ID 0x{wanted:03X}',
-                              got=f'0x{now & SYNC_ID_MASK:03X}, on which this device itself produces SYNC',
+        if now is not None and now & objects.PRODUCES_SYNC:
+            raise DeviceError(f'{self._label}, object 0x{objects.COB_ID_SYNC:04X}',
+                              expected=f'SYNC COB-ID 0x{wanted:03X}',
+                              got=f'0x{now & objects.SYNC_ID_MASK:03X}, on which this device itself produces SYNC',
                               remedy='Give this one as sync_cob_id in the layout, or let the device produce none.')
-        self._write(COB_ID_SYNC, 0, (now or 0) & ~SYNC_ID_MASK | wanted, 4)
+        self._write(objects.COB_ID_SYNC, 0, (now or 0) & ~objects.SYNC_ID_MASK | wanted, 4)
 
     def _set_heartbeat(self, wanted: int) -> int | None:
         """Set the heartbeat time [ms]; the one that the device has now, if that is known."""
-        now = self._read_if_any(PRODUCER_HEARTBEAT_TIME, 0)
-        if now != wanted and PRODUCER_HEARTBEAT_TIME in self._node.dictionary:
+        now = self._read_if_any(objects.PRODUCER_HEARTBEAT_TIME, 0)
+        if now != wanted and objects.PRODUCER_HEARTBEAT_TIME in self._node.dictionary:
             with suppress(SdoAbortedError):
-                self._download(PRODUCER_HEARTBEAT_TIME, 0, wanted.to_bytes(2, 'little'))
-            now = self._read_if_any(PRODUCER_HEARTBEAT_TIME, 0)
+                self._download(objects.PRODUCER_HEARTBEAT_TIME, 0, wanted.to_bytes(2, 'little'))
+            now = self._read_if_any(objects.PRODUCER_HEARTBEAT_TIME, 0)
         if now != wanted:
             logger.info('%s: its heartbeat time cannot be set to %d ms; it keeps %s.', self._label, wanted,
                         'its own, which cannot be read' if now is None else f'{now} ms' if now else 'none')
@@ -151,34 +133,34 @@ class DeviceSetup(DeviceObjects):
 
         They remain where the device was set up for another layout.
         """
-        ours = {TPDO_COMMUNICATION + tpdo.number - 1 for tpdo in self._node.layout.tpdos}
+        ours = {objects.TPDO_COMMUNICATION + tpdo.number - 1 for tpdo in self._node.layout.tpdos}
         cob_ids = {tpdo.cob_id.of(self._node.node_id) for tpdo in self._node.layout.tpdos}
-        for index in range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS):
+        for index in objects.COMMUNICATION_RECORDS:
             if index in ours or index not in self._node.dictionary:
                 continue
             current = self._read_if_any(index, 1)
-            if current is None or current & ~NO_RTR not in cob_ids:
+            if current is None or current & ~objects.NO_RTR not in cob_ids:
                 continue
-            number = index - TPDO_COMMUNICATION + 1
-            self._write(index, 1, current | DISABLED, 4)
-            if not (now := self._read(index, 1)) & DISABLED:
+            number = index - objects.TPDO_COMMUNICATION + 1
+            self._write(index, 1, current | objects.DISABLED, 4)
+            if not (now := self._read(index, 1)) & objects.DISABLED:
                 self._refuse_other_value(f'0x{index:04X} sub 1 (COB-ID of TPDO {number})',
-                                         f'0x{current | DISABLED:08X}', f'0x{now:08X}')
+                                         f'0x{current | objects.DISABLED:08X}', f'0x{now:08X}')
             logger.warning('%s: TPDO %d, not in the layout, is disabled: it had COB-ID 0x%03X, as one that is.',
-                           self._label, number, current & ID_MASK)
+                           self._label, number, current & objects.ID_MASK)
 
     def _configure(self, tpdo: TpdoLayout) -> bool:
         """Make the device send ``tpdo`` as the layout says; True when anything had to be written."""
-        communication, mapping = TPDO_COMMUNICATION + tpdo.number - 1, TPDO_MAPPING + tpdo.number - 1
+        communication, mapping = objects.TPDO_COMMUNICATION + tpdo.number - 1, objects.TPDO_MAPPING + tpdo.number - 1
         entries = None if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
         transmission = self._transmission(tpdo, communication)
         current = self._read(communication, 1)
-        wanted = tpdo.cob_id.of(self._node.node_id) | current & NO_RTR
+        wanted = tpdo.cob_id.of(self._node.node_id) | current & objects.NO_RTR
         same_mapping = self._mapping(mapping) == entries
         if current == wanted and same_mapping and all(self._read(communication, sub) == value
                                                       for sub, value in transmission.items()):
             return False
-        self._write(communication, 1, current | DISABLED, 4)  # CiA 301: no change while the PDO exists
+        self._write(communication, 1, current | objects.DISABLED, 4)  # CiA 301: no change while the PDO exists
         for sub, value in transmission.items():
             self._write(communication, sub, value, SENDING_TIMES[sub][0])
         if not same_mapping:
@@ -191,9 +173,9 @@ class DeviceSetup(DeviceObjects):
         """The transmission type by its sub-index, and without SYNC the times that the EDS lists."""
         event = self._node.layout.event_driven
         if event is None:
-            return {TRANSMISSION_TYPE: MANUFACTURER_EVENT if tpdo.is_mpdo else EVERY_SYNC}
+            return {objects.TRANSMISSION_TYPE: objects.MANUFACTURER_EVENT if tpdo.is_mpdo else objects.EVERY_SYNC}
         times = {sub: value for sub, value in event.times.items() if self._is_listed(index, sub)}
-        return {TRANSMISSION_TYPE: event.transmission_type, **times}
+        return {objects.TRANSMISSION_TYPE: event.transmission_type, **times}
 
     def _is_listed(self, index: int, sub: int) -> bool:
         record = self._node.dictionary[index]
@@ -203,20 +185,20 @@ class DeviceSetup(DeviceObjects):
         """The times of ``tpdos`` that the layout gives and the device does not let be set."""
         event = self._node.layout.event_driven
         for sub, value in () if event is None else event.times.items():
-            fixed = [number for number in tpdos if not self._is_listed(TPDO_COMMUNICATION + number - 1, sub)]
+            fixed = [number for number in tpdos if not self._is_listed(objects.TPDO_COMMUNICATION + number - 1, sub)]
             if value and fixed:
                 logger.warning('%s: its EDS has no %s (sub-index %d) of TPDO %s, so it stays as it is.', self._label,
                                SENDING_TIMES[sub][1], sub, ', '.join(map(str, fixed)))
 
     def _mapping(self, index: int) -> MappingEntries:
         count = self._read(index, 0)
-        return None if count == SAM_MPDO else [self._read(index, sub) for sub in range(1, count + 1)]
+        return None if count == objects.SAM_MPDO else [self._read(index, sub) for sub in range(1, count + 1)]
 
     def _write_mapping(self, index: int, entries: MappingEntries) -> None:
         self._write(index, 0, 0, 1)
         for sub, entry in enumerate(entries or [], 1):
             self._write(index, sub, entry, 4)
-        self._write(index, 0, SAM_MPDO if entries is None else len(entries), 1)
+        self._write(index, 0, objects.SAM_MPDO if entries is None else len(entries), 1)
         if (now := self._mapping(index)) != entries:
             self._refuse_other_value(f'0x{index:04X}', _mapping_text(entries), _mapping_text(now))
 
@@ -226,7 +208,7 @@ class DeviceSetup(DeviceObjects):
                 self._refuse_other_value(f'0x{index:04X} sub {sub} ({SENDING_TIMES[sub][1]} of TPDO {tpdo.number})',
                                          f'0x{value:02X}', f'0x{now:02X}')
         now = self._read(index, 1)
-        if now & (DISABLED | ID_MASK) != wanted & ID_MASK:
+        if now & (objects.DISABLED | objects.ID_MASK) != wanted & objects.ID_MASK:
             self._refuse_other_value(f'0x{index:04X} sub 1 (COB-ID of TPDO {tpdo.number})', f'0x{wanted:08X}',
                                      f'0x{now:08X}')
 

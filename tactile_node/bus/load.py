@@ -29,7 +29,7 @@ def tpdo_bits(layout: SkinLayout) -> int:
     return sum(FRAME_BITS[min(tpdo.length, MAX_PDO_BYTES)] for tpdo in layout.tpdos)
 
 
-class BusLoad:
+class LoadMeter:
     """Bits per second against the bit rate, over windows of one second.
 
     The bits of each frame are its most, with bit stuffing at its worst, so real load is up to a fifth lower.

@@ -12,23 +12,14 @@ from canopen.sdo.constants import REQUEST_UPLOAD
 from tactile_node.assembly.router import non_data_kind
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.reception import Batch
+from tactile_node.cia301 import objects
 from tactile_node.cia301.heartbeat import TOGGLE
-from tactile_node.cia301.objects import (
-    DEVICE_NAME,
-    DEVICE_TYPE,
-    HEARTBEAT,
-    IDENTITY,
-    PRODUCER_HEARTBEAT_TIME,
-    SDO_REQUEST,
-    SDO_RESPONSE,
-    node_of,
-)
 from tactile_node.cia301.sdo import SDO_BYTES
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.skin.eds_rules import Identity
 
 ANSWER_TIMEOUT = 0.5  #: s for the first answer of a node
-DEVICE_TYPE_REQUEST = bytes((REQUEST_UPLOAD, DEVICE_TYPE & 0xFF, DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))
+DEVICE_TYPE_REQUEST = bytes((REQUEST_UPLOAD, objects.DEVICE_TYPE & 0xFF, objects.DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))
 
 
 class FoundNode(NamedTuple):
@@ -56,25 +47,20 @@ class NodeScan:
 
     def received(self, batch: Batch) -> None:
         """Note heartbeats and answers to the first request."""
-        for message in batch.messages:
-            self._note(message)
-
-    def _note(self, message: can.Message) -> None:
-        if non_data_kind(message) is not None:
-            return
-        can_id, data = message.arbitration_id, bytes(message.data)
         with self._lock:
-            self.can_frames += 1
-            if (alive := node_of(can_id, HEARTBEAT)) is not None and len(data) == 1:
-                self._states[alive] = data[0] & ~TOGGLE
-                self._heard.setdefault(alive, []).append(time.monotonic())
-            elif (answering := node_of(can_id, SDO_RESPONSE)) is not None and len(data) == SDO_BYTES:
-                self.answered.add(answering)
+            for message in (one for one in batch.messages if non_data_kind(one) is None):
+                can_id, data = message.arbitration_id, bytes(message.data)
+                self.can_frames += 1
+                if (alive := objects.node_of(can_id, objects.HEARTBEAT)) is not None and len(data) == 1:
+                    self._states[alive] = data[0] & ~TOGGLE
+                    self._heard.setdefault(alive, []).append(time.monotonic())
+                elif (server := objects.node_of(can_id, objects.SDO_RESPONSE)) is not None and len(data) == SDO_BYTES:
+                    self.answered.add(server)
 
     def ask(self, network: BusNetwork, node_ids: Iterable[int]) -> None:
         """Ask for device types, and wait for the last answer. Raises BusError."""
         for node_id in node_ids:
-            network.send_message(SDO_REQUEST + node_id, DEVICE_TYPE_REQUEST)
+            network.send_message(objects.SDO_REQUEST + node_id, DEVICE_TYPE_REQUEST)
             time.sleep(0.002)  # between two requests: a bus in use stays usable
         time.sleep(ANSWER_TIMEOUT)
 
@@ -90,19 +76,19 @@ class NodeScan:
             heard = self._heard.get(node_id, [])
             period = (heard[-1] - heard[0]) / (len(heard) - 1) if len(heard) > 1 else None
             state = self._states.get(node_id)
-        name, heartbeat = said.get((DEVICE_NAME, 0)), _number(said.get((PRODUCER_HEARTBEAT_TIME, 0)))
+        name, heartbeat = said.get((objects.DEVICE_NAME, 0)), _number(said.get((objects.PRODUCER_HEARTBEAT_TIME, 0)))
         return FoundNode(node_id, network is not None, state, period, None if heartbeat is None else heartbeat / 1000,
-                         _number(said.get((DEVICE_TYPE, 0))),
+                         _number(said.get((objects.DEVICE_TYPE, 0))),
                          None if name is None else name.decode('latin-1').rstrip('\0 '),
-                         Identity(*(_number(said.get((IDENTITY, sub))) for sub in (1, 2, 3))))
+                         Identity(*(_number(said.get((objects.IDENTITY, sub))) for sub in (1, 2, 3))))
 
 
 def _read(network: BusNetwork, node_id: int) -> dict[tuple[int, int], bytes]:
     """Return what can be read of these objects."""
     found = {}
     with network.sdo_client(node_id, ObjectDictionary(), ANSWER_TIMEOUT) as sdo:
-        for index, sub in ((DEVICE_TYPE, 0), (DEVICE_NAME, 0), (PRODUCER_HEARTBEAT_TIME, 0), (IDENTITY, 1),
-                           (IDENTITY, 2), (IDENTITY, 3)):
+        for index, sub in ((objects.DEVICE_TYPE, 0), (objects.DEVICE_NAME, 0), (objects.PRODUCER_HEARTBEAT_TIME, 0),
+                           *((objects.IDENTITY, sub) for sub in (1, 2, 3))):
             try:
                 found[index, sub] = bytes(sdo.upload(index, sub))
             except (SdoAbortedError, SdoCommunicationError):

@@ -7,16 +7,7 @@ from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
-from canopen.sdo import SdoClient
-from canopen.sdo.constants import (
-    REQUEST_BLOCK_UPLOAD,
-    REQUEST_DOWNLOAD,
-    REQUEST_UPLOAD,
-    RESPONSE_ABORTED,
-    RESPONSE_BLOCK_UPLOAD,
-    RESPONSE_DOWNLOAD,
-    RESPONSE_UPLOAD,
-)
+from canopen.sdo import SdoClient, constants
 
 from tactile_node.cia301.objects import SDO_REQUEST, SDO_RESPONSE, ObjectAddress
 from tactile_node.cia301.sdo import BLOCK_COMMAND, COMMAND, INITIATE_BLOCK_REQUEST, SDO_BYTES
@@ -58,8 +49,9 @@ def _where(sdo: SdoClient, address: ObjectAddress) -> str:
 
 
 #: What a server answers to a request that names an object, if it does not abort
-ANSWER_COMMANDS = {REQUEST_DOWNLOAD: RESPONSE_DOWNLOAD, REQUEST_UPLOAD: RESPONSE_UPLOAD,
-           REQUEST_BLOCK_UPLOAD: RESPONSE_BLOCK_UPLOAD}
+ANSWER_COMMANDS = {constants.REQUEST_DOWNLOAD: constants.RESPONSE_DOWNLOAD,
+                   constants.REQUEST_UPLOAD: constants.RESPONSE_UPLOAD,
+                   constants.REQUEST_BLOCK_UPLOAD: constants.RESPONSE_BLOCK_UPLOAD}
 
 
 class OwnSdoClient(SdoClient):
@@ -75,7 +67,7 @@ class OwnSdoClient(SdoClient):
         super().__init__(SDO_REQUEST + node_id, SDO_RESPONSE + node_id, dictionary)
         self.RESPONSE_TIMEOUT = timeout
         self._object: bytes | None = None  # that the request under way is about; None: of a segment
-        self._answer = RESPONSE_UPLOAD  # to it
+        self._answer = constants.RESPONSE_UPLOAD  # to it
         self._owed = owed
         self.requests = 0  #: that name an object
         self.doubled = 0  #: answers about objects of these, beyond one for each request
@@ -90,8 +82,8 @@ class OwnSdoClient(SdoClient):
             self._owed[answered] -= 1
         elif self._object is not None and answered in self._owed:
             self.doubled += 1
-        has_no_object = data[0] == RESPONSE_ABORTED and not any(data[1:4])
-        is_meant = answered == self._object and data[0] & COMMAND in (self._answer, RESPONSE_ABORTED)
+        has_no_object = data[0] == constants.RESPONSE_ABORTED and not any(data[1:4])
+        is_meant = answered == self._object and data[0] & COMMAND in (self._answer, constants.RESPONSE_ABORTED)
         if self._object is None or is_meant or has_no_object:
             super().on_response(can_id, data, timestamp)
         else:
@@ -99,7 +91,7 @@ class OwnSdoClient(SdoClient):
 
     def send_request(self, request: bytes) -> None:
         """Send a request; from now on only answers about its object count."""
-        initiates = request[0] & COMMAND in (REQUEST_DOWNLOAD, REQUEST_UPLOAD) \
+        initiates = request[0] & COMMAND in (constants.REQUEST_DOWNLOAD, constants.REQUEST_UPLOAD) \
             or request[0] & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST
         self._object = bytes(request[1:4]) if initiates else None
         if self._object is not None:

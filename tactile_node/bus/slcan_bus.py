@@ -73,7 +73,9 @@ class BulkSlcanBus(slcanBus):
             if port is not None:
                 port.close()
         finally:
-            self._unlock()
+            if self._lock is not None:
+                os.close(self._lock)
+                self._lock = None
 
     def _is_awake(self) -> bool:
         """Whether a byte is received soon: an answer, or a frame."""
@@ -82,11 +84,6 @@ class BulkSlcanBus(slcanBus):
         while not self._buffer and time.monotonic() < end:
             self._buffer += self.serialPortOrig.read(1)
         return bool(self._buffer)
-
-    def _unlock(self) -> None:
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
 
     def recv_all(self, timeout: float) -> Batch:
         """Return the messages that wait, at least one unless none comes within ``timeout`` [s]."""

@@ -42,9 +42,6 @@ class CallQueue:
         self._queue: SimpleQueue[Call | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
 
-    def __len__(self) -> int:
-        return self._queue.qsize()
-
     def begin(self) -> None:
         """Forget what was put before and not called yet, also by a thread that still hangs in a call."""
         self._queue = SimpleQueue()

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from tactile_node.errors import BusError
 
@@ -71,11 +71,10 @@ def _usb_ports(needs_place: bool = False) -> dict[str, UsbIdentity]:
         from serial.tools import list_ports
     except ImportError:
         return {}
-    return {os.path.realpath(port.device): _identity(port, needs_place)
-            for port in list_ports.comports() if port.vid is not None and port.pid is not None}
-
-
-def _identity(port: Any, needs_place: bool) -> UsbIdentity:
-    """Take pyserial's ListPortInfo, whose location is '1-2', or '1-2:1.0' where an adapter has several interfaces."""
-    place, _, interface = (port.location or '').partition(':')
-    return UsbIdentity(port.vid, port.pid, port.serial_number or '', interface, place if needs_place else '')
+    found = {}
+    for port in list_ports.comports():
+        if port.vid is not None and port.pid is not None:
+            place, _, interface = (port.location or '').partition(':')  # '1-2', or '1-2:1.0' of several interfaces
+            found[os.path.realpath(port.device)] = UsbIdentity(
+                port.vid, port.pid, port.serial_number or '', interface, place if needs_place else '')
+    return found

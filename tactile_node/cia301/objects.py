@@ -62,6 +62,9 @@ PRODUCER_HEARTBEAT_TIME = 0x1017
 IDENTITY = 0x1018  #: sub 1 vendor, 2 product, 3 revision, 4 serial number
 TPDO_COMMUNICATION = 0x1800  #: of TPDO 1; sub 1 COB-ID, 2 transmission type
 TPDO_MAPPING = 0x1A00  #: of TPDO 1; sub 0 number of mapped objects, then index, sub-index and bits of each
+MAX_TPDOS = 512  #: of one node
+COMMUNICATION_RECORDS = range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS)
+MAPPING_RECORDS = range(TPDO_MAPPING, TPDO_MAPPING + MAX_TPDOS)
 
 MAX_INDEX = 0xFFFF
 MAX_SUBINDEX = 0xFE
@@ -102,7 +105,6 @@ def parse_address(written: str) -> ObjectAddress:
     return address
 
 
-MAX_TPDOS = 512  #: of one node
 MAX_PDO_BYTES = 8  #: of a classic CAN frame
 MAX_PDO_BITS = 8 * MAX_PDO_BYTES
 

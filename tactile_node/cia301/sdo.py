@@ -6,29 +6,7 @@
 import binascii
 from enum import Enum, IntEnum
 
-from canopen.sdo.constants import (
-    BLOCK_SIZE_SPECIFIED,
-    BLOCK_TRANSFER_RESPONSE,
-    CRC_SUPPORTED,
-    END_BLOCK_TRANSFER,
-    EXPEDITED,
-    INITIATE_BLOCK_TRANSFER,
-    NO_MORE_BLOCKS,
-    NO_MORE_DATA,
-    REQUEST_ABORTED,
-    REQUEST_BLOCK_DOWNLOAD,
-    REQUEST_BLOCK_UPLOAD,
-    REQUEST_DOWNLOAD,
-    REQUEST_SEGMENT_UPLOAD,
-    REQUEST_UPLOAD,
-    RESPONSE_ABORTED,
-    RESPONSE_BLOCK_UPLOAD,
-    RESPONSE_SEGMENT_UPLOAD,
-    RESPONSE_UPLOAD,
-    SIZE_SPECIFIED,
-    START_BLOCK_UPLOAD,
-    TOGGLE_BIT,
-)
+from canopen.sdo import constants
 
 SDO_BYTES = 8  #: every SDO frame has as many
 SEGMENT_BYTES = 7  #: data in one segment
@@ -37,13 +15,14 @@ COMMAND = 0xE0  #: mask of the command specifier
 BLOCK_COMMAND = 0xE3  #: mask of the command specifier and the sub-command of a block transfer
 
 # Of the client
-INITIATE_BLOCK_REQUEST = REQUEST_BLOCK_UPLOAD | INITIATE_BLOCK_TRANSFER
-START_BLOCK_REQUEST = REQUEST_BLOCK_UPLOAD | START_BLOCK_UPLOAD
-ACKNOWLEDGE_BLOCK_REQUEST = REQUEST_BLOCK_UPLOAD | BLOCK_TRANSFER_RESPONSE
-END_BLOCK_REQUEST = REQUEST_BLOCK_UPLOAD | END_BLOCK_TRANSFER
+INITIATE_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.INITIATE_BLOCK_TRANSFER
+START_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.START_BLOCK_UPLOAD
+ACKNOWLEDGE_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.BLOCK_TRANSFER_RESPONSE
+END_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.END_BLOCK_TRANSFER
 # Of the server
-INITIATE_BLOCK_RESPONSE = RESPONSE_BLOCK_UPLOAD | INITIATE_BLOCK_TRANSFER | BLOCK_SIZE_SPECIFIED | CRC_SUPPORTED
-END_BLOCK_RESPONSE = RESPONSE_BLOCK_UPLOAD | END_BLOCK_TRANSFER
+INITIATE_BLOCK_RESPONSE = (constants.RESPONSE_BLOCK_UPLOAD | constants.INITIATE_BLOCK_TRANSFER
+                           | constants.BLOCK_SIZE_SPECIFIED | constants.CRC_SUPPORTED)
+END_BLOCK_RESPONSE = constants.RESPONSE_BLOCK_UPLOAD | constants.END_BLOCK_TRANSFER
 
 
 class AbortCode(IntEnum):
@@ -66,8 +45,9 @@ def written_object(request: bytes) -> int | None:
     if len(request) != SDO_BYTES:
         return None
     command = request[0]
-    is_block = command & COMMAND == REQUEST_BLOCK_DOWNLOAD and not command & END_BLOCK_TRANSFER
-    return int.from_bytes(request[1:3], 'little') if is_block or command & COMMAND == REQUEST_DOWNLOAD else None
+    is_block = command & COMMAND == constants.REQUEST_BLOCK_DOWNLOAD and not command & constants.END_BLOCK_TRANSFER
+    is_write = is_block or command & COMMAND == constants.REQUEST_DOWNLOAD
+    return int.from_bytes(request[1:3], 'little') if is_write else None
 
 
 class Step(Enum):
@@ -108,10 +88,10 @@ class SdoUpload:
 
     def request(self, frame: bytes) -> Step:
         """Take a frame of the client."""
-        command = frame[0] if len(frame) == SDO_BYTES else REQUEST_ABORTED
+        command = frame[0] if len(frame) == SDO_BYTES else constants.REQUEST_ABORTED
         is_block = command & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST
-        if (is_block or command & COMMAND == REQUEST_UPLOAD) and frame[1:4] == self._object:
-            self._begin(is_block and bool(command & CRC_SUPPORTED))
+        if (is_block or command & COMMAND == constants.REQUEST_UPLOAD) and frame[1:4] == self._object:
+            self._begin(is_block and bool(command & constants.CRC_SUPPORTED))
             return Step.BEGUN
         if not self.is_under_way:
             return Step.NOTHING
@@ -120,7 +100,7 @@ class SdoUpload:
             return Step.NOTHING
         if command == ACKNOWLEDGE_BLOCK_REQUEST and self._waiting is _Waiting.BLOCK:
             return self._acknowledge(frame[1])
-        if command & COMMAND == REQUEST_SEGMENT_UPLOAD and self._waiting is _Waiting.SEGMENT:
+        if command & COMMAND == constants.REQUEST_SEGMENT_UPLOAD and self._waiting is _Waiting.SEGMENT:
             return Step.NOTHING
         return self._break()  # aborted, or the channel serves another object now
 
@@ -128,13 +108,13 @@ class SdoUpload:
         """Take a frame of the server."""
         if not self.is_under_way:
             return Step.NOTHING
-        if len(frame) != SDO_BYTES or frame[0] == RESPONSE_ABORTED:
+        if len(frame) != SDO_BYTES or frame[0] == constants.RESPONSE_ABORTED:
             return self._break()
         if self._waiting is _Waiting.ANSWER:
             return self._answer(frame)
         if self._waiting is _Waiting.BLOCK:
             return self._block_segment(frame)
-        if self._waiting is _Waiting.SEGMENT and frame[0] & COMMAND == RESPONSE_SEGMENT_UPLOAD:
+        if self._waiting is _Waiting.SEGMENT and frame[0] & COMMAND == constants.RESPONSE_SEGMENT_UPLOAD:
             return self._segment(frame)
         if self._waiting is _Waiting.END and frame[0] & BLOCK_COMMAND == END_BLOCK_RESPONSE:
             return self._end_block(frame)
@@ -151,32 +131,32 @@ class SdoUpload:
     def _answer(self, frame: bytes) -> Step:
         command = frame[0]
         kind = command & COMMAND
-        if frame[1:4] != self._object or kind not in (RESPONSE_UPLOAD, RESPONSE_BLOCK_UPLOAD):
+        if frame[1:4] != self._object or kind not in (constants.RESPONSE_UPLOAD, constants.RESPONSE_BLOCK_UPLOAD):
             return self._break()
-        if kind == RESPONSE_BLOCK_UPLOAD:
+        if kind == constants.RESPONSE_BLOCK_UPLOAD:
             self._waiting = _Waiting.START
-            self._has_crc = self._client_has_crc and bool(command & CRC_SUPPORTED)
+            self._has_crc = self._client_has_crc and bool(command & constants.CRC_SUPPORTED)
             return Step.NOTHING
-        if not command & EXPEDITED:
+        if not command & constants.EXPEDITED:
             self._waiting = _Waiting.SEGMENT
             return Step.NOTHING
-        unused = command >> 2 & 3 if command & SIZE_SPECIFIED else 0
+        unused = command >> 2 & 3 if command & constants.SIZE_SPECIFIED else 0
         self._buffer += frame[4:SDO_BYTES - unused]
         return self._finish()
 
     def _segment(self, frame: bytes) -> Step:
-        if frame[0] & TOGGLE_BIT != self._toggle:  # one is lost or doubled
+        if frame[0] & constants.TOGGLE_BIT != self._toggle:  # one is lost or doubled
             return self._break()
-        self._toggle ^= TOGGLE_BIT
+        self._toggle ^= constants.TOGGLE_BIT
         unused = frame[0] >> 1 & 7
         self._buffer += frame[1:SDO_BYTES - unused]
-        return self._finish() if frame[0] & NO_MORE_DATA else Step.NOTHING
+        return self._finish() if frame[0] & constants.NO_MORE_DATA else Step.NOTHING
 
     def _block_segment(self, frame: bytes) -> Step:
         """Only the next one in order counts: the server repeats all segments after a gap."""
-        if frame[0] & ~NO_MORE_BLOCKS == len(self._segments) + 1:
+        if frame[0] & ~constants.NO_MORE_BLOCKS == len(self._segments) + 1:
             self._segments.append(frame[1:])
-            self._has_last = bool(frame[0] & NO_MORE_BLOCKS)
+            self._has_last = bool(frame[0] & constants.NO_MORE_BLOCKS)
         return Step.NOTHING
 
     def _acknowledge(self, count: int) -> Step:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
 from tactile_node.cia301.objects import MAX_NODE_ID
 from tactile_node.errors import BusError, ConfigurationError
-from tactile_node.logs.replay_times import Window
+from tactile_node.logs.replay_times import TimeWindow
 from tactile_node.shape.recognition import LEARNED
 
 if TYPE_CHECKING:
@@ -74,8 +74,8 @@ def add_window_options(parser: argparse.ArgumentParser) -> None:
     add_number(parser, '--duration', limits=limits, metavar='S', help='length of what is read [s] (default: all)')
 
 
-def window_of(args: argparse.Namespace) -> Window:
-    return Window(args.start, inf if args.duration is None else args.duration)
+def window_of(args: argparse.Namespace) -> TimeWindow:
+    return TimeWindow(args.start, inf if args.duration is None else args.duration)
 
 
 def switch(text: str) -> bool:

@@ -8,7 +8,7 @@ from tactile_node.cli.progress import count_progress
 from tactile_node.errors import InputError, LogError
 from tactile_node.interruption import interruption
 from tactile_node.logs.damage import damage_lines
-from tactile_node.logs.replay_times import WHOLE, Window
+from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
@@ -28,7 +28,7 @@ class PlayedLog(NamedTuple):
 
 
 def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '',
-             any_device: bool = False, window: Window = WHOLE, keep: bool = True,
+             any_device: bool = False, window: TimeWindow = WHOLE, keep: bool = True,
              must_be_used: bool = False) -> PlayedLog:
     """Play ``window`` of ``path`` at ``pace`` (None: as fast as possible); what is damaged is reported on stderr.
 

@@ -87,8 +87,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_number(parser, '--rounds', int, limits={'least': 1}, default=1, metavar='N', help='N touches of each shape and '
                'area, each at another place and angle, before the programme repeats (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='of the touches (default: %(default)s)')
-    add_number(parser, '--noise', limits={'most': 1}, default=TAXEL_NOISE, metavar='SD', help='standard deviation of each '
-               'taxel, as a share of the full scale (default: %(default)s)')
+    add_number(parser, '--noise', limits={'most': 1}, default=TAXEL_NOISE, metavar='SD', help='standard deviation of '
+               'each taxel, as a share of the full scale (default: %(default)s)')
     add_number(parser, '--hold', limits={'above': 0, 'unit': 's'}, default=TOUCH_HOLD, metavar='SECONDS',
                help='for which each contact is held (default: %(default)s)')
     add_number(parser, '--slide', limits={'most': MOST_SLIDE, 'unit': 'm/s'}, default=0.0, metavar='SPEED', help='of a '

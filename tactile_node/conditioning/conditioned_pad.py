@@ -55,20 +55,15 @@ class ConditionedPad:
         self._known = known
         self.gains = gains
         self._curve = curve
-        self._faults = known
+        self.faults = known  #: and found
         self._found: FaultyTaxels | None = None
         self._status = np.zeros_like(known.kinds)
-
-    @property
-    def faults(self) -> FaultyTaxels:
-        """Known and found."""
-        return self._faults
 
     @property
     def condition(self) -> PadCondition:
         zero = self.tared.zero_state
         error = self.tared.zero_error if zero is ZeroState.DEVICE_PARTLY_ZEROED else None
-        return PadCondition(faults=self._faults, unchanged=self.unchanged, is_frozen=self.is_frozen, zero=zero,
+        return PadCondition(faults=self.faults, unchanged=self.unchanged, is_frozen=self.is_frozen, zero=zero,
                             zero_error=error)
 
     @property
@@ -103,7 +98,7 @@ class ConditionedPad:
 
     def _combine(self, found: FaultyTaxels) -> None:
         kinds = np.where(self._known.kinds != 0, self._known.kinds, found.kinds)
-        self._faults = FaultyTaxels(read_only(kinds))
+        self.faults = FaultyTaxels(read_only(kinds))
         status = np.where(kinds == TaxelFault.DEAD, TaxelStatus.DEAD, TaxelStatus.FAULTY)
         self._status = np.where(kinds != 0, status, 0).astype(np.uint8)
 

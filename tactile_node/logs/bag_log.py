@@ -13,7 +13,7 @@ import numpy as np
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_records import MSG_ENCODING, OnDamage, Recorded, begin_of, decompressed, library, records_of
 from tactile_node.logs.damage import Damage, DamageKind
-from tactile_node.logs.replay_times import SECOND, WHOLE, Window
+from tactile_node.logs.replay_times import SECOND, WHOLE, TimeWindow
 
 CAN_TYPE, CAN_TOPIC = 'can_msgs/msg/Frame', 'from_can_bus'  # the topic is that of ros2_socketcan
 #: of CAN_TYPE as the package can_msgs has it, with what it contains
@@ -38,56 +38,41 @@ uint32 nanosec
 CHUNK_BYTES = 1 << 18
 
 
-class BagCanReader:
-    """Iterates over the CAN messages of a bag in the order in which they were recorded.
+def read_can_frames(path: str | Path, on_damage: OnDamage = lambda _: None, window: TimeWindow = WHOLE
+                    ) -> Iterator[can.Message]:
+    """Give the CAN messages of a bag in the order in which they were recorded.
 
     ``on_damage`` gets what cannot be read. Raises LogError for a bag without a topic of can_msgs/msg/Frame.
     """
-
-    def __init__(self, path: str | Path, on_damage: OnDamage = lambda _: None, window: Window = WHOLE):
-        self._path = Path(path)
-        self._on_damage = on_damage
-        self._window = window
-        self._types = _Types(path)
-        self._seen: dict[str, str] = {}  # {topic: type}
-
-    def __iter__(self) -> Iterator[can.Message]:
-        given = 0
-        bounds = (0, None) if self._window == WHOLE else self._window.of(begin_of(self._path))
-        try:
-            for recorded in records_of(self._path, self._on_damage, *bounds):
-                self._seen.setdefault(recorded.topic, recorded.type)
-                if recorded.type == CAN_TYPE:
-                    given += 1
-                    yield from self._decoded(recorded)
-        finally:
-            if not given and self._seen and CAN_TYPE not in self._seen.values():
-                topics = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self._seen.items()))
-                raise LogError(str(self._path), expected=f'a topic of type {CAN_TYPE}', got=topics,
-                               remedy='Record the topic of your CAN driver, such as /from_can_bus of ros2_socketcan.')
-
-    def _decoded(self, recorded: Recorded) -> Iterator[can.Message]:
-        try:
-            message = self._types.message(recorded)
-        except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
-            at = recorded.time / SECOND
-            self._on_damage(Damage(DamageKind.UNDECODABLE, self._path.name, begin=at, end=at,
-                                   detail=f'{recorded.topic}: {type(error).__name__}: {error}'))
-            return
-        yield message
-
-    def __enter__(self) -> 'BagCanReader':
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Files are closed as they are read."""
+    path, types, given = Path(path), _CanTypes(path), 0
+    seen: dict[str, str] = {}  # {topic: type}
+    bounds = (0, None) if window == WHOLE else window.of(begin_of(path))
+    try:
+        for recorded in records_of(path, on_damage, *bounds):
+            seen.setdefault(recorded.topic, recorded.type)
+            if recorded.type != CAN_TYPE:
+                continue
+            given += 1
+            try:
+                message = types.message(recorded)
+            except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
+                at = recorded.time / SECOND
+                on_damage(Damage(DamageKind.UNDECODABLE, path.name, begin=at, end=at,
+                                 detail=f'{recorded.topic}: {type(error).__name__}: {error}'))
+            else:
+                yield message
+    finally:
+        if not given and seen and CAN_TYPE not in seen.values():
+            topics = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(seen.items()))
+            raise LogError(str(path), expected=f'a topic of type {CAN_TYPE}', got=topics,
+                           remedy='Record the topic of your CAN driver, such as /from_can_bus of ros2_socketcan.')
 
 
 class McapCanWriter:
     """Writes CAN messages as can_msgs/msg/Frame; the surface is that of python-can's writers."""
 
     def __init__(self, path: str | Path):
-        types = _Types(path)
+        types = _CanTypes(path)
         writer = library('mcap.writer', path)
         if not hasattr(writer.Writer, 'flush'):
             raise ImportError('an older library mcap than 1.5.0, which cannot end a chunk')
@@ -127,7 +112,7 @@ class McapCanWriter:
         self.file.close()
 
 
-class _Types:
+class _CanTypes:
     """can_msgs/msg/Frame <-> python-can."""
 
     def __init__(self, path: str | Path):

@@ -13,11 +13,11 @@ from can.io import CanutilsLogReader
 from can.io.generic import MessageReader
 
 from tactile_node.errors import LogError
-from tactile_node.logs.bag_log import BagCanReader
+from tactile_node.logs.bag_log import read_can_frames
 from tactile_node.logs.bag_records import is_bag
 from tactile_node.logs.damage import Damage, DamageKind, damage_text, utc
 from tactile_node.logs.log_lines import ChosenChannel, whole_lines
-from tactile_node.logs.replay_times import WHOLE, Window
+from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.series import parts_of
 
 logger = logging.getLogger(__name__)
@@ -63,7 +63,7 @@ class CanLogReader:
     Raises LogError when the file is missing, of no known format, or holds no CAN frame at all.
     """
 
-    def __init__(self, path: str | Path, channel: str = '', window: Window = WHOLE):
+    def __init__(self, path: str | Path, channel: str = '', window: TimeWindow = WHOLE):
         self.path = str(path)
         self._channel = channel
         self._window = window
@@ -83,8 +83,12 @@ class CanLogReader:
         self._chosen = ChosenChannel(self._channel)
         is_of_bag = is_bag(self.path)
         messages = self._of_bag() if is_of_bag else self._of_parts()
-        messages = without_strays(filter(self._chosen.takes, messages), self._stray)
-        yield from self._counted(messages if is_of_bag or self._window == WHOLE else self._within(messages))
+        messages = without_strays(filter(self._chosen.takes, messages), lambda message: self._unread(
+            f'a stamp of {message.timestamp:.6f} s, far from its neighbours'))
+        for message in messages if is_of_bag or self._window == WHOLE else self._within(messages):
+            self.can_frames += 1
+            self._last = message.timestamp
+            yield message
         if not self.can_frames and self._chosen.others:
             self._refuse(f'none of channel {self._channel!r}, but of {", ".join(sorted(self._chosen.others))}',
                          'Name one of these.')
@@ -99,18 +103,9 @@ class CanLogReader:
         rest = f'; {self.unread} lines or rests unread: {self.problem}' if self.unread else ''
         return f'{self.can_frames} CAN frames, the last at {utc(self._last)}{rest}.'
 
-    def _stray(self, message: can.Message) -> None:
-        self._unread(f'a stamp of {message.timestamp:.6f} s, far from its neighbours')
-
-    def _counted(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
-        for message in messages:
-            self.can_frames += 1
-            self._last = message.timestamp
-            yield message
-
     def _of_bag(self) -> Iterator[can.Message]:
         try:
-            yield from BagCanReader(self.path, self._damaged, self._window)
+            yield from read_can_frames(self.path, self._damaged, self._window)
         except OSError as error:
             self._unread(error)
 

@@ -2,6 +2,8 @@
 
 import logging
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -143,18 +145,28 @@ class CanLogWriter:
         self._closed.set()
         with self._lock:
             if self._file is not None:
-                self._close(self._file)
+                with self._failing():
+                    self._file.close()
+                    self._file = None
 
     def _keep_flushed(self) -> None:
         while not self._closed.wait(FLUSH_PERIOD):
             with self._lock:
                 if self._file is not None and self._file.is_dirty:
-                    self._flush(self._file)
+                    with self._failing():
+                        self._file.flush()
 
     def _limit(self, file: LogFile) -> None:
         """Begin the next file where this one is large enough."""
-        if not self._largest or file.can_frames % 256 or not self._is_full(file) or not self._close(file):
+        if not self._largest or file.can_frames % 256:
             return
+        with self._failing():
+            if file.reaches(self._largest):
+                file.close()
+                self._file = None
+                self._begin_part()
+
+    def _begin_part(self) -> None:
         try:
             path = part(self.path, self._part + 1)
             path.open('xb').close()
@@ -166,28 +178,13 @@ class CanLogWriter:
         self._last = self._file
         self._part += 1
 
-    def _is_full(self, file: LogFile) -> bool:
+    @contextmanager
+    def _failing(self) -> Iterator[None]:
+        """End the recording where the disk takes no more."""
         try:
-            return file.reaches(self._largest)
+            yield
         except OSError as error:
             self._fail(error)
-            return False
-
-    def _flush(self, file: LogFile) -> None:
-        try:
-            file.flush()
-        except OSError as error:
-            self._fail(error)
-
-    def _close(self, file: LogFile) -> bool:
-        self._file = None
-        try:
-            file.close()
-        except OSError as error:
-            self._file = file
-            self._fail(error)
-            return False
-        return True
 
     def _fail(self, error: OSError) -> None:
         """What is on the disk stays, what the file still holds is lost."""

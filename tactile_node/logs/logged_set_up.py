@@ -7,38 +7,15 @@ are not known. Values are taken from expedited transfers, as these objects have 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from canopen.sdo.constants import (
-    EXPEDITED,
-    REQUEST_DOWNLOAD,
-    REQUEST_UPLOAD,
-    RESPONSE_DOWNLOAD,
-    RESPONSE_UPLOAD,
-    SIZE_SPECIFIED,
-)
+from canopen.sdo import constants
 
-from tactile_node.cia301.objects import (
-    DISABLED,
-    HEARTBEAT,
-    ID_MASK,
-    IDENTITY,
-    MAX_NODE_ID,
-    MAX_TPDOS,
-    MIN_NODE_ID,
-    SAM_MPDO,
-    SDO_REQUEST,
-    SDO_RESPONSE,
-    TPDO_COMMUNICATION,
-    TPDO_MAPPING,
-    NmtState,
-    node_of,
-)
+from tactile_node.cia301 import objects
 from tactile_node.cia301.sdo import COMMAND, SDO_BYTES
 from tactile_node.skin.eds_rules import Identity
 from tactile_node.skin.layout import TpdoLayout
 from tactile_node.skin.pads import PadSettings
 
-WATCHED_OBJECTS = (range(IDENTITY, IDENTITY + 1), range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS),
-           range(TPDO_MAPPING, TPDO_MAPPING + MAX_TPDOS))
+WATCHED_OBJECTS = frozenset((objects.IDENTITY, *objects.COMMUNICATION_RECORDS, *objects.MAPPING_RECORDS))
 
 
 class Contradiction(NamedTuple):
@@ -61,9 +38,10 @@ class LoggedSetUp:
         self._takers: dict[int, Callable[[int, bytes], Contradiction | None]] = {}
         for pad in pads:
             for position, node_id in enumerate(pad.node_ids):
-                node = _Node(pad, position, identities.get(pad.name))
-                self._takers |= {SDO_REQUEST + node_id: node.request, SDO_RESPONSE + node_id: node.response,
-                                 HEARTBEAT + node_id: node.heartbeat} | dict.fromkeys(node.can_ids, node.tpdo)
+                node = _LoggedNode(pad, position, identities.get(pad.name))
+                self._takers |= dict.fromkeys(node.can_ids, node.tpdo) | {
+                    objects.SDO_REQUEST + node_id: node.request, objects.SDO_RESPONSE + node_id: node.response,
+                    objects.HEARTBEAT + node_id: node.heartbeat}
 
     def feed(self, can_id: int, data: bytes) -> Contradiction | None:
         """Take the next data frame with an 11-bit identifier; return what shows that its taxels are others."""
@@ -71,7 +49,7 @@ class LoggedSetUp:
         return None if take is None else take(can_id, data)
 
 
-class _Node:
+class _LoggedNode:
     def __init__(self, pad: PadSettings, position: int, identity: Identity | None):
         self._pad = pad
         self._node_id = pad.node_ids[position]
@@ -90,11 +68,11 @@ class _Node:
         if key is None:
             return
         command = data[0] & COMMAND
-        if command == REQUEST_DOWNLOAD:
+        if command == constants.REQUEST_DOWNLOAD:
             self._values.pop(key, None)  # until it is confirmed, either may hold
-            if data[0] & EXPEDITED:
+            if data[0] & constants.EXPEDITED:
                 self._requested[key] = _value(data)
-        elif command == REQUEST_UPLOAD:
+        elif command == constants.REQUEST_UPLOAD:
             self._requested[key] = None
 
     def response(self, _can_id: int, data: bytes) -> Contradiction | None:
@@ -102,14 +80,14 @@ class _Node:
         if key is None or key not in self._requested:
             return None
         command, written = data[0] & COMMAND, self._requested.pop(key)
-        if command == RESPONSE_DOWNLOAD and written is not None:
+        if command == constants.RESPONSE_DOWNLOAD and written is not None:
             return self._learn(key, written)
-        if command == RESPONSE_UPLOAD and data[0] & EXPEDITED and written is None:
+        if command == constants.RESPONSE_UPLOAD and data[0] & constants.EXPEDITED and written is None:
             return self._learn(key, _value(data))
         return None
 
     def heartbeat(self, _can_id: int, data: bytes) -> None:
-        if data[:1] == bytes([NmtState.BOOT_UP]):  # it has what it has saved
+        if data[:1] == bytes([objects.NmtState.BOOT_UP]):  # it has what it has saved
             self._values.clear()
             self._requested.clear()
 
@@ -121,7 +99,7 @@ class _Node:
 
     def _learn(self, key: tuple[int, int], value: int) -> Contradiction | None:
         self._values[key] = value
-        if key[0] == IDENTITY:
+        if key[0] == objects.IDENTITY:
             return self._judge_identity()
         self._unjudged.update(self._tpdos)
         return None
@@ -131,20 +109,21 @@ class _Node:
         ours = self._identity
         if ours is None:
             return None
-        theirs = Identity(*(self._values.get((IDENTITY, sub), wanted) for sub, wanted in enumerate(ours, 1)))
+        theirs = Identity(*(self._values.get((objects.IDENTITY, sub), wanted) for sub, wanted in enumerate(ours, 1)))
         if ours.accepts(theirs):
             return None
-        return self._contradiction(IDENTITY, f'{ours}, as its EDS has it', str(theirs))
+        return self._contradiction(objects.IDENTITY, f'{ours}, as its EDS has it', str(theirs))
 
     def _contradictions(self, can_id: int, tpdo: TpdoLayout) -> Iterator[Contradiction]:
-        communication, mapping = TPDO_COMMUNICATION + tpdo.number - 1, TPDO_MAPPING + tpdo.number - 1
+        communication, mapping = objects.TPDO_COMMUNICATION + tpdo.number - 1, objects.TPDO_MAPPING + tpdo.number - 1
         cob_ids = {index: value for (index, sub), value in self._values.items()
-                   if sub == 1 and index < TPDO_MAPPING and not value & DISABLED}
+                   if sub == 1 and index < objects.TPDO_MAPPING and not value & objects.DISABLED}
         for index, cob_id in cob_ids.items():
-            if index != IDENTITY and (cob_id & ID_MASK == can_id) != (index == communication):
+            if index != objects.IDENTITY and (cob_id & objects.ID_MASK == can_id) != (index == communication):
+                number = index - objects.TPDO_COMMUNICATION + 1
                 yield self._contradiction(index, f'0x{can_id:03X} to be TPDO {tpdo.number}, as the layout has it',
-                                          f'0x{cob_id & ID_MASK:03X} as TPDO {index - TPDO_COMMUNICATION + 1}')
-        wanted = [SAM_MPDO] if tpdo.is_mpdo else [len(tpdo.mapping), *(mapped.entry for mapped in tpdo.mapping)]
+                                          f'0x{cob_id & objects.ID_MASK:03X} as TPDO {number}')
+        wanted = [objects.SAM_MPDO] if tpdo.is_mpdo else [len(tpdo.mapping), *(mapped.entry for mapped in tpdo.mapping)]
         count = self._values.get((mapping, 0), 0)  # 0: it is being changed
         seen = [self._values.get((mapping, sub)) for sub in range(len(wanted))]
         if count and any(value not in (None, ours) for value, ours in zip(seen, wanted)):
@@ -158,18 +137,18 @@ class _Node:
 def _object_of(data: bytes) -> tuple[int, int] | None:
     """Index and sub-index of an SDO frame, where they are watched; a segment has none, but may look like it."""
     index = int.from_bytes(data[1:3], 'little')
-    if len(data) != SDO_BYTES or not any(index in indices for indices in WATCHED_OBJECTS):
+    if len(data) != SDO_BYTES or index not in WATCHED_OBJECTS:
         return None
     return index, data[3]
 
 
 def _value(data: bytes) -> int:
-    unused = data[0] >> 2 & 3 if data[0] & SIZE_SPECIFIED else 0
+    unused = data[0] >> 2 & 3 if data[0] & constants.SIZE_SPECIFIED else 0
     return int.from_bytes(data[4:SDO_BYTES - unused], 'little')
 
 
 def _text(mapping: Sequence[int | None]) -> str:
-    if mapping[0] == SAM_MPDO:
+    if mapping[0] == objects.SAM_MPDO:
         return 'of an MPDO'
     return ' '.join('?' if entry is None else f'{entry:08X}' for entry in mapping[1:]) + f' ({mapping[0]})'
 
@@ -186,7 +165,7 @@ class HeardNodes:
         self._heard: set[int] = set()
 
     def feed(self, can_id: int) -> None:
-        node_id = node_of(can_id, HEARTBEAT)
+        node_id = objects.node_of(can_id, objects.HEARTBEAT)
         if node_id is not None:
             self._heard.add(node_id)
 
@@ -200,5 +179,5 @@ def _neighbours(pad: PadSettings) -> set[int]:
     """Node-IDs with which a device of this layout sends some of the pad's COB-IDs."""
     tpdos = pad.layout.tpdos
     own = {tpdo.cob_id.of(pad.node_ids[tpdo.node]) for tpdo in tpdos}
-    return {node_id for node_id in range(MIN_NODE_ID, MAX_NODE_ID + 1) if node_id not in pad.node_ids
+    return {node_id for node_id in range(objects.MIN_NODE_ID, objects.MAX_NODE_ID + 1) if node_id not in pad.node_ids
             and any(tpdo.cob_id.of(node_id) in own for tpdo in tpdos if tpdo.cob_id.relative)}

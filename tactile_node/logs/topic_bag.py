@@ -14,17 +14,9 @@ import numpy as np
 
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import CAN_TYPE
-from tactile_node.logs.bag_records import (
-    Recorded,
-    begin_of,
-    decompressed,
-    is_bag,
-    library,
-    records_of,
-    topics_of,
-)
+from tactile_node.logs.bag_records import Recorded, begin_of, decompressed, is_bag, library, records_of, topics_of
 from tactile_node.logs.damage import Damage, DamageKind, damage_text
-from tactile_node.logs.replay_times import SECOND, WHOLE, Window
+from tactile_node.logs.replay_times import SECOND, WHOLE, TimeWindow
 from tactile_node.package_files import package_file
 from tactile_node.read_only import read_only
 from tactile_node.skin.taxel_array import Time, check_taxel_array
@@ -119,7 +111,7 @@ class TopicBagReader:
         self.unread: Counter[DamageKind] = Counter()
         self.problem = ''
         self.damages: list[Damage] = []
-        self._types = _Types(path)
+        self._types = _TopicTypes(path)
         self._behind: float | None = None  # stamp of the last taxel array less its time of recording [s]
         if TAXELS not in self.topics.values():
             got = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self.topics.items())) or (
@@ -143,7 +135,7 @@ class TopicBagReader:
             yield PadFrame(pad_of(message.topic), frame_of(message.content), geometry_of(message.content),
                            message.recorded)
 
-    def messages(self, types: Collection[str] = TYPES, since: float = 0.0, window: Window = WHOLE
+    def messages(self, types: Collection[str] = TYPES, since: float = 0.0, window: TimeWindow = WHOLE
                  ) -> Iterator[BagMessage]:
         """Give the messages of ``types``, some of TYPES; a TaxelArray only where its fields fit together.
 
@@ -195,7 +187,7 @@ def pad_of(topic: str) -> str:
     return topic.strip('/').rpartition('/')[0]
 
 
-class _Types:
+class _TopicTypes:
     """Decodes messages by the definition in the bag, or by ours."""
 
     def __init__(self, path: str | Path):

@@ -5,19 +5,7 @@ from collections.abc import Callable
 
 from canopen.sdo.constants import NO_MORE_BLOCKS, REQUEST_ABORTED, RESPONSE_ABORTED
 
-from tactile_node.cia301.sdo import (
-    ACKNOWLEDGE_BLOCK_REQUEST,
-    BLOCK_COMMAND,
-    END_BLOCK_REQUEST,
-    END_BLOCK_RESPONSE,
-    INITIATE_BLOCK_REQUEST,
-    INITIATE_BLOCK_RESPONSE,
-    MAX_BLOCK_SEGMENTS,
-    SDO_BYTES,
-    SEGMENT_BYTES,
-    START_BLOCK_REQUEST,
-    AbortCode,
-)
+from tactile_node.cia301 import sdo
 
 
 class BlockUploadServer:
@@ -35,45 +23,46 @@ class BlockUploadServer:
 
     def takes(self, request: bytes) -> bool:
         """Whether it has answered; what it has not is for the common SDO server."""
-        if len(request) == SDO_BYTES and request[0] & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST:
+        if len(request) == sdo.SDO_BYTES and request[0] & sdo.BLOCK_COMMAND == sdo.INITIATE_BLOCK_REQUEST:
             if request[1:4] != self._object:
                 return False
             self._begin(request[4])
         elif not self._is_running:
             return False
-        elif request[0] == START_BLOCK_REQUEST:
+        elif request[0] == sdo.START_BLOCK_REQUEST:
             self._send_block()
-        elif request[0] == ACKNOWLEDGE_BLOCK_REQUEST:
+        elif request[0] == sdo.ACKNOWLEDGE_BLOCK_REQUEST:
             self._continue(request[1], request[2])
         else:
             self._is_running = False
-            return request[0] in (END_BLOCK_REQUEST, REQUEST_ABORTED)
+            return request[0] in (sdo.END_BLOCK_REQUEST, REQUEST_ABORTED)
         return True
 
     def _begin(self, block_size: int) -> None:
-        if not 1 <= block_size <= MAX_BLOCK_SEGMENTS:
-            self._send(bytes([RESPONSE_ABORTED]) + self._object + AbortCode.INVALID_BLOCK_SIZE.to_bytes(4, 'little'))
+        if not 1 <= block_size <= sdo.MAX_BLOCK_SEGMENTS:
+            reason = sdo.AbortCode.INVALID_BLOCK_SIZE.to_bytes(4, 'little')
+            self._send(bytes([RESPONSE_ABORTED]) + self._object + reason)
             return
         self._data = self._read()
         self._acknowledged = 0
         self._block_size = block_size
         self._is_running = True
-        self._send(bytes([INITIATE_BLOCK_RESPONSE]) + self._object + len(self._data).to_bytes(4, 'little'))
+        self._send(bytes([sdo.INITIATE_BLOCK_RESPONSE]) + self._object + len(self._data).to_bytes(4, 'little'))
 
     def _send_block(self) -> None:
-        rest = self._data[SEGMENT_BYTES * self._acknowledged:]
-        segments = [rest[i:i + SEGMENT_BYTES] for i in range(0, len(rest), SEGMENT_BYTES)]
+        rest = self._data[sdo.SEGMENT_BYTES * self._acknowledged:]
+        segments = [rest[i:i + sdo.SEGMENT_BYTES] for i in range(0, len(rest), sdo.SEGMENT_BYTES)]
         self._in_block = min(len(segments), self._block_size)
         for number, segment in enumerate(segments[:self._block_size], 1):
             is_last = number == len(segments)
-            self._send(bytes([number | NO_MORE_BLOCKS * is_last]) + segment.ljust(SEGMENT_BYTES, b'\0'))
+            self._send(bytes([number | NO_MORE_BLOCKS * is_last]) + segment.ljust(sdo.SEGMENT_BYTES, b'\0'))
 
     def _continue(self, count: int, block_size: int) -> None:
         self._acknowledged += min(count, self._in_block)
         self._block_size = block_size
-        if SEGMENT_BYTES * self._acknowledged < len(self._data):
+        if sdo.SEGMENT_BYTES * self._acknowledged < len(self._data):
             self._send_block()
             return
-        unused = -len(self._data) % SEGMENT_BYTES
+        unused = -len(self._data) % sdo.SEGMENT_BYTES
         crc = binascii.crc_hqx(self._data, 0)
-        self._send(bytes([END_BLOCK_RESPONSE | unused << 2]) + crc.to_bytes(2, 'little') + bytes(5))
+        self._send(bytes([sdo.END_BLOCK_RESPONSE | unused << 2]) + crc.to_bytes(2, 'little') + bytes(5))

@@ -51,7 +51,9 @@ class SimulatedDevice:
         self._zero: np.ndarray | None = None  # what its auto-zero takes off
         self._words = [bytes(8)] * len(node.layout.tpdos)
         self._domain = node.layout.domain
-        self._blocks = self._block_server()
+        self._blocks = None if self._domain is None else BlockUploadServer(
+            self._domain.index, self._domain.subindex, self._sample,
+            lambda data: network.send_message(self._node.sdo.tx_cobid, data))
         self._tpdos: list[ConfiguredTpdo] | None = None
         self._schedule = EventSchedule([], 0.0)
         self._events = StoppableThread(self._send_events, f'events {node.node_id}')
@@ -157,12 +159,6 @@ class SimulatedDevice:
                 self._send_at_once(self._frames(tpdo))
             return self._schedule.next(now)
 
-    def _block_server(self) -> BlockUploadServer | None:
-        if self._domain is None:
-            return None
-        return BlockUploadServer(self._domain.index, self._domain.subindex, self._sample,
-                                 lambda data: self._network.send_message(self._node.sdo.tx_cobid, data))
-
     def _sample(self) -> bytes:
         return self._codec.encode(self._values(time.time()))
 
@@ -266,7 +262,7 @@ class SimulatedDevice:
             self._zero_channel(subindex, bytes(data))
             return
         communication = objects.TPDO_COMMUNICATION + (index & objects.MAX_TPDOS - 1)
-        if objects.TPDO_MAPPING <= index < objects.TPDO_MAPPING + objects.MAX_TPDOS:
+        if index in objects.MAPPING_RECORDS:
             if not self._number(communication, 1) & objects.DISABLED:
                 raise SdoAbortedError(AbortCode.WRONG_DEVICE_STATE)
             self._check_mapping(index, subindex, int.from_bytes(data, 'little'))

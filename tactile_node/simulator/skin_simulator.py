@@ -15,7 +15,7 @@ from tactile_node.bus.reception import Batch
 from tactile_node.cia301.frame_bits import Frame
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
 from tactile_node.simulator.segment import LiveSegment, Segment
-from tactile_node.simulator.slcan_pty import SlcanPty
+from tactile_node.simulator.slcan_pty import SlcanPty, frame_of
 from tactile_node.simulator.wire import Carried, Wire, WireReport
 from tactile_node.skin.pads import CanopenNode, LivePad, check_pads
 
@@ -142,11 +142,6 @@ class WireGateway:
                     self._bus.send(message_of(frame))
         except (can.CanError, OSError, ValueError) as error:
             self._on_failure(error)
-
-
-def frame_of(message: can.Message) -> Frame:
-    return Frame(message.arbitration_id, bytes(message.data or b''), message.is_extended_id, message.is_remote_frame,
-                 message.dlc if message.is_remote_frame else 0)
 
 
 def message_of(frame: Frame) -> can.Message:

@@ -154,9 +154,12 @@ def _point(link: Path, port: str) -> None:
 
 def encode(message: can.Message) -> bytes:
     """A frame as slcan line: ``t1A02AABB`` is COB-ID 0x1A0 with bytes AA BB."""
-    is_remote = message.is_remote_frame
-    return line_of(Frame(message.arbitration_id, b'' if is_remote else bytes(message.data), message.is_extended_id,
-                         is_remote, message.dlc))
+    return line_of(frame_of(message))
+
+
+def frame_of(message: can.Message) -> Frame:
+    return Frame(message.arbitration_id, bytes(message.data or b''), message.is_extended_id, message.is_remote_frame,
+                 message.dlc if message.is_remote_frame else 0)
 
 
 def line_of(frame: Frame) -> bytes:

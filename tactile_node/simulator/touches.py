@@ -66,17 +66,12 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASS
     touches, values = [], []
     for area in areas:
         for shape in shapes:
-            contact = _contact(rng, shape, area, layout)
+            contact = (random_figure(rng, shape, area, layout.rows, layout.cols) if isinstance(shape, Silhouette)
+                       else random_contact(rng, shape, area, layout.rows, layout.cols))
             touches.append(Touch(contact, now, now + hold))
             values.append(_values(layout, contact, rng))
             now += hold + pause
     return TouchProgram(touches, values, now)
-
-
-def _contact(rng: np.random.Generator, shape: str | Silhouette, area: float, layout: SkinLayout) -> Contact | Figure:
-    if isinstance(shape, Silhouette):
-        return random_figure(rng, shape, area, rows=layout.rows, cols=layout.cols)
-    return random_contact(rng, shape, area, rows=layout.rows, cols=layout.cols)
 
 
 def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Generator) -> np.ndarray:

@@ -7,24 +7,7 @@ from typing import NamedTuple
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODRecord
 
-from tactile_node.cia301.objects import (
-    DISABLED,
-    EVENT_TIMER,
-    EVENT_TIMER_UNIT,
-    EVERY_SYNC,
-    ID_MASK,
-    INHIBIT_TIME,
-    INHIBIT_UNIT,
-    MANUFACTURER_EVENT,
-    MAX_PDO_BYTES,
-    MAX_SYNCHRONOUS,
-    MAX_TPDOS,
-    PROFILE_EVENT,
-    SAM_MPDO,
-    TPDO_COMMUNICATION,
-    TPDO_MAPPING,
-    TRANSMISSION_TYPE,
-)
+from tactile_node.cia301 import objects
 from tactile_node.skin.layout import SkinLayout
 
 #: {index << 8 | sub: (rank, first bit, bits)} of every object that holds taxels
@@ -67,40 +50,42 @@ class TpdoRecords:
 
     @property
     def has_event_timers(self) -> bool:
-        return any(self._has(number, EVENT_TIMER) for number in range(MAX_TPDOS))
+        return any(self._has(number, objects.EVENT_TIMER) for number in range(objects.MAX_TPDOS))
 
     def compile(self, number: int) -> ConfiguredTpdo | None:
         """TPDO ``number`` (from 0) as its records stand now; None when it is not sent."""
-        cob_id = self._number(TPDO_COMMUNICATION + number, 1)
-        kind = self._number(TPDO_COMMUNICATION + number, TRANSMISSION_TYPE)
-        timer = self._time(number, EVENT_TIMER, EVENT_TIMER_UNIT) if kind >= MANUFACTURER_EVENT else 0.0
-        count = self._number(TPDO_MAPPING + number, 0)
+        cob_id = self._number(objects.TPDO_COMMUNICATION + number, 1)
+        kind = self._number(objects.TPDO_COMMUNICATION + number, objects.TRANSMISSION_TYPE)
+        has_timer = kind >= objects.MANUFACTURER_EVENT
+        timer = self._time(number, objects.EVENT_TIMER, objects.EVENT_TIMER_UNIT) if has_timer else 0.0
+        count = self._number(objects.TPDO_MAPPING + number, 0)
         heads = tuple(self._heads(number + 1))
-        if cob_id & DISABLED:
+        if cob_id & objects.DISABLED:
             return None
-        if count == SAM_MPDO and (kind == MANUFACTURER_EVENT or timer):
-            return ConfiguredTpdo(can_id=cob_id & ID_MASK, every=EVERY_SYNC, length=MAX_PDO_BYTES, pieces=(),
-                                  whole=None, heads=heads, event_timer=timer)  # without it: a scan for each SYNC
-        if count in (0, SAM_MPDO) or kind > MAX_SYNCHRONOUS and not timer:
+        if count == objects.SAM_MPDO and (kind == objects.MANUFACTURER_EVENT or timer):
+            return ConfiguredTpdo(can_id=cob_id & objects.ID_MASK, every=objects.EVERY_SYNC,
+                                  length=objects.MAX_PDO_BYTES, pieces=(), whole=None, heads=heads,
+                                  event_timer=timer)  # without it: a scan for each SYNC
+        if count in (0, objects.SAM_MPDO) or kind > objects.MAX_SYNCHRONOUS and not timer:
             return None
         pieces, bits = [], 0
         for sub in range(1, count + 1):
-            entry = self._number(TPDO_MAPPING + number, sub)
+            entry = self._number(objects.TPDO_MAPPING + number, sub)
             rank, start, _ = self.places.get(entry >> 8, (None, 0, 0))
             pieces.append(Piece(rank, start, entry & 0xFF, bits))
             bits += entry & 0xFF
         is_whole = not heads and all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
-        return ConfiguredTpdo(can_id=cob_id & ID_MASK, every=kind, length=(bits + 7) // 8, pieces=tuple(pieces),
+        return ConfiguredTpdo(can_id=cob_id & objects.ID_MASK, every=kind, length=(bits + 7) // 8, pieces=tuple(pieces),
                               whole=pieces[0].rank if is_whole else None, heads=heads, event_timer=timer,
-                              inhibit_time=self._time(number, INHIBIT_TIME, INHIBIT_UNIT),
-                              is_on_change=kind == PROFILE_EVENT and not heads)
+                              inhibit_time=self._time(number, objects.INHIBIT_TIME, objects.INHIBIT_UNIT),
+                              is_on_change=kind == objects.PROFILE_EVENT and not heads)
 
     def _time(self, number: int, sub: int, unit: float) -> float:
         """A time of TPDO ``number`` [s]; 0 where the device does not have it."""
-        return self._number(TPDO_COMMUNICATION + number, sub) * unit if self._has(number, sub) else 0.0
+        return self._number(objects.TPDO_COMMUNICATION + number, sub) * unit if self._has(number, sub) else 0.0
 
     def _has(self, number: int, sub: int) -> bool:
-        record = self._dictionary.get(TPDO_COMMUNICATION + number)
+        record = self._dictionary.get(objects.TPDO_COMMUNICATION + number)
         return isinstance(record, ODRecord) and sub in record.subindices
 
     def _heads(self, number: int) -> Iterator[tuple[int, bytes]]:

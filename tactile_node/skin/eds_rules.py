@@ -11,17 +11,7 @@ from typing import NamedTuple
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable
 
-from tactile_node.cia301.objects import (
-    COB_ID_SYNC,
-    EVENT_TIMER,
-    IDENTITY,
-    INHIBIT_TIME,
-    MAX_PDO_BITS,
-    PRODUCER_HEARTBEAT_TIME,
-    TPDO_COMMUNICATION,
-    TPDO_MAPPING,
-    TRANSMISSION_TYPE,
-)
+from tactile_node.cia301 import objects
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.eds import EdsText, refuse_eds
 from tactile_node.skin.layout import DomainLayout, MappedObject, SkinLayout, TpdoLayout
@@ -63,11 +53,12 @@ def identity_of(dictionary: ObjectDictionary, eds: str) -> Identity:
 
     Raises ConfigurationError when the EDS gives something that cannot be compared with a device's identity.
     """
-    entry = dictionary[IDENTITY] if IDENTITY in dictionary else None
+    entry = dictionary[objects.IDENTITY] if objects.IDENTITY in dictionary else None
     if entry is None:
         return Identity(None, None, None)
     if isinstance(entry, ODVariable):
-        refuse_eds(eds, f'section [{IDENTITY:04X}]', expected='a RECORD (ObjectType=0x9)', got='a single value (VAR)')
+        refuse_eds(eds, f'section [{objects.IDENTITY:04X}]', expected='a RECORD (ObjectType=0x9)',
+                   got='a single value (VAR)')
     vendor, product, revision = (_number(entry, sub, eds) for sub in (1, 2, 3))
     return Identity(vendor, product, revision)
 
@@ -78,14 +69,15 @@ def _number(record: ODRecord | ODArray, sub: int, eds: str) -> int | None:
     default = None if variable is None else variable.default
     if default is None or isinstance(default, int):
         return default
-    refuse_eds(eds, f'section [{IDENTITY:04X}sub{sub}]', expected='an UNSIGNED32 (DataType=0x7)', got=repr(default))
+    refuse_eds(eds, f'section [{objects.IDENTITY:04X}sub{sub}]', expected='an UNSIGNED32 (DataType=0x7)',
+               got=repr(default))
 
 
 #: Bits of the sub-indices (CiA 301): COB-ID, transmission type; inhibit time, event timer; number of mapped objects,
 #: mapped objects
-COMMUNICATION_BITS = {1: 32, TRANSMISSION_TYPE: 8}
-TIME_BITS = {INHIBIT_TIME: 16, EVENT_TIMER: 16}
-MAPPING_BITS = {0: 8} | dict.fromkeys(range(1, MAX_PDO_BITS + 1), 32)
+COMMUNICATION_BITS = {1: 32, objects.TRANSMISSION_TYPE: 8}
+TIME_BITS = {objects.INHIBIT_TIME: 16, objects.EVENT_TIMER: 16}
+MAPPING_BITS = {0: 8} | dict.fromkeys(range(1, objects.MAX_PDO_BITS + 1), 32)
 
 
 def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> None:
@@ -103,17 +95,17 @@ def _checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> Itera
     """Give the rules, each as a call that raises ConfigurationError."""
     text = EdsText(eds)
     yield partial(identity_of, dictionary, eds)
-    yield partial(_check_value, dictionary, PRODUCER_HEARTBEAT_TIME, 16, text)
+    yield partial(_check_value, dictionary, objects.PRODUCER_HEARTBEAT_TIME, 16, text)
     if layout.needs_sync:
-        yield partial(_check_value, dictionary, COB_ID_SYNC, 32, text)
+        yield partial(_check_value, dictionary, objects.COB_ID_SYNC, 32, text)
     if layout.domain is not None:
         yield partial(_check_domain, dictionary, layout.domain, layout.source, eds)
     communication_bits = COMMUNICATION_BITS if layout.event_driven is None else COMMUNICATION_BITS | TIME_BITS
     for tpdo in layout.tpdos:
         where = f'{layout.source}, TPDO {tpdo.number}'
-        yield partial(_check_record, dictionary, TPDO_COMMUNICATION + tpdo.number - 1, bits=communication_bits,
+        yield partial(_check_record, dictionary, objects.TPDO_COMMUNICATION + tpdo.number - 1, bits=communication_bits,
                       where=where, text=text)
-        yield partial(_check_record, dictionary, TPDO_MAPPING + tpdo.number - 1, bits=MAPPING_BITS, where=where,
+        yield partial(_check_record, dictionary, objects.TPDO_MAPPING + tpdo.number - 1, bits=MAPPING_BITS, where=where,
                       text=text)
         yield partial(_check_mapping, dictionary, tpdo, where, text)
 

@@ -5,17 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.cia301.objects import (
-    EVENT_TIMER,
-    EVENT_TIMER_UNIT,
-    INHIBIT_TIME,
-    INHIBIT_UNIT,
-    MANUFACTURER_EVENT,
-    MAX_PDO_BITS,
-    MAX_TIME,
-    PROFILE_EVENT,
-    CobId,
-)
+from tactile_node.cia301 import objects
 from tactile_node.yaml_section import Section
 
 SWEEP_SHARE = 0.45  #: of the period; twice that leaves a tenth for the device's timer and our stamps
@@ -35,8 +25,8 @@ class EventDriven:
     @property
     def times(self) -> dict[int, int]:
         """The times as a TPDO's communication record holds them, by sub-index."""
-        return {INHIBIT_TIME: round(self.inhibit_time / INHIBIT_UNIT),
-                EVENT_TIMER: round(self.event_timer / EVENT_TIMER_UNIT)}
+        return {objects.INHIBIT_TIME: round(self.inhibit_time / objects.INHIBIT_UNIT),
+                objects.EVENT_TIMER: round(self.event_timer / objects.EVENT_TIMER_UNIT)}
 
     @property
     def sweep_time(self) -> float:
@@ -54,9 +44,9 @@ def read_event_driven(top: Section) -> EventDriven | None:
     if top.take('event_driven', None) is None:
         return None
     section = top.section('event_driven')
-    kind = section.integer('transmission_type', MANUFACTURER_EVENT, PROFILE_EVENT)
-    timer = _time(section, 'event_timer', EVENT_TIMER_UNIT)
-    inhibit = _time(section, 'inhibit_time', INHIBIT_UNIT, 0)
+    kind = section.integer('transmission_type', objects.MANUFACTURER_EVENT, objects.PROFILE_EVENT)
+    timer = _time(section, 'event_timer', objects.EVENT_TIMER_UNIT)
+    inhibit = _time(section, 'inhibit_time', objects.INHIBIT_UNIT, 0)
     is_sweeps = section.choice('frames', ('sweeps', 'snapshots')) == 'sweeps'
     period, max_age = timer, 0.0
     if is_sweeps:
@@ -73,8 +63,8 @@ def read_event_driven(top: Section) -> EventDriven | None:
 def _time(section: Section, key: str, unit: float, *default: float) -> float:
     """Read a time [s] that the device holds as a number of ``unit`` [s] in 16 bits."""
     value = section.number(key, *default)
-    if not 0 <= value <= MAX_TIME * unit or abs(value - round(value / unit) * unit) > unit / 1000:
-        section.refuse(key, expected=f'0..{MAX_TIME * unit:g} s in steps of {unit:g} s', got=f'{value:g}',
+    if not 0 <= value <= objects.MAX_TIME * unit or abs(value - round(value / unit) * unit) > unit / 1000:
+        section.refuse(key, expected=f'0..{objects.MAX_TIME * unit:g} s in steps of {unit:g} s', got=f'{value:g}',
                        remedy='Write it in seconds, 20 ms as 0.02.')
     return value
 
@@ -152,7 +142,7 @@ class TpdoLayout:
     """
 
     number: int
-    cob_id: CobId
+    cob_id: objects.CobId
     mapping: tuple[MappedObject, ...]
     taxels: tuple[TaxelField, ...]
     row: int | None = None  #: byte 0 of a row-multiplexed TPDO
@@ -167,7 +157,7 @@ class TpdoLayout:
     @property
     def bits(self) -> int:
         """Bits of the CAN frame, node-ID, index and sub-index of an MPDO included."""
-        return MAX_PDO_BITS if self.is_mpdo else sum(mapped.bits for mapped in self.mapping)
+        return objects.MAX_PDO_BITS if self.is_mpdo else sum(mapped.bits for mapped in self.mapping)
 
     def prefix(self, node_id: int) -> bytes:
         """The first bytes that identify a multiplexed frame. Bit 7 of an MPDO's byte 0 is 0: source addressing."""

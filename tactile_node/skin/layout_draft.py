@@ -9,15 +9,7 @@ from canopen import ObjectDictionary
 from canopen.objectdictionary import ODVariable
 from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
-from tactile_node.cia301.objects import (
-    ID_MASK,
-    MAX_PDO_BITS,
-    MAX_TPDOS,
-    SAM_MPDO,
-    TPDO_COMMUNICATION,
-    TPDO_MAPPING,
-    CobId,
-)
+from tactile_node.cia301 import objects
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout import MAX_SIDE, MappedObject
 
@@ -27,7 +19,7 @@ class EdsTpdo:
     """One TPDO of an EDS; None for what the EDS does not give."""
 
     number: int
-    cob_id: CobId | None
+    cob_id: objects.CobId | None
     mapping: tuple[MappedObject, ...]
     unknown: int   #: mapped objects that the EDS counts and does not name
     is_mpdo: bool  #: in source addressing mode: it maps nothing itself
@@ -36,16 +28,16 @@ class EdsTpdo:
 def eds_tpdos(dictionary: ObjectDictionary, node_id: int) -> list[EdsTpdo]:
     """Return the TPDOs of an EDS that was read for ``node_id``, by number."""
     found = []
-    for number in range(1, MAX_TPDOS + 1):
-        communication, mapping = TPDO_COMMUNICATION + number - 1, TPDO_MAPPING + number - 1
+    for number in range(1, objects.MAX_TPDOS + 1):
+        communication, mapping = objects.TPDO_COMMUNICATION + number - 1, objects.TPDO_MAPPING + number - 1
         if communication in dictionary or mapping in dictionary:
             count = _default(dictionary, mapping, 0) or 0
-            entries = [] if count > MAX_PDO_BITS else \
+            entries = [] if count > objects.MAX_PDO_BITS else \
                 [_default(dictionary, mapping, sub) for sub in range(1, count + 1)]
             found.append(EdsTpdo(number, _cob_id(dictionary, communication, node_id),
                                  tuple(MappedObject(entry >> 16, entry >> 8 & 0xFF, entry & 0xFF)
                                        for entry in entries if entry),
-                                 sum(not entry for entry in entries), count == SAM_MPDO))
+                                 sum(not entry for entry in entries), count == objects.SAM_MPDO))
     return found
 
 
@@ -62,12 +54,12 @@ def _default(dictionary: ObjectDictionary, index: int, sub: int) -> int | None:
     return variable.default if variable is not None and isinstance(variable.default, int) else None
 
 
-def _cob_id(dictionary: ObjectDictionary, index: int, node_id: int) -> CobId | None:
+def _cob_id(dictionary: ObjectDictionary, index: int, node_id: int) -> objects.CobId | None:
     variable, default = variable_of(dictionary, index, 1), _default(dictionary, index, 1)
-    if variable is None or not default or not default & ID_MASK:
+    if variable is None or not default or not default & objects.ID_MASK:
         return None
     base = default - node_id if variable.relative else default
-    return CobId(base & ID_MASK, bool(variable.relative))
+    return objects.CobId(base & objects.ID_MASK, bool(variable.relative))
 
 
 FILL_IN = 'FILL IN'     #: marks what an EDS cannot say
@@ -125,12 +117,12 @@ def _commonest_width(tpdos: list[EdsTpdo], eds: str) -> int:
 
 def _starts(mapping: tuple[MappedObject, ...], bits: int, *, is_packed: bool) -> list[int]:
     """Return where taxels start: at each object of so many ``bits``, or one behind the other."""
-    total = min(sum(mapped.bits for mapped in mapping), MAX_PDO_BITS)
+    total = min(sum(mapped.bits for mapped in mapping), objects.MAX_PDO_BITS)
     if is_packed:
         return list(range(0, total - bits + 1, bits))
     found, start = [], 0
     for mapped in mapping:
-        if mapped.bits == bits and start + bits <= MAX_PDO_BITS:
+        if mapped.bits == bits and start + bits <= objects.MAX_PDO_BITS:
             found.append(start)
         start += mapped.bits
     return found
@@ -176,8 +168,8 @@ def _head(eds: str, taxels: int, shape: Shape, is_width_guessed: bool, bits: int
 
 def _entry(tpdo: EdsTpdo, starts: list[int], place: int, cols: int) -> Iterator[str]:
     if not starts:
-        objects = ', '.join(f'0x{m.index:04X} sub {m.subindex} ({m.bits} bits)' for m in tpdo.mapping)
-        what = 'sends MPDOs: see mpdo8x8_16bit.yaml' if tpdo.is_mpdo else f'maps {objects or "nothing"}'
+        mapped = ', '.join(f'0x{m.index:04X} sub {m.subindex} ({m.bits} bits)' for m in tpdo.mapping)
+        what = 'sends MPDOs: see mpdo8x8_16bit.yaml' if tpdo.is_mpdo else f'maps {mapped or "nothing"}'
         yield f'# TPDO {tpdo.number} is left out: it {what}'
         return
     cob_id, mark = tpdo.cob_id, ''
@@ -191,9 +183,9 @@ def _entry(tpdo: EdsTpdo, starts: list[int], place: int, cols: int) -> Iterator[
     yield from _taxels(fields)
 
 
-def _usual_cob_id(number: int) -> CobId:
+def _usual_cob_id(number: int) -> objects.CobId:
     """Return the COB-ID by CiA 301, 7.5.2.36, of the first four TPDOs; beyond, one that these leave free."""
-    return CobId(0x180 + 0x100 * ((number - 1) % 4) + (number - 1) // 4, True)
+    return objects.CobId(0x180 + 0x100 * ((number - 1) % 4) + (number - 1) // 4, True)
 
 
 def _mapping(mapping: tuple[MappedObject, ...]) -> str:

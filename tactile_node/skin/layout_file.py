@@ -6,18 +6,7 @@ from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
-from tactile_node.cia301.objects import (
-    ID_MASK,
-    MAX_INDEX,
-    MAX_NODE_ID,
-    MAX_PDO_BITS,
-    MAX_SUBINDEX,
-    MAX_TPDOS,
-    MPDO_DATA_BITS,
-    SYNC,
-    CobId,
-    parse_cob_id,
-)
+from tactile_node.cia301 import objects
 from tactile_node.package_files import config_path
 from tactile_node.skin.layout import (
     MAX_DOMAIN_BYTES,
@@ -31,7 +20,7 @@ from tactile_node.skin.layout import (
     raw_range,
     read_event_driven,
 )
-from tactile_node.skin.layout_rules import check_layout
+from tactile_node.skin.layout_rules import layout_checks
 from tactile_node.yaml_section import Section, load_mapping, shown
 
 
@@ -48,7 +37,8 @@ class Shift(NamedTuple):
 
 
 #: what each step may be at most, either way
-LARGEST_STEPS = {'number': MAX_TPDOS, 'cob_id': ID_MASK, 'object': MAX_INDEX, 'sub': MAX_SUBINDEX, 'node': MAX_NODE_ID}
+LARGEST_STEPS = {'number': objects.MAX_TPDOS, 'cob_id': objects.ID_MASK, 'object': objects.MAX_INDEX,
+                 'sub': objects.MAX_SUBINDEX, 'node': objects.MAX_NODE_ID}
 
 
 def repeated(section: Section, tpdos: tuple[TpdoLayout, ...]) -> tuple[TpdoLayout, ...]:
@@ -64,19 +54,16 @@ def repeated(section: Section, tpdos: tuple[TpdoLayout, ...]) -> tuple[TpdoLayou
     for loop in loops:
         count, step = _loop(loop)
         total *= count
-        if total > MAX_TPDOS:  # bounds what a mistyped layout can allocate
-            section.refuse('repeat', expected=f'at most {MAX_TPDOS} repetitions', got=f'{total} or more',
+        if total > objects.MAX_TPDOS:  # bounds what a mistyped layout can allocate
+            section.refuse('repeat', expected=f'at most {objects.MAX_TPDOS} repetitions', got=f'{total} or more',
                            remedy='Correct the counts.')
         shifts.append([Shift._make(i * part for part in step) for i in range(count)])
-    return tuple(_shift_tpdo(section, tpdo, _total(parts)) for parts in product(*shifts) for tpdo in tpdos)
-
-
-def _total(parts: tuple[Shift, ...]) -> Shift:
-    return Shift._make(sum(part[i] for part in parts) for i in range(len(Shift._fields)))
+    return tuple(_shift_tpdo(section, tpdo, Shift._make(map(sum, zip(*parts))))
+                 for parts in product(*shifts) for tpdo in tpdos)
 
 
 def _loop(loop: Section) -> tuple[int, Shift]:
-    count = loop.integer('count', 1, MAX_TPDOS)
+    count = loop.integer('count', 1, objects.MAX_TPDOS)
     numbers = [loop.integer(key, -most, most, 0) for key, most in LARGEST_STEPS.items()]
     down, right = loop.checked_integers('step', loop.take('step', [0, 0]), count=2, low=-MAX_SIDE, high=MAX_SIDE)
     loop.done()
@@ -87,16 +74,16 @@ def _shift_tpdo(section: Section, tpdo: TpdoLayout, shift: Shift) -> TpdoLayout:
     number, node, cob_id = tpdo.number + shift.number, tpdo.node + shift.node, tpdo.cob_id.base + shift.cob_id
     mapping = tuple(MappedObject(mapped.index + shift.object, mapped.subindex + shift.sub, mapped.bits)
                     for mapped in tpdo.mapping)
-    _check(section, 'number', number, 1, MAX_TPDOS)
-    _check(section, 'node', node, 0, MAX_NODE_ID - 1)
-    _check(section, 'cob_id', cob_id, 0, ID_MASK)
+    _check(section, 'number', number, 1, objects.MAX_TPDOS)
+    _check(section, 'node', node, 0, objects.MAX_NODE_ID - 1)
+    _check(section, 'cob_id', cob_id, 0, objects.ID_MASK)
     for mapped in mapping:
-        _check(section, 'object', mapped.index, 1, MAX_INDEX)
-        _check(section, 'sub', mapped.subindex, 0, MAX_SUBINDEX)
+        _check(section, 'object', mapped.index, 1, objects.MAX_INDEX)
+        _check(section, 'sub', mapped.subindex, 0, objects.MAX_SUBINDEX)
     taxels = tuple(TaxelField(row + shift.down, col + shift.right, bit) for row, col, bit in tpdo.taxels)
     what = f'node {node}, TPDO {number}' if shift.node else f'TPDO {number}'
     what += f', object 0x{mapping[0].index:04X}' if tpdo.is_mpdo else ''
-    return replace(tpdo, number=number, node=node, cob_id=CobId(cob_id, tpdo.cob_id.relative), mapping=mapping,
+    return replace(tpdo, number=number, node=node, cob_id=objects.CobId(cob_id, tpdo.cob_id.relative), mapping=mapping,
                    taxels=taxels, key=f'{tpdo.key} ({what})')
 
 
@@ -115,7 +102,8 @@ def load_layout(path: str | Path) -> SkinLayout:
     Raises ConfigurationError naming file and key for anything wrong: see the module ``layout_rules``.
     """
     layout = read_layout(path)
-    check_layout(layout)
+    for check in layout_checks(layout):
+        check()
     return layout
 
 
@@ -130,10 +118,11 @@ def read_layout(path: str | Path) -> SkinLayout:
     sections = [top.subsection(f'tpdos[{i}]', item) for i, item in enumerate(tpdos)]
     layout = SkinLayout(
         source=str(path), rows=rows, cols=cols, pitch=top.number('pitch', positive=True),
-        value=_value_format(top.section('value')), sync_cob_id=top.integer('sync_cob_id', 1, ID_MASK, SYNC),
+        value=_value_format(top.section('value')),
+        sync_cob_id=top.integer('sync_cob_id', 1, objects.ID_MASK, objects.SYNC),
         tpdos=tuple(tpdo for section in sections for tpdo in _tpdos(section)),
         dead=tuple(_taxel(top, taxel) for taxel in top.sequence('dead_taxels', [])),
-        nodes=top.integer('nodes', 1, MAX_NODE_ID, 1), domain=domain,
+        nodes=top.integer('nodes', 1, objects.MAX_NODE_ID, 1), domain=domain,
         event_driven=read_event_driven(top), unusual_pitch=top.choice('unusual_pitch', (False, True), False))
     top.done()
     return layout
@@ -162,7 +151,7 @@ def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
     if top.take('domain', None) is None:
         return None
     section = top.section('domain')
-    index, sub = section.integer('object', 1, MAX_INDEX), section.integer('sub', 0, MAX_SUBINDEX, 0)
+    index, sub = section.integer('object', 1, objects.MAX_INDEX), section.integer('sub', 0, objects.MAX_SUBINDEX, 0)
     length = section.integer('bytes', 1, MAX_DOMAIN_BYTES)
     start, step = section.integer('start_bit', 0, 8 * length, 0), section.integer('bit_step', 1, 8 * length)
     places = [(row, col) for row in range(rows) for col in range(cols)]
@@ -175,15 +164,15 @@ def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
 
 def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
     """Read one entry of ``tpdos``: a plain TPDO, all rows of a multiplexed one, or a run of MPDOs, each repeated."""
-    number = section.integer('number', 1, MAX_TPDOS)
+    number = section.integer('number', 1, objects.MAX_TPDOS)
     cob_id = _cob_id(section)
-    node = section.integer('node', 0, MAX_NODE_ID - 1, 0)
+    node = section.integer('node', 0, objects.MAX_NODE_ID - 1, 0)
     make = partial(TpdoLayout, number, cob_id, node=node, key=section.path)
     if section.take('mpdo', None) is not None:
         run = section.section('mpdo')
-        index, first = run.integer('object', 1, MAX_INDEX), run.integer('sub', 0, MAX_SUBINDEX)
-        tpdos = [make((MappedObject(index, first + i, MPDO_DATA_BITS),), taxels, is_mpdo=True)
-                 for i, taxels in enumerate(_shifted(section, _repeats(run, MAX_SUBINDEX + 1 - first)))]
+        index, first = run.integer('object', 1, objects.MAX_INDEX), run.integer('sub', 0, objects.MAX_SUBINDEX)
+        tpdos = [make((MappedObject(index, first + i, objects.MPDO_DATA_BITS),), taxels, is_mpdo=True)
+                 for i, taxels in enumerate(_shifted(section, _repeats(run, objects.MAX_SUBINDEX + 1 - first)))]
     elif section.take('rows', None) is not None:
         run, mapping = section.section('rows'), _mapping(section)
         first = run.integer('first', 0, 255, 0)
@@ -209,10 +198,10 @@ def _shifted(section: Section, shifts: list[tuple[int, int]]) -> list[tuple[Taxe
     return [tuple(TaxelField(row + down, col + right, bit) for row, col, bit in fields) for down, right in shifts]
 
 
-def _cob_id(section: Section) -> CobId:
+def _cob_id(section: Section) -> objects.CobId:
     written = section.take('cob_id')
     try:
-        return parse_cob_id(written)
+        return objects.parse_cob_id(written)
     except ValueError:
         section.refuse('cob_id', expected="an 11-bit COB-ID such as 0x1A0 or '$NODEID+0x180'",
                        got=shown(written),
@@ -224,12 +213,12 @@ def _mapping(section: Section) -> tuple[MappedObject, ...]:
     written = section.take('map')
     if isinstance(written, dict):
         run = section.subsection('map', written)
-        index, first = run.integer('object', 1, MAX_INDEX), run.integer('sub', 0, MAX_SUBINDEX)
-        bits, count = run.integer('bits', 1, MAX_PDO_BITS), run.integer('count', 1, MAX_PDO_BITS, 1)
+        index, first = run.integer('object', 1, objects.MAX_INDEX), run.integer('sub', 0, objects.MAX_SUBINDEX)
+        bits, count = run.integer('bits', 1, objects.MAX_PDO_BITS), run.integer('count', 1, objects.MAX_PDO_BITS, 1)
         run.done()
         return tuple(MappedObject(index, first + i, bits) for i in range(count))
     entries = section.sequence('map')
-    return tuple(MappedObject(*section.checked_integers('map', entry, count=3, low=0, high=MAX_INDEX))
+    return tuple(MappedObject(*section.checked_integers('map', entry, count=3, low=0, high=objects.MAX_INDEX))
                  for entry in entries)
 
 
@@ -243,7 +232,8 @@ def _taxels(section: Section) -> tuple[TaxelField, ...]:
     run = section.subsection('taxels', written)
     row, col = run.integers('first', 2, 0, MAX_SIDE)
     down, right = run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
-    count, start = run.integer('count', 1, MAX_PDO_BITS), run.integer('start_bit', 0, MAX_PDO_BITS - 1, 0)
-    step = run.integer('bit_step', 1, MAX_PDO_BITS)
+    most = objects.MAX_PDO_BITS
+    count, start = run.integer('count', 1, most), run.integer('start_bit', 0, most - 1, 0)
+    step = run.integer('bit_step', 1, most)
     run.done()
     return tuple(TaxelField(row + i * down, col + i * right, start + i * step) for i in range(count))

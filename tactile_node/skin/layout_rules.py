@@ -24,18 +24,12 @@ def raised_by(checks: Iterable[Callable[[], object]]) -> list[ConfigurationError
 PITCHES = 0.0003, 0.025  #: of skins on the market, with room [m]
 
 
-def check_layout(layout: SkinLayout) -> None:
-    """Raise ConfigurationError for the first rule that ``layout`` breaks."""
-    for check in _checks(layout):
-        check()
-
-
 def layout_problems(layout: SkinLayout) -> list[ConfigurationError]:
     """Return what is wrong with ``layout``: the first problem of each rule and TPDO."""
-    return raised_by(_checks(layout))
+    return raised_by(layout_checks(layout))
 
 
-def _checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:
+def layout_checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:
     """Give the rules, each as a call that raises ConfigurationError."""
     yield partial(_check_pitch, layout)
     if layout.event_driven is not None:

@@ -8,7 +8,7 @@ from tactile_node.assembly.frame_source import BusStatistics
 from tactile_node.assembly.health import Overload, SyncFault, SyncState
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.bus.load import MOST_LOAD, BusLoad, planned_load
+from tactile_node.bus.load import MOST_LOAD, LoadMeter, planned_load
 from tactile_node.bus.threads import Reminder
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.node_traffic import BusSeen
@@ -26,8 +26,8 @@ class OverloadWatch:
         self.limit = limit
         self._put_at: float | None = None  # when the call under way was put
         self._dropped = 0
-        self._kind = Overload.NONE
-        self._seen = 0.0  # the last sign
+        self.kind = Overload.NOT_KNOWN
+        self._seen = -float('inf')  # the last sign
         self._excused = -float('inf')  # after a wait for another thread
         self.ran_again = 0.0  #: when the last stall, or wait for another thread, ended
         self.stalls = 0  #: times that this process did not run for long
@@ -52,7 +52,7 @@ class OverloadWatch:
 
     def is_excused(self, now: float) -> bool:
         """Whether what seems to be missing may only not be processed yet."""
-        return self._kind.is_fault or now - self._excused <= 2 * self.limit
+        return self.kind.is_fault or now - self._excused <= 2 * self.limit
 
     def update(self, now: float, dropped: int) -> Overload:
         """Return the overload now; ``dropped``: CAN frames that were not taken, so far."""
@@ -66,14 +66,14 @@ class OverloadWatch:
         elif now - put_at > self.limit:
             self._see(Overload.BEHIND, now)
         if now - self._seen > 2 * self.limit:
-            self._kind = Overload.NONE
-        return self._kind
+            self.kind = Overload.NONE
+        return self.kind
 
     def _reached(self) -> None:
         self._put_at = None
 
     def _see(self, kind: Overload, now: float) -> None:
-        self._kind, self._seen = kind, now
+        self.kind, self._seen = kind, now
 
 
 class SyncWatch:
@@ -135,30 +135,13 @@ class BusWatch:
         self._needs_sync = any(pad.layout.needs_sync for pad in pads)
         self._pads = len(pads)
         self._planned_load = planned_load((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
-        self._load = BusLoad(settings.bitrate)
-        self._sync = SyncWatch(settings.produce_sync, settings.sync_period)
-        self._overload = OverloadWatch(put, data_timeout / 2)
-        self.overload = Overload.NOT_KNOWN
+        self.load = LoadMeter(settings.bitrate)
+        self.sync = SyncWatch(settings.produce_sync, settings.sync_period)
+        self.overload = OverloadWatch(put, data_timeout / 2)
         self._commands_reported = 0
         self._command_reminder = Reminder()
         self._sync_reminder = Reminder()
         self._overload_reminder = Reminder()
-
-    @property
-    def load(self) -> float:
-        return self._load.load
-
-    @property
-    def sync(self) -> SyncState:
-        return self._sync.state
-
-    @property
-    def stalls(self) -> int:
-        return self._overload.stalls
-
-    def set_timeout(self, data: float) -> None:
-        """How long a node may be without data [s]."""
-        self._overload.limit = data / 2
 
     def opened(self) -> None:
         """The bus was opened for the first time: log what its pads ask of it, where that is much."""
@@ -166,21 +149,9 @@ class BusWatch:
             logger.warning('By layouts and sync_period %s. Raise sync_period, or give some of them another bus.',
                            load_text(self._planned_load, self._pads), extra={'fact': self._planned_load})
 
-    def closed(self) -> None:
-        """The bus is closed, or does not work."""
-        self._overload.restart()
-
-    def woke(self, now: float, late: float) -> None:
-        """See OverloadWatch."""
-        self._overload.woke(now, late)
-
-    def waited(self, now: float, since: float) -> None:
-        """See OverloadWatch."""
-        self._overload.waited(now, since)
-
     def look_at_traffic(self, now: float) -> None:
         """Take what all that is received says of load and of other masters."""
-        self._load.update(now, self._monitor.bits)
+        self.load.update(now, self._monitor.bits)
         count, command = self._monitor.foreign_commands, self._monitor.last_command
         if count != self._commands_reported and self._command_reminder.is_due('NMT', now):
             self._commands_reported = count
@@ -190,11 +161,11 @@ class BusWatch:
         """Take what is counted of SYNC and of frames not processed yet; what it means for the nodes."""
         received = statistics.can_frames.get('sync', 0)
         if self._needs_sync:
-            self._sync.update(now, is_active, received)
-        if self.sync.fault.is_fault and self._sync_reminder.is_due(self.sync.fault.name, now):
-            logger.error('%s.', sync_text(self.sync), extra={'fact': self.sync.fault})
-        self.overload = self._overload.update(now, statistics.queue_overruns)
-        if self.overload.is_fault and self._overload_reminder.is_due(self.overload.name, now):
-            logger.error('This process is overloaded: %s.', self.overload.phrase, extra={'fact': self.overload})
+            self.sync.update(now, is_active, received)
+        sync, overload = self.sync.state, self.overload.update(now, statistics.queue_overruns)
+        if sync.fault.is_fault and self._sync_reminder.is_due(sync.fault.name, now):
+            logger.error('%s.', sync_text(sync), extra={'fact': sync.fault})
+        if overload.is_fault and self._overload_reminder.is_due(overload.name, now):
+            logger.error('This process is overloaded: %s.', overload.phrase, extra={'fact': overload})
         syncs = syncs_sent if self._is_producer else received
-        return BusSeen(syncs, self.sync.foreign, self._overload.is_excused(now), self._overload.ran_again)
+        return BusSeen(syncs, sync.foreign, self.overload.is_excused(now), self.overload.ran_again)

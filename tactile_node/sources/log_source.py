@@ -18,7 +18,7 @@ from tactile_node.logs.damage import Damage
 from tactile_node.logs.log_lines import OneBus
 from tactile_node.logs.log_reader import SET_BACK, CanLogReader
 from tactile_node.logs.logged_set_up import HeardNodes, LoggedSetUp
-from tactile_node.logs.replay_times import WHOLE, PlayedTimes, RecordedPace, Window
+from tactile_node.logs.replay_times import WHOLE, PlayedTimes, RecordedPace, TimeWindow
 from tactile_node.skin.pads import PadSettings, check_pads, identities_of
 
 logger = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ class LogSource:
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
                  loop: bool = False, drop_incomplete: bool = False, channel: str = '',
                  on_time: Callable[[float], None] | None = None, eds: Sequence[str] = ('',), any_device: bool = False,
-                 on_message: Callable[[can.Message], None] | None = None, window: Window = WHOLE):
+                 on_message: Callable[[can.Message], None] | None = None, window: TimeWindow = WHOLE):
         check_pads(pads)
         self._path = path
         self._pace = pace

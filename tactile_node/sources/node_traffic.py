@@ -12,10 +12,22 @@ from tactile_node.skin.pads import CanopenNode
 LOOKS_IN_WINDOW = 10
 
 
-class _TpdoLook(NamedTuple):
-    at: float
-    syncs: int
-    received: tuple[int, ...]
+class CountWindow:
+    """Counts as they were in the last ``window`` [s], the oldest first."""
+
+    def __init__(self) -> None:
+        self._looks: deque[tuple[float, tuple[int, ...]]] = deque()
+
+    def restart(self) -> None:
+        """Compare with nothing of before."""
+        self._looks.clear()
+
+    def look(self, now: float, counts: tuple[int, ...], pause: float, window: float) -> None:
+        """Take the counts so far, with ``pause`` [s] between two looks at least."""
+        if not self._looks or now - self._looks[-1][0] >= pause:
+            self._looks.append((now, counts))
+        while len(self._looks) > 1 and now - self._looks[1][0] >= window:
+            self._looks.popleft()
 
 
 class MissingTpdos:
@@ -46,49 +58,25 @@ class MissingTpdos:
         return late if len(late) < len(counts) else ()
 
 
-class SurplusTpdos:
+class SurplusTpdos(CountWindow):
     """Which TPDOs are received more often than there are SYNCs: not by one device that sends each once a SYNC.
 
     Of the last 2 ``delay`` [s] more are received than SYNCs of the last 3 ``delay`` can have caused: an adapter may
     hand over late what it has held back for ``delay``.
     """
 
-    def __init__(self) -> None:
-        self._looks: deque[_TpdoLook] = deque()  # ascending, a ``delay`` / TPDO_LOOKS apart
-
-    def restart(self) -> None:
-        """Compare with nothing of before."""
-        self._looks.clear()
-
     def update(self, now: float, syncs: int, received: Sequence[int], delay: float) -> tuple[int, ...]:
         """Return their places, by the counts of SYNCs and of TPDOs ``received`` so far."""
+        self.look(now, (syncs, *received), delay / LOOKS_IN_WINDOW, 3 * delay)
         looks = self._looks
-        if not looks or now - looks[-1].at >= delay / LOOKS_IN_WINDOW:
-            looks.append(_TpdoLook(now, syncs, tuple(received)))
-        while len(looks) > 1 and now - looks[1].at >= 3 * delay:
-            looks.popleft()
-        then = next(look for look in looks if now - look.at <= 2 * delay or look is looks[-1])
-        allowed = syncs - looks[0].syncs + 3  # that may wait in a device or an adapter when a look begins
-        return tuple(place for place, (count, before) in enumerate(zip(received, then.received))
+        _, (_, *then) = next(look for look in looks if now - look[0] <= 2 * delay or look is looks[-1])
+        allowed = syncs - looks[0][1][0] + 3  # that may wait in a device or an adapter when a look begins
+        return tuple(place for place, (count, before) in enumerate(zip(received, then))
                      if count - before > allowed)
 
 
-
-class _Look(NamedTuple):
-    at: float
-    heartbeats: int
-    guarded: int
-
-
-class HeartbeatWatch:
+class HeartbeatWatch(CountWindow):
     """Whether more heartbeats of one node-ID are received than one producer sends in its heartbeat time."""
-
-    def __init__(self) -> None:
-        self._looks: deque[_Look] = deque()
-
-    def restart(self) -> None:
-        """Compare with nothing of before."""
-        self._looks.clear()
 
     def is_doubled(self, now: float, heartbeats: int, guarded: int, period: float, delay: float) -> bool:
         """Whether there are two producers, by the ``heartbeats`` received so far from a ``period`` [s] each.
@@ -96,14 +84,11 @@ class HeartbeatWatch:
         ``guarded``: those with a toggle bit; while these come, another master guards the node, which answers it.
         ``delay`` [s]: an adapter may have held back what it hands over now.
         """
-        looks, window = self._looks, 3 * (delay + 2 * period)
-        if not looks or now - looks[-1].at >= window / LOOKS_IN_WINDOW:
-            looks.append(_Look(now, heartbeats, guarded))
-        while len(looks) > 1 and now - looks[1].at >= window:
-            looks.popleft()
-        first = looks[0]
-        expected = 1.25 * (now - first.at + delay) / period + 2  # a producer's clock and pauses may be so much shorter
-        return now - first.at >= window and guarded == first.guarded and heartbeats - first.heartbeats > expected
+        window = 3 * (delay + 2 * period)
+        self.look(now, (heartbeats, guarded), window / LOOKS_IN_WINDOW, window)
+        begun, (heartbeats_then, guarded_then) = self._looks[0]
+        expected = 1.25 * (now - begun + delay) / period + 2  # a producer's clock and pauses may be so much shorter
+        return now - begun >= window and guarded == guarded_then and heartbeats - heartbeats_then > expected
 
 
 TWO_SENDERS_HOLD = 0.5  # s beyond the time in which what is left of the second device would be seen
@@ -173,14 +158,14 @@ class BusSeen(NamedTuple):
 
 
 class NodeTraffic:
-    """Used by one thread at a time; ``missing``, ``surplus`` and ``are_two`` may be read by any."""
+    """Used by one thread at a time; ``missing``, ``surplus`` and ``senders.are_two`` may be read by any."""
 
     def __init__(self, node: CanopenNode, heard: HeardNode):
         self._node = node
         self._heard = heard
         self._tpdos = tuple(SentTpdo(tpdo.number, tpdo.cob_id.of(node.node_id)) for tpdo in node.layout.tpdos)
-        self._missing = MissingTpdos()
-        self._senders = SenderWatch()
+        self.tpdos = MissingTpdos()
+        self.senders = SenderWatch()
         self._signs = 0  # heartbeats and TPDOs, by the last look
         self._signs_at = 0.0
         self._measured_from = 0.0  # what comes earlier may be a backlog
@@ -189,43 +174,26 @@ class NodeTraffic:
     @property
     def surplus(self) -> tuple[SentTpdo, ...]:
         """TPDOs that are received more often than SYNC."""
-        return tuple(self._tpdos[place] for place in self._senders.surplus)
-
-    @property
-    def are_two(self) -> bool:
-        """Whether two devices send as this node."""
-        return self._senders.are_two
-
-    def see_two(self, now: float) -> None:
-        """Two devices have answered as this node."""
-        self._senders.see(now)
-
-    def restart(self, now: float) -> None:
-        """The bus was opened again."""
-        self._senders.restart(now)
-
-    def expect(self, now: float) -> None:
-        """From now on its TPDOs are expected."""
-        self._missing.expect(now)
+        return tuple(self._tpdos[place] for place in self.senders.surplus)
 
     def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen, heartbeat_time: float | None,
              delay: float) -> None:
         """Take the counts so far. ``heartbeat_time`` of the device [s], if known; ``delay`` [s] is no fault yet."""
         sends = is_active and self._node.layout.needs_sync
-        missing = self._missing.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
+        missing = self.tpdos.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
         received = pad.distinct_by_tpdo[self._node.position] if self._node.layout.needs_sync else ()
         counts = self._heard.heartbeats, self._heard.guarded
         is_measure = not bus.is_overloaded and not self._is_backlog(
             now, counts[0] + sum(received), delay + 2 * (heartbeat_time or 0.0))
         self.missing = tuple(self._tpdos[place] for place in missing) if is_measure else ()
         if not is_measure:
-            self._senders.pause()
+            self.senders.pause()
             return
-        self._senders.look_at_heartbeats(now, *counts, heartbeat_time, delay)
+        self.senders.look_at_heartbeats(now, *counts, heartbeat_time, delay)
         if sends:
-            self._senders.look_at_tpdos(now, pad.syncs + bus.foreign_syncs, received, delay)
+            self.senders.look_at_tpdos(now, pad.syncs + bus.foreign_syncs, received, delay)
         else:
-            self._senders.pause_tpdos()
+            self.senders.pause_tpdos()
 
     def _is_backlog(self, now: float, signs: int, silence: float) -> bool:
         """Whether what came up to ``now`` may have waited in device or adapter, after no sign for ``silence`` [s]."""

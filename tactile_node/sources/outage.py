@@ -70,7 +70,7 @@ SETTLING_TIME = 10.0  # s without a fault after which one of RECURRING is a new 
 RECURRING = (NodeFault.RECONFIGURED, NodeFault.TPDO_MISSING, NodeFault.NO_HEARTBEAT)
 
 
-class Attempts:
+class Attempts(Backoff):
     """A new fault is attended to at once, one that stays ever more rarely.
 
     One of RECURRING that returns soon after an attempt is the same: two masters may write one object in turns.
@@ -85,36 +85,29 @@ class Attempts:
     """
 
     def __init__(self) -> None:
-        self._backoff = Backoff()
+        super().__init__()
         self._fault = NodeFault.NONE
         self._last = -SETTLING_TIME
         self.count = 0  #: to end this fault
-
-    def restart(self) -> None:
-        """The cause may have ended."""
-        self._backoff.reset()
 
     def fault_is(self, fault: NodeFault) -> None:
         """This is the fault now."""
         if fault is not self._fault:
             self._fault = fault
             self.count = 0
-            self._backoff.reset()
-
-    def is_due(self, now: float) -> bool:
-        return self._backoff.is_due(now)
+            self.reset()
 
     def made(self, now: float) -> None:
         """It was tried to end the fault."""
         self._last = now
         self.count += 1
         # of RECURRING trying costs the node's taxels or the bus's time, and has not helped so far
-        self._backoff.attempted(now, 30.0 if self._fault in RECURRING else LAST_RETRY)
+        self.attempted(now, 30.0 if self._fault in RECURRING else LAST_RETRY)
 
     def has_ended(self, now: float) -> bool:
         """There is no fault now: whether the next one is a new one."""
         if self._fault in RECURRING and now - self._last < SETTLING_TIME:
             return False
         self._fault = NodeFault.NONE
-        self._backoff.reset()
+        self.reset()
         return True

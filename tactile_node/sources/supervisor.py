@@ -119,7 +119,7 @@ class Supervisor:
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         self._bus.drop_incomplete(drop_incomplete)
         timeouts = self._timeouts(heartbeat_timeout)
-        self._watch.set_timeout(timeouts[1])
+        self._watch.overload.limit = timeouts[1] / 2
         for monitor in self._monitors:
             monitor.set_timeouts(*timeouts)
 
@@ -133,10 +133,10 @@ class Supervisor:
             failure=self.failure, is_active=self._is_active,
             nodes={name: tuple(monitor.health(now) for monitor in monitors)
                    for name, monitors in self._by_pad.items()},
-            outages=self._bus_recovery.outage.outages(now), load=self._watch.load,
+            outages=self._bus_recovery.outage.outages(now), load=self._watch.load.load,
             is_error_passive=bus_monitor.is_error_passive, error_counters=bus_monitor.error_counters,
             foreign_commands=bus_monitor.foreign_commands, last_command=bus_monitor.last_command,
-            sync=self._watch.sync, overload=self._watch.overload, stalls=self._watch.stalls)
+            sync=self._watch.sync.state, overload=self._watch.overload.kind, stalls=self._watch.overload.stalls)
 
     def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
         """Return the timeouts of heartbeat and of taxels [s]."""
@@ -145,7 +145,7 @@ class Supervisor:
     def _begin(self) -> None:
         now = time.monotonic()
         self._bus_recovery.restart(now)
-        self._watch.closed()
+        self._watch.overload.restart()
         for monitor in self._monitors:
             monitor.outage.end(now)
             monitor.expect(now)
@@ -165,7 +165,7 @@ class Supervisor:
             woken = time.monotonic()
             self._wake.clear()
             with self._turn:
-                self._watch.waited(time.monotonic(), time.monotonic() - woken)
+                self._watch.overload.waited(time.monotonic(), time.monotonic() - woken)
                 ended = time.monotonic() if self._closing.is_set() else self._attend(woken - ended - ROUND_PERIOD)
 
     def _attend(self, late: float) -> float:
@@ -176,11 +176,11 @@ class Supervisor:
                 return time.monotonic()
             if self._recover and self._bus_recovery.is_needed:
                 self._bus_recovery.attend()
-                self._watch.closed()
+                self._watch.overload.restart()
             if self._bus.failure is None:
                 begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.syncs_sent
                 now = time.monotonic()  # once: what is not processed after a stall is not taken for silence
-                self._watch.woke(now, late + now - begun)
+                self._watch.overload.woke(now, late + now - begun)
                 seen = self._watch.look_at_counts(now, self._is_active, statistics, syncs)
                 if not self._node_recovery.attend(now, self._is_active, statistics, seen):
                     return now

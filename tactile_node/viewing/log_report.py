@@ -16,7 +16,7 @@ from tactile_node.assembly.router import non_data_kind
 from tactile_node.errors import LogError
 from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.logs.logged_set_up import Contradiction, LoggedSetUp
-from tactile_node.logs.replay_times import WHOLE, Window
+from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.series import files_of
 from tactile_node.logs.topic_bag import (
     DIAGNOSTICS,
@@ -85,7 +85,7 @@ class LogReporter:
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], *, channel: str = '', eds: Sequence[str] = ('',),
                  any_device: bool = False, bit_rate: int | None = None, recogniser: VisibilityGuard | None = None,
-                 on_can_frame: Callable[[], object] = lambda: None, window: Window = WHOLE):
+                 on_can_frame: Callable[[], object] = lambda: None, window: TimeWindow = WHOLE):
         self._path, self._pads, self._any_device = path, pads, any_device
         self._on_can_frame = on_can_frame
         recogniser = recogniser or make_recogniser()
@@ -155,7 +155,7 @@ class BagReporter:
 
     def __init__(self, path: str, *, channel: str = '', bit_rate: int | None = None,
                  recogniser: VisibilityGuard | None = None, on_message: Callable[[], object] = lambda: None,
-                 window: Window = WHOLE):
+                 window: TimeWindow = WHOLE):
         self._path, self._channel, self._bit_rate, self._on_message = path, channel, bit_rate, on_message
         self._reader, self._window = TopicBagReader(path), window
         self._recogniser = recogniser or make_recogniser()

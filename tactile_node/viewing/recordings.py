@@ -11,7 +11,7 @@ import numpy as np
 
 from tactile_node.assembly.fault_text import failure_text
 from tactile_node.errors import ConfigurationError
-from tactile_node.logs.replay_times import WHOLE, Window
+from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.topic_bag import STATUS, TAXELS, TopicBagReader, frame_of, geometry_of, pad_of
 from tactile_node.read_only import read_only
 from tactile_node.skin.pads import PadSettings
@@ -102,7 +102,7 @@ class Timeline:
 class BagRecording:
     """A bag, of ``pads`` or of all. Raises LogError for a bag without our taxel arrays, ConfigurationError."""
 
-    def __init__(self, path: str, pads: Sequence[str] = (), window: Window = WHOLE):
+    def __init__(self, path: str, pads: Sequence[str] = (), window: TimeWindow = WHOLE):
         self._reader, self._window = TopicBagReader(path), window
         self.title = path
         if missing := [pad for pad in pads if pad not in self._reader.pads]:
@@ -139,7 +139,7 @@ class LogRecording:
     """A CAN log; ``channel`` chooses one bus of a log of several."""
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], channel: str = '', any_device: bool = False,
-                 window: Window = WHOLE):
+                 window: TimeWindow = WHOLE):
         self._path, self._settings = path, pads
         self._channel, self._any_device, self._window = channel, any_device, window
         self._geometry = {pad.name: (pad.layout.pitch, pad.layout.value.unit) for pad in pads}
