@@ -122,9 +122,9 @@ class FaultBench(Bench):
         return self
 
     @property
-    def emergencies(self) -> list[Emergency]:
+    def last_emergency(self) -> Emergency | None:
         """Those kept of node 32, oldest first."""
-        return list(self.driver.monitor.emergencies[32]._kept)
+        return self.driver.monitor.emergencies[32].last
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         assert wait_until(condition, TIMEOUT), f'{what}; {self.driver.health()}; {self.log.errors}'

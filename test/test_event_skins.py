@@ -174,5 +174,6 @@ def test_pads_with_and_without_sync_on_one_bus():
     simulator.stop()
     assert {name for name, frame in frames if frame.tpdo_ages is not None} == {'event'}
     counts = driver.statistics()
-    assert driver.syncs_sent > 3 and all(pad.received == pad.used + pad.pending + sum(pad.losses.values())
-                                         for pad in counts.pads.values())
+    assert driver.traffic.syncs_sent > 3
+    assert all(pad.received == pad.used + pad.pending + sum(pad.losses.values())
+               for pad in counts.pads.values())

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.shape.recognition import UnknownReason
-from tactile_node.simulator.touches import Touch
+from tactile_node.simulator.touches import SimulatedTouch
 
 
 class SeenFit(NamedTuple):
@@ -61,7 +61,7 @@ class Verdict(NamedTuple):
     """One touch of one pad and what was made of it over the frames in which it was held steadily."""
 
     pad: str
-    touch: Touch
+    touch: SimulatedTouch
     recognised: str
     confidence: float  #: mean probability of ``recognised`` over the frames
     frames: int
@@ -73,13 +73,13 @@ class Verdict(NamedTuple):
         return self.recognised == self.touch.contact.shape
 
 
-def verdicts_of(pad: str, touches: tuple[Touch, ...], seen: list[Seen]) -> list[Verdict]:
+def verdicts_of(pad: str, touches: tuple[SimulatedTouch, ...], seen: list[Seen]) -> list[Verdict]:
     """Return a verdict for each touch; one that is in no frame has none."""
     held = ((touch, [frame for frame in seen if touch.is_steady(frame.time)]) for touch in touches)
     return [_verdict(pad, touch, frames) for touch, frames in held if frames]
 
 
-def _verdict(pad: str, touch: Touch, frames: list[Seen]) -> Verdict:
+def _verdict(pad: str, touch: SimulatedTouch, frames: list[Seen]) -> Verdict:
     means = {name: float(np.mean([frame.probabilities[name] for frame in frames]))
              for name in frames[0].probabilities}
     recognised = max(means, key=means.__getitem__)

@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.touches import Touch
+from tactile_node.simulator.touches import SimulatedTouch
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 
 LARGEST = 60.0  # taxels: what every shape finds room for on 16x16
@@ -17,7 +17,7 @@ SKIN = Skin(noise=0.01)
 MARGIN = 0.5  # pitches an object keeps from the pad's edge
 
 
-def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) -> tuple[Touch, ...]:
+def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) -> tuple[SimulatedTouch, ...]:
     """Return every shape at every one of ``areas`` [taxels], in random order, rotated and placed at random.
 
     Raises ConfigurationError for an area that not every shape finds room for.
@@ -29,14 +29,15 @@ def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) ->
     kinds = [(shape, area) for area in areas for shape in CLASSES]
     rng.shuffle(kinds)
     begins = GAP + (TOUCH + GAP) * np.arange(len(kinds))
-    return tuple(Touch(_fitting(rng, shape, float(area), rows=rows, cols=cols), float(begin), float(begin) + TOUCH)
+    return tuple(SimulatedTouch(_fitting(rng, shape, float(area), rows=rows, cols=cols), float(begin),
+                                float(begin) + TOUCH)
                  for (shape, area), begin in zip(kinds, begins))
 
 
 class TouchedPad:
     """What a pad measures while ``touches`` happen: a TaxelSource for the simulated skin."""
 
-    def __init__(self, touches: tuple[Touch, ...], rows: int, cols: int, seed: int):
+    def __init__(self, touches: tuple[SimulatedTouch, ...], rows: int, cols: int, seed: int):
         self._touches = touches
         self._shape = rows, cols
         self._rng = np.random.default_rng(seed)

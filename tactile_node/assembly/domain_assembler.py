@@ -21,14 +21,10 @@ class DomainAssembler(PadAssembler):
     def __init__(self, layout: SkinLayout, domain: DomainLayout, node_id: int, drop_incomplete: bool = False):
         super().__init__(layout, (node_id,), drop_incomplete)
         self._upload = SdoUpload(domain.index, domain.subindex)
-        self._request_id = SDO_REQUEST + node_id
         self._response_id = SDO_RESPONSE + node_id
-        self._stamp: float | None = None  # of the period under way
+        self.can_ids = frozenset((SDO_REQUEST + node_id, self._response_id))
+        self._stamp: float | None = None  # begin of the period under way
         self.restart()
-
-    @property
-    def can_ids(self) -> frozenset[int]:
-        return frozenset((self._request_id, self._response_id))
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
         if can_id == self._response_id:

@@ -1,6 +1,5 @@
 """The common interface of a live bus and a recorded log, and what it loses; the driver node uses only this."""
 
-import logging
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
@@ -77,30 +76,13 @@ class BusStatistics(NamedTuple):
     poll_overruns: int = 0  #: polls of a DOMAIN left out because the ones before took too long
     consumer_errors: int = 0  #: exceptions of on_frame
     clock_jumps: int = 0  #: times the wall clock was set while stamps were taken
-    stamps_ahead: float = 0.0  #: of the wall clock, since it was set back [s]
+    stamps_ahead: float = 0.0  #: time by which they lead the wall clock, since it was set back [s]
     unread: int = 0  #: lines of a log that could not be read
     unrecorded: int = 0  #: CAN frames missing in the recording: it failed, or its format cannot hold them
 
 
-logger = logging.getLogger(__name__)
-
 #: Called with the pad's name and its frame
 OnFrame = Callable[[str, TaxelFrame], None]
-
-
-class Consumer:
-    """Calls ``on_frame``. Its exceptions are counted in ``errors`` and logged; reception continues."""
-
-    def __init__(self, on_frame: OnFrame):
-        self._on_frame = on_frame
-        self.errors = 0
-
-    def __call__(self, pad: str, frame: TaxelFrame) -> None:
-        try:
-            self._on_frame(pad, frame)
-        except Exception:
-            self.errors += 1
-            logger.exception('on_frame of pad %r failed', pad)
 
 
 class FrameSource(Protocol):

@@ -75,7 +75,7 @@ class SyncState(NamedTuple):
 
     fault: SyncFault = SyncFault.NOT_KNOWN
     foreign: int = 0              #: SYNCs of other devices while this driver produces SYNC
-    period: float | None = None   #: of another producer, as measured [s]
+    period: float | None = None   #: measured, where another device produces SYNC [s]
 
 
 class SentTpdo(NamedTuple):
@@ -92,7 +92,7 @@ class Failure(NamedTuple):
     detail: str = ''
 
 
-#: Of an outage: a bus has a failure; a node has a fault, or its bus has a failure
+#: What causes an outage: a bus has a failure; a node has a fault, or its bus has a failure
 Cause = TypeVar('Cause', bound=Failure | NodeFault)
 
 
@@ -150,7 +150,7 @@ class BusHealth(NamedTuple):
     is_error_passive: bool = False
     error_counters: ErrorCounters = ErrorCounters()
     foreign_commands: int = 0
-    last_command: ForeignCommand | None = None  #: of another master
+    last_command: ForeignCommand | None = None  #: sent by another master
     sync: SyncState = SyncState()
     overload: Overload = Overload.NOT_KNOWN  #: what seems to be missing may only not be processed yet
     stalls: int = 0  #: times this process did not run for long

@@ -14,18 +14,17 @@ class TpdoTable:
     """The ranks of a pad's TPDOs: their places in the layout. ``node_ids``: those of the pad's nodes."""
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int]):
-        self._ranks: dict[int, dict[bytes, int]] = {}  # COB-ID -> prefix -> rank
+        self.ranks: dict[int, dict[bytes, int]] = {}  # COB-ID -> prefix -> rank
         for rank, tpdo in enumerate(layout.tpdos):
             node_id = node_ids[tpdo.node]
-            self._ranks.setdefault(tpdo.cob_id.of(node_id), {})[tpdo.prefix(node_id)] = rank
-        self._prefix_lengths = {can_id: len(next(iter(ranks))) for can_id, ranks in self._ranks.items()}
+            self.ranks.setdefault(tpdo.cob_id.of(node_id), {})[tpdo.prefix(node_id)] = rank
+        self._prefix_lengths = {can_id: len(next(iter(ranks))) for can_id, ranks in self.ranks.items()}
         self._lengths = [tpdo.length for tpdo in layout.tpdos]
-        self.can_ids = frozenset(self._ranks)
 
     def rank(self, can_id: int, data: bytes) -> int | LossReason:
         """The rank of a frame of this pad, or why it has none."""
         length = self._prefix_lengths[can_id]
-        rank = self._ranks[can_id].get(data[:length])
+        rank = self.ranks[can_id].get(data[:length])
         if rank is None:
             return LossReason.SHORT if len(data) < length else LossReason.UNKNOWN_ROW
         return rank
@@ -89,11 +88,8 @@ class PadAssembler:
         self.drop_incomplete = drop_incomplete  #: withhold taxel frames that lack TPDOs
         self._codec = TaxelCodec(layout)
         self._table = TpdoTable(layout, node_ids)
+        self.can_ids = frozenset(self._table.ranks)  #: COB-IDs of its CAN frames
         self._counts = PadCounts(layout)
-
-    @property
-    def can_ids(self) -> frozenset[int]:
-        return self._table.can_ids
 
     def restart(self) -> None:
         """Forget what is under way; the next taxel frame is number 0."""

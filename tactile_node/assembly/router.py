@@ -1,7 +1,7 @@
 """Routes each CAN frame of a bus or a log to the pad that it belongs to, and counts all others by service."""
 
+import logging
 from collections import Counter
-from collections.abc import Collection
 from functools import partial
 from math import inf
 
@@ -18,9 +18,13 @@ from tactile_node.cia301.objects import service_of
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame
 
+logger = logging.getLogger(__name__)
+
 
 class Router:
     """Routes CAN frames in order and calls ``on_frame(pad name, TaxelFrame)``. Not thread-safe: one thread feeds it.
+
+    Exceptions of ``on_frame`` are counted and logged; reception continues.
 
     With ``foreign_sync`` the SYNCs on the bus separate the periods; else only calls of ``sync`` do. ``one_clock``:
     the stamps given to ``sync`` and ``feed`` are of one clock. ``bitrate`` [bit/s].
@@ -33,17 +37,14 @@ class Router:
         self._owners = {can_id: (name, assembler.feed, assembler.service, isinstance(assembler, FrameAssembler))
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
+        self.can_ids = frozenset(self._owners)  #: COB-IDs of the pads' taxels
         self._bus = FreeBus(bitrate)
         self.is_running = True  #: see ``pause``
         self._foreign_sync = foreign_sync
         self._sync_id = pads[0].layout.sync_cob_id
         self._on_frame = on_frame
         self._counts: Counter[str] = Counter()
-
-    @property
-    def can_ids(self) -> Collection[int]:
-        """COB-IDs of the pads' taxels."""
-        return self._owners.keys()
+        self._consumer_errors = 0
 
     @property
     def is_in_doubt(self) -> bool:
@@ -125,12 +126,16 @@ class Router:
 
     def statistics(self) -> BusStatistics:
         pads = {name: assembler.statistics() for name, assembler in self._assemblers.items()}
-        return BusStatistics(pads, dict(self._counts))
+        return BusStatistics(pads, dict(self._counts), consumer_errors=self._consumer_errors)
 
     def _hand_over(self, name: str, results: Results) -> None:
         for result in results:
             if isinstance(result, TaxelFrame):
-                self._on_frame(name, result)
+                try:
+                    self._on_frame(name, result)
+                except Exception:
+                    self._consumer_errors += 1
+                    logger.exception('on_frame of pad %r failed', name)
 
 
 def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> PadAssembler:

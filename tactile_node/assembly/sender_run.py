@@ -49,7 +49,7 @@ class SenderRun:
         self._own = own
         self._payload = payload
         self._top = int(own[-1])
-        self._ranks: set[int] = set()  # of the run under way
+        self._ranks: set[int] = set()  # received in the run under way
         self.last = -1  #: rank received last
         self._last_data = b''
         self._aside: dict[int, bytes] = {}  # a suspect run, after the sender has begun the next one

@@ -80,7 +80,7 @@ class SnapshotAssembler(PadAssembler):
         self._unused = np.zeros(size, bool)
         self._is_new = np.zeros(size, bool)  # not in the snapshot before
         self._is_known = np.zeros(size, bool)
-        self._stamps = np.full(size, np.nan)  # of the last TPDO of each rank; until one has come, since when it may
+        self._stamps = np.full(size, np.nan)  # when the last TPDO of each rank came, or since when it may
         self._newest = self._first_new = np.inf
         self._last = -1, b''  # rank and bytes received last
         self._started: set[int] = set()  # node-IDs

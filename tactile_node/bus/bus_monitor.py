@@ -37,18 +37,18 @@ class BusMonitor:
         self.can_frames = 0
         self.bits = 0
         self.foreign_commands = 0
-        self.last_command: ForeignCommand | None = None  #: of another master to one of our nodes
-        self.foreign_writes = dict.fromkeys(self.emergencies, 0)  #: of another master, to what decides a node's TPDOs
+        self.last_command: ForeignCommand | None = None  #: sent by another master to one of our nodes
+        self.foreign_writes = dict.fromkeys(self.emergencies, 0)  #: by another master, to what decides a node's TPDOs
         self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: by SDO, of another master
-        self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)  #: of another master, to a node's heartbeat time
+        self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)  #: by another master, to a node's heartbeat time
         self.is_error_passive = False
         self.error_counters = ErrorCounters()
         self._watched: dict[int, Feed] = {objects.NMT: self._command}
         for other in range(objects.MIN_NODE_ID, objects.MAX_NODE_ID + 1):
             self._watched[objects.HEARTBEAT + other] = self.heartbeats.feed
-        for node_id in self.emergencies:
+        for node_id, emergencies in self.emergencies.items():
             self._watched[objects.HEARTBEAT + node_id] = self._heartbeat
-            self._watched[objects.EMCY + node_id] = self._emergency
+            self._watched[objects.EMCY + node_id] = emergencies.feed
             self._watched[objects.SDO_REQUEST + node_id] = self._request
 
     def restart(self) -> None:
@@ -88,9 +88,6 @@ class BusMonitor:
             if data[0] == objects.NmtState.BOOT_UP:
                 self.emergencies[can_id - objects.HEARTBEAT].booted()
             self._on_news()
-
-    def _emergency(self, can_id: int, data: bytes) -> None:
-        self.emergencies[can_id - objects.EMCY].feed(data)
 
     def _request(self, can_id: int, data: bytes) -> None:
         """Own requests are not received. What this one writes may not mean what the layout says."""

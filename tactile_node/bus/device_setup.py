@@ -26,7 +26,7 @@ logger = logging.getLogger(__name__)
 SENDING_TIMES = {objects.TRANSMISSION_TYPE: (1, 'transmission type'), objects.INHIBIT_TIME: (2, 'inhibit time'),
                  objects.EVENT_TIMER: (2, 'event timer')}
 
-MappingEntries = list[int] | None  # of a mapping record; None: an MPDO with source addressing
+MappingEntries = list[int] | None  # what a mapping record holds; None: an MPDO with source addressing
 
 
 class DeviceAsSet(NamedTuple):

@@ -51,7 +51,7 @@ class LoadMeter:
         self._bits = bits
 
 
-MOST_LOAD = 0.9  #: of the bus's time; beyond, other traffic (heartbeats, SDO, EMCY) delays sweeps
+MOST_LOAD = 0.9  #: share of the bus's time; beyond, other traffic (heartbeats, SDO, EMCY) delays sweeps
 FULL_LOAD = 0.95  #: beyond, a few foreign frames make nodes leave out sweeps
 
 

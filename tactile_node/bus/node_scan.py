@@ -102,26 +102,9 @@ def _number(data: bytes | None) -> int | None:
 
 #: bit/s, of CiA 301 (5.4): first those in use for skins
 SCANNED_BIT_RATES = (1_000_000, 500_000, 250_000, 125_000, 800_000, 50_000, 20_000, 10_000)
-LISTEN_ONLY = {'slcan': {'listen_only': True}}  #: options of python-can, by interface
 OPENING_TIME = 0.1  #: s after opening, of which frames do not count: lines cut by the change may come
-_REMEDY = ('At least two other nodes have to be on the bus, and one of them has to send, such as a heartbeat. The '
-           'adapter has to know the command L (listen only); CANable 2.0 as delivered does not. Otherwise give the '
-           'bit rate.')
-_BY_HAND = {'socketcan': 'The bit rate is set by "ip link set {channel} down", then "ip link set {channel} up type can '
-                         'bitrate 500000 listen-only on", and so on; candump shows whether frames come.'}
-
-
-class RateTried(NamedTuple):
-    """What was heard at one bit rate."""
-
-    bitrate: int       #: bit/s
-    frames: int        #: sound ones
-    error_frames: int
-
-    @property
-    def is_right(self) -> bool:
-        """At another bit rate no CRC is right, and no frame sound."""
-        return self.frames > 0 and not self.error_frames
+BY_IP_LINK = ('The bit rate is set by "ip link set {channel} down", then "ip link set {channel} up type can bitrate '
+              '500000 listen-only on", and so on; candump shows whether frames come.')
 
 
 def find_bit_rate(interface: str, channel: str, listen: float) -> int:
@@ -129,26 +112,28 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
 
     Raises ConfigurationError for an interface that cannot do it, BusError where there is no such bit rate.
     """
-    if interface not in LISTEN_ONLY:
+    if interface != 'slcan':
+        by_hand = BY_IP_LINK if interface == 'socketcan' else 'Only these find it: slcan.'
         raise ConfigurationError('--bitrate', expected=f'a number, with interface {interface}', got='auto',
-                                 remedy=_BY_HAND.get(interface, 'Only these find it: ' + ', '.join(LISTEN_ONLY) + '.')
-                                 .format(channel=channel))
-    tried = []
+                                 remedy=by_hand.format(channel=channel))
+    heard = []
     for bitrate in SCANNED_BIT_RATES:
-        tried.append(heard_at(interface, channel, bitrate, listen))
-        if tried[-1].is_right:
+        frames, error_frames = _listen_at(channel, bitrate, listen)
+        if frames and not error_frames:  # at another bit rate no CRC is right, and no frame sound
             return bitrate
-    heard = ', '.join(f'{each.bitrate / 1000:g} kbit/s: {each.frames} ({each.error_frames} error frames)'
-                      for each in tried if each.frames or each.error_frames)
-    raise BusError(f'CAN bus {interface} {channel}', got=heard or 'no frames',
+        if error_frames:
+            heard.append(f'{bitrate / 1000:g} kbit/s: {frames} ({error_frames} error frames)')
+    raise BusError(f'CAN bus {interface} {channel}', got=', '.join(heard) or 'no frames',
                    expected=f'sound frames and no error frames at one of {len(SCANNED_BIT_RATES)} bit rates',
-                   remedy=_REMEDY)
+                   remedy='At least two other nodes have to be on the bus, and one of them has to send, such as a '
+                          'heartbeat. The adapter has to know the command L (listen only); CANable 2.0 as delivered '
+                          'does not. Otherwise give the bit rate.')
 
 
-def heard_at(interface: str, channel: str, bitrate: int, listen: float) -> RateTried:
-    """Listen at one bit rate, for as long as it may be right. Raises BusError."""
+def _listen_at(channel: str, bitrate: int, listen: float) -> tuple[int, int]:
+    """Return how many sound frames and error frames come, for as long as the bit rate may be right. Raises BusError."""
     frames = error_frames = 0
-    bus = open_bus(interface, channel, bitrate, LISTEN_ONLY[interface])
+    bus = open_bus('slcan', channel, bitrate, {'listen_only': True})
     try:
         begun = time.monotonic()
         while frames < 10 and not error_frames and (left := begun + OPENING_TIME + listen - time.monotonic()) > 0:
@@ -157,8 +142,8 @@ def heard_at(interface: str, channel: str, bitrate: int, listen: float) -> RateT
                 frames += not message.is_error_frame
                 error_frames += message.is_error_frame
     except (can.CanError, OSError) as error:
-        raise BusError(f'CAN bus {interface} {channel}', expected='to receive', got=str(error),
+        raise BusError(f'CAN bus slcan {channel}', expected='to receive', got=str(error),
                        remedy='Check the adapter.') from error
     finally:
         bus.shutdown()
-    return RateTried(bitrate, frames, error_frames)
+    return frames, error_frames

@@ -9,7 +9,7 @@ from pathlib import Path
 import can
 
 from tactile_node.assembly.fault_text import failure_text, node_label
-from tactile_node.assembly.frame_source import BusStatistics, Consumer, OnFrame
+from tactile_node.assembly.frame_source import BusStatistics, OnFrame
 from tactile_node.assembly.health import BusFault, Failure
 from tactile_node.assembly.router import Router
 from tactile_node.bus.bus_devices import BusDevices
@@ -25,7 +25,7 @@ from tactile_node.cia301.objects import NmtCommand
 from tactile_node.errors import BusError, DeviceError, LogError
 from tactile_node.logs.log_writer import CanLogWriter
 from tactile_node.skin.layout import DomainLayout
-from tactile_node.skin.pads import CanopenNode, LivePad, check_pads, live_pads
+from tactile_node.skin.pads import CanopenNode, LivePad, check_pads
 
 logger = logging.getLogger(__name__)
 
@@ -44,19 +44,18 @@ class SkinBus:
         if not settings.allow_full_bus:
             refuse_full_bus((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._settings = settings
-        self._pads = live_pads(pads)
+        self._pads = pads
         self._nodes = [node for pad in self._pads for node in pad.nodes]
-        self._consumer = Consumer(on_frame)
         self._on_failure = on_failure or self._log_failure
         self._monitor = monitor or BusMonitor(node_id for pad in pads for node_id in pad.node_ids)
         self.devices = BusDevices(settings, self._nodes, self._monitor, self._opened)
         self._polls = {node.node_id: self._polling(node, node.layout.domain)
                        for node in self._nodes if node.layout.domain is not None}
         is_host_stamped = settings.interface in ('socketcan', 'virtual')  # by the clock that stamps our own SYNC
-        self._router = Router(self._pads, self._consumer, foreign_sync=not settings.produce_sync,
+        self._router = Router(self._pads, on_frame, foreign_sync=not settings.produce_sync,
                               one_clock=not settings.produce_sync or is_host_stamped,
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
-        self._traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
+        self.traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
                                 queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped,
                                 sync_period=settings.sync_period)
         self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
@@ -64,21 +63,13 @@ class SkinBus:
         self._record: CanLogWriter | None = None
         self._sync = Pacer(settings.sync_period, self._send_sync, 'sync')
         self._is_running = False
-        self._failure: Failure | None = None
-
-    @property
-    def failure(self) -> Failure | None:
-        """Why the bus no longer receives, None while it does. Only close() and open() recover it."""
-        return self._failure
+        #: why the bus no longer receives, None while it does; only close() and open() recover it
+        self.failure: Failure | None = None
 
     @property
     def recorded_to(self) -> Path | None:
         """The log that is being written; another one than was asked for where that existed. None without one."""
         return None if self._record is None else self._record.path
-
-    @property
-    def syncs_sent(self) -> int:
-        return self._traffic.syncs_sent
 
     def open(self) -> None:
         """Open the bus and begin to receive. Raises BusError, LogError (``record``)."""
@@ -90,12 +81,12 @@ class SkinBus:
         if self._port is not None:
             self._port.opened()
         record = self._open_record(bus)
-        self._failure = None
+        self.failure = None
         self._monitor.restart()
         self._router.pause()
-        self._traffic.begin()
-        self._network = BusNetwork(bus, self._traffic.received, self._fail, record,
-                                   name=f'{settings.interface} {settings.channel}', on_sent=self._traffic.sent)
+        self.traffic.begin()
+        self._network = BusNetwork(bus, self.traffic.received, self._fail, record,
+                                   name=f'{settings.interface} {settings.channel}', on_sent=self.traffic.sent)
         recorded = f', recorded to {record.path}' if record else ''
         logger.info('CAN bus %s %s is open%s.', settings.interface, settings.channel, recorded)
 
@@ -117,7 +108,7 @@ class SkinBus:
 
     def age(self, stamp: float) -> float:
         """Time since what was stamped ``stamp`` was on the bus [s], by the steady clock."""
-        return self._traffic.clock.age(stamp)
+        return self.traffic.clock.age(stamp)
 
     def start(self, without: Collection[int] = ()) -> None:
         """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL.
@@ -127,7 +118,7 @@ class SkinBus:
         self._opened()
         if self._is_running:
             return
-        self._traffic.restart()
+        self.traffic.restart()
         begun = time.monotonic()
         self._is_running = True  # from here on stop() has work to do
         present = [node for node in self._nodes if node.node_id not in without]
@@ -144,13 +135,13 @@ class SkinBus:
     def start_node(self, node: CanopenNode, was_silent: bool = True) -> None:
         """NMT start of one device, which ``was_silent`` or still sends; BusError. Its heartbeats report the outcome."""
         if was_silent:
-            self._traffic.put(self._router.start, node.node_id)
+            self.traffic.put(self._router.start, node.node_id)
         self.devices.command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
         """SYNC on again after an outage; sequence numbers continue after ``lost_periods``. Devices are not started."""
         self._opened()
-        self._traffic.put(self._router.resume, lost_periods)
+        self.traffic.put(self._router.resume, lost_periods)
         self._is_running = True
         self._start_pacers()
 
@@ -162,8 +153,8 @@ class SkinBus:
         self._sync.stop()
         for poll in self._polls.values():
             poll.stop()
-        self._traffic.put(self._router.pause)
-        for node in self._nodes if self._failure is None else ():
+        self.traffic.put(self._router.pause)
+        for node in self._nodes if self.failure is None else ():
             try:
                 self.devices.command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
             except BusError as error:
@@ -182,11 +173,7 @@ class SkinBus:
         if self._network is not None:
             self._network.close()
             self._network = None
-            self._traffic.end(timeout=2.0)  # of an on_frame under way
-
-    def call_in_turn(self, call: Callable[[], None]) -> None:
-        """Make a call on the assembler's thread, after all that was received so far."""
-        self._traffic.put(call)
+            self.traffic.end(timeout=2.0)  # that an on_frame under way may take
 
     def drop_incomplete(self, is_wanted: bool) -> None:
         """From now on withhold incomplete taxel frames, or give them."""
@@ -194,11 +181,11 @@ class SkinBus:
 
     def statistics(self) -> BusStatistics:
         """Counts since construction."""
-        counted, traffic = self._router.statistics(), self._traffic
+        counted, traffic = self._router.statistics(), self.traffic
         return counted._replace(can_frames=dict(Counter(counted.can_frames) + Counter(traffic.no_data_frames)),
                                 queue_overruns=traffic.overruns, sync_overruns=self._sync.overruns,
                                 poll_overruns=sum(poll.overruns for poll in self._polls.values()),
-                                consumer_errors=self._consumer.errors, clock_jumps=traffic.clock.jumps,
+                                clock_jumps=traffic.clock.jumps,
                                 sync_pauses=traffic.pause.count,
                                 unrecorded=0 if self._record is None else self._record.unwritten,
                                 stamps_ahead=traffic.clock.ahead)
@@ -232,13 +219,13 @@ class SkinBus:
 
     def _send_sync(self) -> None:
         try:
-            self._traffic.send_sync(self._opened(), self._pads[0].layout.sync_cob_id)
+            self.traffic.send_sync(self._opened(), self._pads[0].layout.sync_cob_id)
         except BusError as error:
             self._fail(BusFault.SENDING_FAILED, error)
 
     def _fail(self, fault: BusFault, error: Exception) -> None:
-        if self._failure is None:
-            self._failure = failure = Failure(fault, str(error))
+        if self.failure is None:
+            self.failure = failure = Failure(fault, str(error))
             self._on_failure(failure)
 
     def _log_failure(self, failure: Failure) -> None:

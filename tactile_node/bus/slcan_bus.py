@@ -18,12 +18,13 @@ from can.util import CAN_FD_DLC
 
 from tactile_node.bus.reception import Batch
 
-ENDS = b'\r\a'  # of a line: done, refused
+ENDS = b'\r\a'  # what ends a line: done, refused
 
 LONGEST_LINE = 160  # characters: more than a CAN FD frame takes, so the end of a line is missing
 HEXADECIMAL = frozenset('0123456789abcdefABCDEF')
 ID_DIGITS = dict.fromkeys('trdb', 3) | dict.fromkeys('TxRDB', 8)  # by the kind of frame; what else comes is none
 
+PROTOCOL_VIOLATION = 0x008  # linux/can/error.h: the frame in a damaged line is lost, as on a damaged wire
 WAKE_TIMEOUT = 0.3  # s in which an adapter that is awake answers
 RESET_TIME = 2.0  # s that one takes to start which is reset when its port is opened, as an Arduino is
 
@@ -43,7 +44,7 @@ class BulkSlcanBus(slcanBus):
         self._lines: deque[str] = deque()
         self._asked = self._came_after = -inf  # when what waits was last asked for; after which the lines came
         self._open_command = 'L' if listen_only else 'O'  # python-can 4.3 ignores the option
-        self._lock = _locked(channel.split('@')[0])
+        self._lock = _lock_port(channel.split('@')[0])
         try:
             super().__init__(channel, bitrate=bitrate, sleep_after_open=sleep_after_open or 0.0,
                              # s that one read of an idle port waits; data wake it at once
@@ -127,20 +128,14 @@ class BulkSlcanBus(slcanBus):
     def _message(self, line: str, now: float) -> can.Message | None:
         """Make the message of a line received ``now`` [s]; None of an answer of the adapter."""
         if not is_sound(line):
-            return _damaged_frame(now)
+            return can.Message(now, PROTOCOL_VIOLATION, is_extended_id=False, is_error_frame=True, data=bytes(8))
         if line[0] == 't':
             return can.Message(now, int(line[1:4], 16), False, data=bytes.fromhex(line[5:5 + 2 * int(line[4])]))
         self._lines.appendleft(line)  # python-can takes it from _read: it has no queue before 4.5
         return super()._recv_internal(0.0)[0]
 
 
-def _damaged_frame(now: float) -> can.Message:
-    """The frame in a damaged line is lost, as on a damaged wire."""
-    protocol_violation = 0x008  # linux/can/error.h
-    return can.Message(now, protocol_violation, is_extended_id=False, is_error_frame=True, data=bytes(8))
-
-
-def _locked(port: str) -> int | None:
+def _lock_port(port: str) -> int | None:
     """A descriptor that keeps ``port`` from being opened by others that ask (pyserial: exclusive); None: no file."""
     try:
         descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)

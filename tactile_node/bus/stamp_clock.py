@@ -35,7 +35,7 @@ class StampClock:
             wall, steady = self._both()
             self._offset = wall - steady
             self._before = 0.0  # the offset before the last jump
-            self._lead_before = 0.0  # of the stamps before the last jump on the steady clock
+            self._lead_before = 0.0  # lead of the stamps before the last jump on the steady clock
             self._jumped = -float('inf')  # when
             self._least: float | None = None
             self._looked = steady

@@ -64,7 +64,7 @@ class CallQueue:
             call(*args)
 
 
-LEAST_PAUSE = 0.9  #: of a period, between two calls that catch up: what a full bus carries is still under way
+LEAST_PAUSE = 0.9  #: periods between two calls that catch up: what a full bus carries is still under way
 
 
 class Schedule:

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from math import ceil, inf
 
 import can
@@ -79,7 +79,7 @@ class Traffic:
         self._calls = CallQueue('assembler')
         self.clock = StampClock(is_host_stamped)
         self._jumps_reported = 0
-        self._no_data: Counter[str] = Counter()
+        self.no_data_frames: Counter[str] = Counter()  #: received, that are no data frames, by kind
         self._put = self._fed = 0  # CAN frames put into the queue, and taken from it
         self.overruns = 0  #: CAN frames lost because the queue was full
         self.syncs_sent = 0
@@ -87,11 +87,6 @@ class Traffic:
         self._last_came = -inf  # the stamp up to which all received so far has come
         self._is_gap = True  # nothing is known of the time before the next batch
         self._read_at = 0.0  # by the steady clock, the last batch
-
-    @property
-    def no_data_frames(self) -> Mapping[str, int]:
-        """Frames received that are no data frames, by kind."""
-        return dict(self._no_data)
 
     def begin(self) -> None:
         """Start the assembler's thread; what waited for it is forgotten."""
@@ -167,7 +162,7 @@ class Traffic:
         self._fed += len(frames)
 
     def _count_other(self, kind: str, message: can.Message) -> None:
-        self._no_data[kind] += 1
+        self.no_data_frames[kind] += 1
         if message.is_error_frame and self._monitor.feed_error(message):
             self._on_failure(BusFault.BUS_OFF, BusError(
                 'CAN controller', expected='a bus it can send on', got='bus-off',

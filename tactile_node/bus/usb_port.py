@@ -15,7 +15,7 @@ class UsbIdentity(NamedTuple):
     vendor: int
     product: int
     serial_number: str  #: '': it has none
-    interface: str  #: of an adapter with several ports, which one; '': it has one
+    interface: str  #: which one, where an adapter has several ports; '': it has one
     place: str  #: bus and ports to it; '' where the serial number is enough
 
     def __str__(self) -> str:

@@ -83,7 +83,7 @@ class EmergencyLog:
         self.last: Emergency | None = None
         self.active: Emergency | None = None  #: the last error that was not reset
 
-    def feed(self, data: bytes) -> None:
+    def feed(self, _can_id: int, data: bytes) -> None:
         """Take an EMCY. Error reset with errors left in its register: one is gone, others stay (CiA 301, 7.2.7.1)."""
         emergency = decode_emergency(data, time.time())
         self.last = emergency

@@ -18,7 +18,7 @@ class HeardNode:
     heard: float | None = None  #: when
     boots: int = 0  #: boot-up messages
     heartbeats: int = 0  #: without boot-ups
-    guarded: int = 0  #: of these with a toggle bit: answers to node guarding
+    guarded: int = 0  #: heartbeats with a toggle bit: answers to node guarding
     intervals: tuple[float, float] | None = None  #: the last two; a change of state adds one, and a short one
 
 

@@ -60,9 +60,9 @@ STORE_PARAMETERS = 0x1010  #: sub 1 all, 2 communication, 3 application
 RESTORE_PARAMETERS = 0x1011  #: sub 1 all, 2 communication, 3 application
 PRODUCER_HEARTBEAT_TIME = 0x1017
 IDENTITY = 0x1018  #: sub 1 vendor, 2 product, 3 revision, 4 serial number
-TPDO_COMMUNICATION = 0x1800  #: of TPDO 1; sub 1 COB-ID, 2 transmission type
-TPDO_MAPPING = 0x1A00  #: of TPDO 1; sub 0 number of mapped objects, then index, sub-index and bits of each
-MAX_TPDOS = 512  #: of one node
+TPDO_COMMUNICATION = 0x1800  #: TPDO 1; sub 1 COB-ID, 2 transmission type
+TPDO_MAPPING = 0x1A00  #: TPDO 1; sub 0 number of mapped objects, then index, sub-index and bits of each
+MAX_TPDOS = 512  #: that one node has
 COMMUNICATION_RECORDS = range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS)
 MAPPING_RECORDS = range(TPDO_MAPPING, TPDO_MAPPING + MAX_TPDOS)
 
@@ -105,7 +105,7 @@ def parse_address(written: str) -> ObjectAddress:
     return address
 
 
-MAX_PDO_BYTES = 8  #: of a classic CAN frame
+MAX_PDO_BYTES = 8  #: that a classic CAN frame has
 MAX_PDO_BITS = 8 * MAX_PDO_BYTES
 
 # Transmission types, a sub-index of the communication record
@@ -118,7 +118,7 @@ PROFILE_EVENT = 255  #: at an event that the device profile defines
 # Times in the communication record (CiA 301, 7.5.2.37)
 INHIBIT_TIME, INHIBIT_UNIT = 3, 1e-4  #: sub-index and unit [s]: least time between two transmissions of one TPDO
 EVENT_TIMER, EVENT_TIMER_UNIT = 5, 1e-3  #: sub-index and unit [s]: most time between two transmissions; 0: off
-MAX_TIME = 0xFFFF  #: of both, in their units
+MAX_TIME = 0xFFFF  #: either, in its unit
 
 # Multiplexed PDO in source addressing mode: node-ID, index and sub-index of one object, and its value
 SAM_MPDO = 0xFE  #: in place of the number of mapped objects, sub 0 of the mapping record
@@ -166,7 +166,7 @@ ZERO_SIGNATURE = b'zero'  #: to be written to AUTO_ZERO: 0x6F72657A, least signi
 NMT = 0x000
 SYNC = 0x080  #: default, object 0x1005 can change it
 TIME = 0x100
-# Of these, add the node-ID:
+# Bases, to which the node-ID is added:
 EMCY = 0x080
 SDO_RESPONSE = 0x580  #: server to client
 SDO_REQUEST = 0x600  #: client to server

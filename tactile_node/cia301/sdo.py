@@ -14,12 +14,12 @@ MAX_BLOCK_SEGMENTS = 127
 COMMAND = 0xE0  #: mask of the command specifier
 BLOCK_COMMAND = 0xE3  #: mask of the command specifier and the sub-command of a block transfer
 
-# Of the client
+# Commands of the client
 INITIATE_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.INITIATE_BLOCK_TRANSFER
 START_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.START_BLOCK_UPLOAD
 ACKNOWLEDGE_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.BLOCK_TRANSFER_RESPONSE
 END_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.END_BLOCK_TRANSFER
-# Of the server
+# Commands of the server
 INITIATE_BLOCK_RESPONSE = (constants.RESPONSE_BLOCK_UPLOAD | constants.INITIATE_BLOCK_TRANSFER
                            | constants.BLOCK_SIZE_SPECIFIED | constants.CRC_SUPPORTED)
 END_BLOCK_RESPONSE = constants.RESPONSE_BLOCK_UPLOAD | constants.END_BLOCK_TRANSFER
@@ -74,11 +74,11 @@ class SdoUpload:
     def __init__(self, index: int, subindex: int):
         self._object = bytes([index & 0xFF, index >> 8, subindex])
         self._waiting = _Waiting.NOTHING
-        self._segments: list[bytes] = []  # of the block under way
+        self._segments: list[bytes] = []  # received in the block under way
         self._has_last = False  # the last segment of the object is among them
         self._client_has_crc = False
         self._has_crc = False  # client and server have
-        self._toggle = 0  # of the next segment
+        self._toggle = 0  # expected in the next segment
         self._buffer = bytearray()
         self.data = b''
 

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         print(f'{args.log}: {played.source.summary}', file=sys.stderr)
     if not played.used:
         print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
-    return 0 if played.has_ended and played.used and not played.source.strangers else 1
+    return 0 if played.has_ended and played.used and not played.source.heard.strangers() else 1
 
 
 def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archive: bool) -> bytes:

@@ -24,7 +24,15 @@ from tactile_node.cia301.objects import ObjectAddress, parse_address
 from tactile_node.cli.options import add_bus_options, add_number, open_network
 from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.skin.eds import load_eds
-from tactile_node.skin.object_value import TYPES, WrongValueError, declared, decoded, encoded, named, type_name
+from tactile_node.skin.object_value import (
+    TYPES,
+    WrongValueError,
+    decode_value,
+    encode_value,
+    find_declared,
+    find_named,
+    type_name,
+)
 
 ANSWER_TIMEOUT, STORE_TIMEOUT = 1.0, 10.0  #: s for an answer; flash memory is slow
 LONGEST_TIMEOUT = 3600.0    #: s
@@ -85,7 +93,7 @@ def _read(args: argparse.Namespace) -> None:
     with _client(args) as sdo:
         data = read_object(sdo, address)
     try:
-        value = decoded(kind or 'hex', data)
+        value = decode_value(kind or 'hex', data)
     except WrongValueError as error:
         raise DeviceError(f'node {args.node_id}, object {address}', expected=f'{error.expected} ({kind})',
                           got=f'{len(data)} bytes: {data.hex()}', remedy='Correct --type or the EDS, or read it with '
@@ -99,7 +107,7 @@ def _write(args: argparse.Namespace) -> None:
         raise ConfigurationError('--type', expected=f'the type of object {address}', got='none',
                                  remedy='Give --type or --eds: the number of bytes has to be right.')
     try:
-        data = encoded(kind, args.value)
+        data = encode_value(kind, args.value)
     except WrongValueError as error:
         raise ConfigurationError('VALUE', expected=f'{error.expected} ({kind})', got=repr(args.value),
                                  remedy='Correct it, or --type.') from error
@@ -107,7 +115,7 @@ def _write(args: argparse.Namespace) -> None:
         print(f'tactile: warning: {RECONFIGURES}.', file=sys.stderr)
     with _client(args) as sdo:
         write_object(sdo, address, data)
-    _report(args, address, kind, data, 'set to', decoded(kind, data))
+    _report(args, address, kind, data, 'set to', decode_value(kind, data))
 
 
 def _parameters(args: argparse.Namespace, index: int, signature: bytes, done: str) -> None:
@@ -125,12 +133,12 @@ def _target(args: argparse.Namespace) -> tuple[ObjectAddress, str | None]:
         address = parse_address(args.object)
     except ValueError:
         address = _named(args, dictionary)
-    variable = declared(dictionary, address)
+    variable = find_declared(dictionary, address)
     return address, args.type or (type_name(variable.data_type) if variable else None)
 
 
 def _named(args: argparse.Namespace, dictionary: ObjectDictionary) -> ObjectAddress:
-    found = named(dictionary, args.object) if args.eds else []
+    found = find_named(dictionary, args.object) if args.eds else []
     if len(found) == 1:
         return found[0]
     got, remedy = repr(args.object), 'Write 0x before hexadecimal digits, also before four of them: 0x6401:1.'

@@ -5,8 +5,8 @@ import numpy as np
 from tactile_node.read_only import read_only
 
 TIME_CONSTANT = 20.0  #: s in which the zero follows a small step
-DRIFT_RATE = 1 / 300        #: of ``limit`` a second: faster is no drift
-PRESSED_SHARE = 0.5         #: of ``limit`` above its zero: a taxel that may be under a contact
+DRIFT_RATE = 1 / 300        #: ``limit`` a second: faster is no drift
+PRESSED_SHARE = 0.5         #: ``limit`` above its zero: a taxel that may be under a contact
 QUIET_TIME = 2.0           #: s without such a taxel before the zero is followed (again)
 
 

@@ -15,11 +15,15 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
 
     Raises ConfigurationError for a file that cannot be read, another shape, or a gain that is none.
     """
-    where = f'gain file {path}'
+    where, most = f'gain file {path}', 64 * rows * cols + 4096
     try:
         is_binary = str(path).endswith('.npy')
-        written = _read(Path(path), most=64 * rows * cols + 4096)
-        gains = np.load(BytesIO(written), allow_pickle=False) if is_binary else _text(written)
+        with Path(path).open('rb') as stream:
+            written = stream.read(most + 1)
+        if len(written) > most:
+            raise ValueError(f'more than {most} bytes, too much for this pad')
+        gains = np.load(BytesIO(written), allow_pickle=False) if is_binary else np.loadtxt(
+            written.decode('utf-8').replace(',', ' ').splitlines(), ndmin=2)
         if gains.dtype.kind not in 'iuf':
             raise ValueError(f'an array of {gains.dtype}')
         gains = gains.astype(np.float32)
@@ -38,18 +42,6 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
                                  got=f'{gains[row, col]:g} at row {row}, column {col}',
                                  remedy='Name a taxel without a gain in dead_taxels of the layout, with gain 1 here.')
     return read_only(gains)
-
-
-def _read(path: Path, most: int) -> bytes:
-    with path.open('rb') as stream:
-        written = stream.read(most + 1)
-    if len(written) > most:
-        raise ValueError(f'more than {most} bytes, too much for this pad')
-    return written
-
-
-def _text(written: bytes) -> np.ndarray:
-    return np.loadtxt(written.decode('utf-8').replace(',', ' ').splitlines(), ndmin=2)
 
 
 class ResponseCurve(NamedTuple):

@@ -170,7 +170,7 @@ class TaredPad:
         self.zero_error: HalfZeroedError | None = None  #: what the device reported, when it is PARTLY_ZEROED
         self._guard = guard
         self._zero_state = ZeroState.VALID
-        self._boots: Callable[[], int] | None = None  # of a device that has zeroed itself
+        self._boots: Callable[[], int] | None = None  # counted, where a device has zeroed itself
         self._zeroed_after = 0  # so many boots
         self._wanted = 0
         self._taken: list[np.ndarray] = []

@@ -16,8 +16,8 @@ from tactile_node.yaml_section import load_mapping
 
 CONTACTS = 5          #: that must give evidence against a taxel, one after the other
 MIN_TOUCHED = 3       #: taxels that make a contact
-FALLEN_SHARE = 0.6    #: of the taxels that rose in a contact have fallen when it is over
-RELEASED_SHARE = 0.5  #: of the taxels pressed at its height may then still be: others' edges come and go in a grasp
+FALLEN_SHARE = 0.6    #: share of the taxels that rose in a contact have fallen when it is over
+RELEASED_SHARE = 0.5  #: share of the taxels pressed at its height that may still be: edges come and go in a grasp
 APART = 3.0           #: taxels by which the centres of these contacts must differ, for a dead taxel
 ALIVE = 0.1           #: x limit: a taxel that reads so much has felt something
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
@@ -25,7 +25,7 @@ JUMP_SHARE = 2.0            #: x limit: a change from one frame to the next that
 ALONE_SHARE = 0.5           #: x limit: a jump is alone when no neighbour changes by so much in the same frame
 FLICKER_TIME = 5.0    #: s over which lone jumps are counted
 FLICKER_JUMPS = 40    #: lone jumps within that time, and
-FLICKER_SHARE = 0.25  #: of the frames within it
+FLICKER_SHARE = 0.25  #: share of the frames within it
 
 
 class TaxelFault(IntEnum):
@@ -80,7 +80,7 @@ class FaultDetector:
         self._height = 0  # taxels pressed at most in this contact
         self._still = np.zeros(shape, int)   # contacts since the value last changed
         self._silent = np.zeros(shape, int)  # contacts around it that it did not feel
-        self._range = np.zeros((2, 2, *shape))  # of these contacts' centres: least and greatest row, column
+        self._range = np.zeros((2, 2, *shape))  # centres of these contacts: least and greatest row, column
         self._jumps, self._stamp = np.zeros(shape), -np.inf
         self._is_saturated = np.zeros(shape, bool)
         self._frames = 0.0
@@ -113,7 +113,7 @@ class FaultDetector:
             self._count_contact()
             is_news = True
         if is_news:
-            self.faults = FaultyTaxels(read_only(self._evaluated()))
+            self.faults = FaultyTaxels(read_only(self._evaluate()))
         return self.faults
 
     def _count_jumps(self, stamp: float, change: np.ndarray, unknown: np.ndarray) -> bool:
@@ -143,7 +143,7 @@ class FaultDetector:
     def _count_contact(self) -> None:
         touched, self._risen, self._height = self._risen, np.zeros_like(self._risen), 0
         self._still += 1
-        surrounded = _surrounded(touched) & ~touched & ~self._pressed
+        surrounded = _find_surrounded(touched) & ~touched & ~self._pressed
         places = np.argwhere(touched)
         centre = places.mean(0)[:, np.newaxis, np.newaxis]
         least, greatest = self._range
@@ -154,7 +154,7 @@ class FaultDetector:
         np.maximum(greatest, centre, out=greatest, where=surrounded)
         self._silent[surrounded] += 1
 
-    def _evaluated(self) -> np.ndarray:
+    def _evaluate(self) -> np.ndarray:
         kinds = np.zeros(self._last.shape, np.uint8)
         apart = np.hypot(*(self._range[1] - self._range[0])) >= APART
         kinds[(self._silent >= CONTACTS) & apart] = TaxelFault.DEAD
@@ -178,7 +178,7 @@ class FaultDetector:
 NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
 
 
-def _surrounded(mask: np.ndarray) -> np.ndarray:
+def _find_surrounded(mask: np.ndarray) -> np.ndarray:
     """Where ``mask`` holds next to it on both sides, in two directions; on an edge, along it."""
     rows, cols = mask.shape
     padded = np.pad(mask, 1)

@@ -11,12 +11,12 @@ import can
 import numpy as np
 
 from tactile_node.errors import LogError
-from tactile_node.logs.bag_records import MSG_ENCODING, OnDamage, Recorded, begin_of, decompressed, library, records_of
+from tactile_node.logs.bag_records import MSG_ENCODING, OnDamage, Recorded, begin_of, decompress, library, records_of
 from tactile_node.logs.damage import Damage, DamageKind
 from tactile_node.logs.replay_times import SECOND, WHOLE, TimeWindow
 
 CAN_TYPE, CAN_TOPIC = 'can_msgs/msg/Frame', 'from_can_bus'  # the topic is that of ros2_socketcan
-#: of CAN_TYPE as the package can_msgs has it, with what it contains
+#: CAN_TYPE as the package can_msgs has it, with what it contains
 CAN_DEFINITION = '''std_msgs/Header header
 uint32 id
 bool is_rtr
@@ -124,7 +124,7 @@ class _CanTypes:
 
     def message(self, recorded: Recorded) -> can.Message:
         """Stamped as the CAN driver did, or when it was recorded where it did not."""
-        frame = self._store.deserialize_cdr(decompressed(recorded.cdr), CAN_TYPE)
+        frame = self._store.deserialize_cdr(decompress(recorded.cdr), CAN_TYPE)
         stamp = frame.header.stamp
         time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND
         data = bytes(frame.data[:min(frame.dlc, 8)])

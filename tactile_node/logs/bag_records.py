@@ -38,7 +38,7 @@ def _lines(path: Path) -> int:
 
 def _count_of_mcap(path: Path, types: Collection[str]) -> int:
     """Raises EOFError for a file that has no counts: it was not ended, or is no .mcap."""
-    with opened_mcap(path) as file:
+    with open_mcap(path) as file:
         if file.summary is None or file.summary.statistics is None:
             raise EOFError(f'{path} has no counts')
         counts = file.summary.statistics.channel_message_counts
@@ -60,7 +60,7 @@ class Recorded(NamedTuple):
     type: str
     time: int  #: when it was recorded [ns]
     cdr: bytes
-    definition: str = ''  #: of the type and all that it contains, as .msg files; '': not in the bag
+    definition: str = ''  #: the type and all that it contains, as .msg files; '': not in the bag
 
 
 def is_bag(path: str | Path) -> bool:
@@ -96,7 +96,7 @@ def begin_of(path: str | Path) -> int:
     """Return when the first message was recorded [ns]; 0 where there is none. Raises LogError for no bag."""
     part = bag_parts(path)[0]
     if part.is_there and part.path.suffix == '.mcap':
-        with opened_mcap(part.path) as file:
+        with open_mcap(part.path) as file:
             statistics = None if file.summary is None else file.summary.statistics
             if statistics is not None and statistics.message_count:
                 return statistics.message_start_time
@@ -116,7 +116,7 @@ def topics_of(path: str | Path) -> dict[str, str]:
     return found
 
 
-def decompressed(data: bytes) -> bytes:
+def decompress(data: bytes) -> bytes:
     """``ros2 bag record --compression-mode message`` compresses each message alone."""
     if not data.startswith(b'\x28\xB5\x2F\xFD'):  # RFC 8878; CDR begins with 00
         return data
@@ -158,7 +158,7 @@ def _one(damages: list[Damage], begin: float | None, end: float | None) -> Damag
 
 
 def _of_mcap(path: Path, since: int) -> Iterator[Recorded | Damage]:
-    with opened_mcap(path) as file:
+    with open_mcap(path) as file:
         for found in file.read(since):
             if isinstance(found, Damage):
                 yield found
@@ -169,7 +169,7 @@ def _of_mcap(path: Path, since: int) -> Iterator[Recorded | Damage]:
 
 
 @contextmanager
-def opened_mcap(path: Path) -> Iterator['McapFile']:
+def open_mcap(path: Path) -> Iterator['McapFile']:
     module = library('tactile_node.logs.mcap_file', path)
     with path.open('rb') as file:
         yield module.McapFile(file.fileno(), path.name)
@@ -180,7 +180,7 @@ def _definition(schema) -> str:
 
 
 def _topics_of_mcap(path: Path) -> dict[str, str]:
-    with opened_mcap(path) as file:
+    with open_mcap(path) as file:
         if not file.channels:  # it was not ended
             for _ in file.read():
                 pass

@@ -10,7 +10,7 @@ from tactile_node.code_names import PhrasedCode
 class DamageKind(PhrasedCode):
     """Why something of a bag or a series of files is not given."""
 
-    CHUNK = 1, 'a damaged chunk'  #: its content does not fit its checksum, or cannot be decompressed
+    CHUNK = 1, 'a damaged chunk'  #: its content does not fit its checksum, or cannot be decompress
     RECORDS = 2, 'damaged records'  #: bytes between two chunks are no records
     CUT_SHORT = 3, 'cut short: it was not ended'  #: a killed recording, a full disk, a part of a download
     MISSING_FILE = 4, 'no such file, of a series'
@@ -25,7 +25,7 @@ class Damage(NamedTuple):
 
     kind: DamageKind
     file: str  #: its name
-    chunks: int | None = None  #: of MCAP, that are lost; None: not known
+    chunks: int | None = None  #: MCAP chunks that are lost; None: not known
     size: int = 0  #: [bytes]
     begin: float | None = None  #: when the message before it was recorded [s, Unix epoch]; None: there is none
     end: float | None = None    #: when the message after it was recorded

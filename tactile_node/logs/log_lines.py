@@ -12,7 +12,7 @@ from tactile_node.assembly.router import non_data_kind
 class TwoBuses(NamedTuple):
     """CAN frames that the pads' taxels need were on two buses."""
 
-    can_id: int  #: of the frame on the second
+    can_id: int  #: what the frame on the second has
     channels: tuple[str, ...]
 
 
@@ -74,6 +74,6 @@ def whole_lines(stream: TextIO, on_unread: Callable[[str], None]) -> Iterator[st
         for line in stream:
             if _CANDUMP_LINE.fullmatch(line) is not None:
                 yield line
-            elif line.strip():  # of a line without its end what is left may read as another frame
+            elif line.strip():  # what is left of a line without its end may read as another frame
                 on_unread('a damaged line' if line.endswith('\n')
                           else 'cut short: it ends within a line, of which nothing is used')

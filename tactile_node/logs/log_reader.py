@@ -141,7 +141,7 @@ class CanLogReader:
         except LogError:
             raise
         except Exception as error:  # each format's reader raises its own errors over a bad header
-            if path != Path(self.path):  # of a series, whose other files are read
+            if path != Path(self.path):  # part of a series, whose other files are read
                 self._unread(error)
                 return
             self._refuse(f'{type(error).__name__}: {error}',

@@ -99,7 +99,7 @@ class CanLogWriter:
         self._largest = largest
         self._lock = threading.Lock()
         self._recorded = 0  # in the files before this one
-        self._part = 1
+        self.parts = 1  #: files there are
         self.unwritten = 0
         self.failure = ''
         self._file: LogFile | None = None
@@ -117,11 +117,6 @@ class CanLogWriter:
     @property
     def can_frames(self) -> int:
         return self._recorded + self._last.can_frames
-
-    @property
-    def parts(self) -> int:
-        """How many files there are."""
-        return self._part
 
     def write(self, message: can.Message) -> None:
         """Write one message; after ``close`` nothing happens."""
@@ -168,7 +163,7 @@ class CanLogWriter:
 
     def _begin_part(self) -> None:
         try:
-            path = part(self.path, self._part + 1)
+            path = part(self.path, self.parts + 1)
             path.open('xb').close()
             self._file = LogFile(path)
         except (OSError, ValueError, ImportError) as error:
@@ -176,7 +171,7 @@ class CanLogWriter:
             return
         self._recorded += self._last.can_frames
         self._last = self._file
-        self._part += 1
+        self.parts += 1
 
     @contextmanager
     def _failing(self) -> Iterator[None]:

@@ -27,7 +27,7 @@ from mcap.summary import Summary
 from tactile_node.logs.damage import Damage, DamageKind
 
 MAGIC = b'\x89MCAP0\r\n'
-RECORD_HEAD = struct.Struct('<BQ')     #: of a record: opcode, length of its content [bytes]
+RECORD_HEAD = struct.Struct('<BQ')     #: what a record begins with: opcode, length of its content [bytes]
 _FOOTER = struct.Struct('<QQI')  # begin of the summary, of its offsets, checksum of both up to here
 TAIL_BYTES = RECORD_HEAD.size + _FOOTER.size + len(MAGIC)  # bytes: the footer and what ends the file
 FIXED_LENGTHS = {Opcode.FOOTER: _FOOTER.size, Opcode.DATA_END: 4}  #: [bytes]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import yaml
 
-BAG_SUFFIXES = ('.mcap', '.db3')  #: of bags
+BAG_SUFFIXES = ('.mcap', '.db3')  #: that bags have
 
 
 class Part(NamedTuple):

@@ -14,7 +14,7 @@ import numpy as np
 
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import CAN_TYPE
-from tactile_node.logs.bag_records import Recorded, begin_of, decompressed, is_bag, library, records_of, topics_of
+from tactile_node.logs.bag_records import Recorded, begin_of, decompress, is_bag, library, records_of, topics_of
 from tactile_node.logs.damage import Damage, DamageKind, damage_text
 from tactile_node.logs.replay_times import SECOND, WHOLE, TimeWindow
 from tactile_node.package_files import package_file
@@ -31,7 +31,7 @@ class PadGeometry(NamedTuple):
     pitch: float  #: [m]
     unit: str     #: 'Pa', 'N' or '1'
     frame_id: str
-    layer_depth: float = 0.0      #: of the taxels below the skin's surface [m]; 0: not known
+    layer_depth: float = 0.0      #: how far the taxels are below the skin's surface [m]; 0: not known
     layer_deviation: float = 0.0  #: standard deviation of its logarithm
 
 
@@ -198,7 +198,7 @@ class _TopicTypes:
         key = recorded.type, recorded.definition
         if key not in self._stores:
             self._stores[key] = self._store(*key)
-        return self._stores[key].deserialize_cdr(decompressed(recorded.cdr), recorded.type)
+        return self._stores[key].deserialize_cdr(decompress(recorded.cdr), recorded.type)
 
     def _store(self, kind: str, definition: str) -> Any:
         """A store for each: a type that it contains may be defined in another way in the next bag."""
@@ -208,7 +208,7 @@ class _TopicTypes:
                 store.register(self._typesys.get_types_from_msg(definition, kind))
                 store.get_msgdef(kind)
                 return store
-            except Exception:  # of a damaged text the parser raises its own errors
+            except Exception:  # the parser raises its own errors over a damaged text
                 pass
         return self._ours
 

@@ -17,8 +17,8 @@ from tactile_node.read_only import read_only
 from tactile_node.simulator.world import PAD
 
 DRAWN_CELLS = 192  #: along the square, x and y from -1 to 1, that a named figure is drawn in
-LEAST_CELLS = 30  #: of a silhouette: fewer have no outline worth pressing
-MOST_SIDE = 2048  #: of a silhouette's rows and columns
+LEAST_CELLS = 30  #: that a silhouette has: fewer have no outline worth pressing
+MOST_SIDE = 2048  #: rows or columns of a silhouette
 
 Drawing = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

@@ -27,7 +27,7 @@ class Segment:
 
     def __init__(self, wire: Wire):
         self.wire = wire
-        self.now = -math.inf  #: of the wire
+        self.now = -math.inf  #: the wire's time
         self._receivers: list[tuple[Sender, Receive]] = []
         self._timers: list[tuple[float, int, Call]] = []
         self._count = itertools.count()
@@ -56,10 +56,10 @@ class Segment:
                 self.on_carried(carried)
                 for sender, receive in self._receivers:
                     if sender is not carried.sender:
-                        guarded(receive, carried)
+                        call_guarded(receive, carried)
             elif self._timers and due <= until:
                 self.now, _, call = heapq.heappop(self._timers)
-                guarded(call)
+                call_guarded(call)
             else:
                 self.now = max(self.now, until)
                 return
@@ -72,7 +72,7 @@ class Segment:
         return self._timers[0][0] if self._timers else math.inf
 
 
-def guarded(call: Callable[..., None], *args: object) -> None:
+def call_guarded(call: Callable[..., None], *args: object) -> None:
     """Make the call; an error of a participant is logged."""
     try:
         call(*args)
@@ -102,7 +102,7 @@ class LiveSegment(Segment):
         self._thread = threading.Thread(target=self._work, name='wire', daemon=True)
         self._due: list[Carried] = []
         self._record = WireRecord(self.now)
-        self._before = (0, 0, 0, lost(), time.process_time())  # of what counts on: at the last report
+        self._before = (0, 0, 0, lost(), time.process_time())  # what counts on, at the last report
         self._host = self.join(lambda carried: self._due.append(carried), by_priority=is_shared)
 
     def start(self) -> None:
@@ -155,7 +155,7 @@ class LiveSegment(Segment):
         while self._is_running:
             for stamp, call in self._waited():
                 self.run(stamp)
-                guarded(call)
+                call_guarded(call)
             self.run(time.monotonic())
             self._flush()
 

@@ -25,7 +25,7 @@ class WireSettings:
     """How long frames and answers take."""
 
     bitrate: int = DEFAULT_BITRATE  #: bit/s
-    delay: float = 0.0003   #: of a device, from the end of the frame that it answers until its answer is ready [s]
+    delay: float = 0.0003   #: from the end of the frame that a device answers until its answer is ready [s]
     jitter: float = 0.0001  #: by which that may be longer, evenly distributed [s]
     most_sweeps: int = 2    #: that a device has not sent to the end, when it begins no other
     batch: float = 0.0005   #: that a frame waits, at most, to be handed to the host with those after it [s]

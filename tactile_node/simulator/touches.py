@@ -22,7 +22,7 @@ Pressed = TypeVar('Pressed', bound=Touching)
 
 
 @dataclass(frozen=True)
-class Touch(Generic[Pressed]):
+class SimulatedTouch(Generic[Pressed]):
     """One object pressed on one pad from ``begin`` to ``end`` [s since the skin became operational]."""
 
     contact: Pressed
@@ -44,7 +44,7 @@ class TouchProgram:
     ``values[i]``: the taxels at the full pressure of ``touches[i]``, shape (rows, cols).
     """
 
-    def __init__(self, touches: Sequence[Touch], values: Sequence[np.ndarray], duration: float):
+    def __init__(self, touches: Sequence[SimulatedTouch], values: Sequence[np.ndarray], duration: float):
         self.touches = tuple(touches)
         self.duration = duration
         self._values = tuple(values)
@@ -68,7 +68,7 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASS
         for shape in shapes:
             contact = (random_figure(rng, shape, area, layout.rows, layout.cols) if isinstance(shape, Silhouette)
                        else random_contact(rng, shape, area, layout.rows, layout.cols))
-            touches.append(Touch(contact, now, now + hold))
+            touches.append(SimulatedTouch(contact, now, now + hold))
             values.append(_values(layout, contact, rng))
             now += hold + pause
     return TouchProgram(touches, values, now)

@@ -3,7 +3,7 @@
 import math
 from bisect import insort
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ class Sender:
         self._limit = limit
         self._by_priority = by_priority
         self._queue: deque[Waiting] = deque()
-        self.ready, self.priority = math.inf, 0  #: of the first
+        self.ready, self.priority = math.inf, 0  #: what the first has
         self.backlog = 0.0  #: what waits takes so long [s]
         self.sweeps = 0   #: not sent to the end
         self.queued = 0   #: sweeps so far
@@ -88,8 +88,8 @@ class Sender:
 class Carried(NamedTuple):
     """A frame that the wire has carried."""
 
-    start: float  #: of its first bit [s]
-    end: float    #: of its last, the three bits between two frames included: the next frame may begin [s]
+    start: float  #: when its first bit begins [s]
+    end: float    #: when its last ends, the three bits between two frames included: the next frame may begin [s]
     frame: Frame
     sender: Sender
 
@@ -100,7 +100,7 @@ class Wire:
     >>> wire = Wire()
     >>> one, other = wire.join(), wire.join()
     >>> one.put(0.0, Frame(0x300)); one.put(0.0, Frame(0x100)); other.put(0.00001, Frame(0x200))
-    >>> [(hex(carried.frame.can_id), round(carried.end, 6)) for carried in wire.advance(1.0)]
+    >>> [(hex(carried.frame.can_id), round(carried.end, 6)) for carried in iter(lambda: wire.carry(1.0), None)]
     [('0x300', 5.5e-05), ('0x100', 0.00011), ('0x200', 0.000165)]
     """
 
@@ -116,13 +116,11 @@ class Wire:
         self.senders.append(sender)
         return sender
 
-    def advance(self, until: float) -> Iterator[Carried]:
-        """The frames that end up to ``until`` [s]; what is put meanwhile takes part as soon as it is ready."""
-        while (carried := self.carry(until)) is not None:
-            yield carried
-
     def carry(self, until: float) -> Carried | None:
-        """The next frame, when it ends up to ``until`` [s]. A frame that has begun by then keeps the wire."""
+        """The next frame, when it ends up to ``until`` [s]. A frame that has begun by then keeps the wire.
+
+        What is put meanwhile takes part as soon as it is ready.
+        """
         if self._current is None and (start := self.next_start) <= until and start < math.inf:
             self._begin(start)
         if self._current is None or self._current.end > until:
@@ -171,15 +169,15 @@ LATENESS_STEP = 1e-5      #: s, resolution of the percentiles of lateness
 class WireReport(NamedTuple):
     """Report of the time since the one before."""
 
-    seconds: float     #: of the wire
+    seconds: float     #: that the wire has run
     frames: int        #: carried, of all participants
     load: float        #: share of the time in which the wire was busy
-    peak_load: float   #: of the busiest PEAK_WINDOW
+    peak_load: float   #: share of the busiest PEAK_WINDOW
     sweeps: int        #: that the devices have queued
     skipped: int       #: sweeps that devices left out because too many were queued
     refused: int       #: frames for which a queue had no room
     handed: int        #: frames handed over to the host
-    lost: int          #: of these, that the host has not read
+    lost: int          #: handed over, and not read by the host
     late_p50: float    #: from a frame's end on the wire until it was handed over [s]
     late_p99: float
     late_max: float

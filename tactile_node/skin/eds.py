@@ -53,7 +53,7 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
         raise ConfigurationError(str(path), expected='an EDS file', got=error.strerror or str(error),
                                  remedy='Check the path and its permissions.') from error
     tidied = StringIO()
-    _checked(path, text).write(tidied)
+    _check_text(path, text).write(tidied)
     tidied.seek(0)
     try:
         return _import_eds(tidied, node_id)
@@ -63,7 +63,7 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
 
 def read_eds(path: Path) -> str:
     """Return the text of an EDS, up to the end of file of DOS. Raises OSError."""
-    return _decode(path.read_bytes()).split('\x1a', 1)[0]  # of DOS: editors of the time of CiA 306 end a file with it
+    return _decode(path.read_bytes()).split('\x1a', 1)[0]  # DOS editors of the time of CiA 306 end a file with it
 
 
 def _decode(content: bytes) -> str:
@@ -75,7 +75,7 @@ def _decode(content: bytes) -> str:
         return content.decode('latin-1')
 
 
-def _checked(path: Path, text: str) -> _Parser:
+def _check_text(path: Path, text: str) -> _Parser:
     """Refuse what canopen cannot read, with section and key; correct or leave out what is harmless."""
     parser = _Parser(inline_comment_prefixes=(';',))
     try:
@@ -86,7 +86,7 @@ def _checked(path: Path, text: str) -> _Parser:
                 f'section [{error.section}]{key} again in line {error.lineno}')
     except ParserError as error:
         _refuse(path, 'an EDS file ("[section]" lines with "key=value" lines)', str(error).splitlines()[0])
-    parser = _tidied(path, parser)
+    parser = _tidy(path, parser)
     objects = [name for name in parser.sections() if _OBJECT.fullmatch(name) or _SUBOBJECT.fullmatch(name)]
     if not objects:
         _refuse(path, 'an EDS file with object sections such as [1018]',
@@ -100,7 +100,7 @@ def _checked(path: Path, text: str) -> _Parser:
     return parser
 
 
-def _tidied(path: Path, parser: _Parser) -> _Parser:
+def _tidy(path: Path, parser: _Parser) -> _Parser:
     """Section names as canopen wants them, no empty values (as good as absent), no comments."""
     tidied = _Parser()
     for name in parser.sections():

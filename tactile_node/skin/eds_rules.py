@@ -16,7 +16,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.skin.eds import EdsText, refuse_eds
 from tactile_node.skin.layout import DomainLayout, MappedObject, SkinLayout, TpdoLayout
 from tactile_node.skin.layout_draft import variable_of
-from tactile_node.skin.layout_rules import raised_by
+from tactile_node.skin.layout_rules import collect_errors
 
 
 class Identity(NamedTuple):
@@ -88,7 +88,7 @@ def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) ->
 
 def eds_problems(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> list[ConfigurationError]:
     """Return all in which ``layout`` and the EDS named ``eds`` disagree: the first problem of each object and TPDO."""
-    return raised_by(_checks(dictionary, layout, eds))
+    return collect_errors(_checks(dictionary, layout, eds))
 
 
 def _checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> Iterator[Callable[[], object]]:

@@ -8,7 +8,7 @@ import numpy as np
 from tactile_node.cia301 import objects
 from tactile_node.yaml_section import Section
 
-SWEEP_SHARE = 0.45  #: of the period; twice that leaves a tenth for the device's timer and our stamps
+SWEEP_SHARE = 0.45  #: a part of the period; twice that leaves a tenth for the device's timer and our stamps
 
 
 @dataclass(frozen=True)

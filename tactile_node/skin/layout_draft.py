@@ -64,7 +64,7 @@ def _cob_id(dictionary: ObjectDictionary, index: int, node_id: int) -> objects.C
 
 FILL_IN = 'FILL IN'     #: marks what an EDS cannot say
 GUESS = 'GUESS'         #: marks what it does not say
-MAX_BITS = 32           #: of a taxel
+MAX_BITS = 32           #: that a taxel has
 TAXELS_IN_LINE = 6
 
 
@@ -74,7 +74,7 @@ class Known:
 
     rows: int | None = None
     cols: int | None = None
-    bits: int | None = None  #: of a taxel
+    bits: int | None = None  #: that a taxel has
 
 
 @dataclass(frozen=True)

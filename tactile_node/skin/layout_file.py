@@ -32,7 +32,7 @@ class Shift(NamedTuple):
     object: int = 0
     sub: int = 0
     node: int = 0
-    down: int = 0   #: of all taxels
+    down: int = 0   #: rows that all taxels move by
     right: int = 0
 
 
@@ -41,7 +41,7 @@ LARGEST_STEPS = {'number': objects.MAX_TPDOS, 'cob_id': objects.ID_MASK, 'object
                  'sub': objects.MAX_SUBINDEX, 'node': objects.MAX_NODE_ID}
 
 
-def repeated(section: Section, tpdos: tuple[TpdoLayout, ...]) -> tuple[TpdoLayout, ...]:
+def repeat_tpdos(section: Section, tpdos: tuple[TpdoLayout, ...]) -> tuple[TpdoLayout, ...]:
     """Return the ``tpdos`` of an entry in all repetitions that its key ``repeat`` asks for, the last loop fastest.
 
     Raises ConfigurationError, also where a repetition leaves the range of a number.
@@ -121,16 +121,13 @@ def read_layout(path: str | Path) -> SkinLayout:
         value=_value_format(top.section('value')),
         sync_cob_id=top.integer('sync_cob_id', 1, objects.ID_MASK, objects.SYNC),
         tpdos=tuple(tpdo for section in sections for tpdo in _tpdos(section)),
-        dead=tuple(_taxel(top, taxel) for taxel in top.sequence('dead_taxels', [])),
+        dead=tuple((row, col) for row, col in (
+            top.checked_integers('dead_taxels', taxel, count=2, low=0, high=MAX_SIDE)
+            for taxel in top.sequence('dead_taxels', []))),
         nodes=top.integer('nodes', 1, objects.MAX_NODE_ID, 1), domain=domain,
         event_driven=read_event_driven(top), unusual_pitch=top.choice('unusual_pitch', (False, True), False))
     top.done()
     return layout
-
-
-def _taxel(top: Section, written: object) -> tuple[int, int]:
-    row, col = top.checked_integers('dead_taxels', written, count=2, low=0, high=MAX_SIDE)
-    return row, col
 
 
 def _value_format(section: Section) -> ValueFormat:
@@ -180,7 +177,7 @@ def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
                  for i, taxels in enumerate(_shifted(section, _repeats(run, 256 - first)))]
     else:
         tpdos = [make(_mapping(section), _taxels(section))]
-    repetitions = repeated(section, tuple(tpdos))
+    repetitions = repeat_tpdos(section, tuple(tpdos))
     section.done()
     return repetitions
 

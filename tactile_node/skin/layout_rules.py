@@ -10,7 +10,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout import DomainLayout, EventDriven, SkinLayout, TaxelField, TpdoLayout
 
 
-def raised_by(checks: Iterable[Callable[[], object]]) -> list[ConfigurationError]:
+def collect_errors(checks: Iterable[Callable[[], object]]) -> list[ConfigurationError]:
     """Make every check and return what they raise."""
     found = []
     for check in checks:
@@ -21,12 +21,12 @@ def raised_by(checks: Iterable[Callable[[], object]]) -> list[ConfigurationError
     return found
 
 
-PITCHES = 0.0003, 0.025  #: of skins on the market, with room [m]
+PITCHES = 0.0003, 0.025  #: skins on the market have, with room [m]
 
 
 def layout_problems(layout: SkinLayout) -> list[ConfigurationError]:
     """Return what is wrong with ``layout``: the first problem of each rule and TPDO."""
-    return raised_by(layout_checks(layout))
+    return collect_errors(layout_checks(layout))
 
 
 def layout_checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:

@@ -32,10 +32,10 @@ def type_name(data_type: int | None) -> str:
     return _NAMES.get(data_type, 'hex') if data_type is not None else 'hex'
 
 
-def encoded(name: str, text: str) -> bytes:
+def encode_value(name: str, text: str) -> bytes:
     """Return the bytes on the wire of ``text``, a value of the type ``name``. Raises WrongValueError.
 
-    >>> encoded('u16', '0x64'), encoded('i8', '-1'), encoded('hex', 'DE ad')
+    >>> encode_value('u16', '0x64'), encode_value('i8', '-1'), encode_value('hex', 'DE ad')
     (b'd\\x00', b'\\xff', b'\\xde\\xad')
     """
     variable = _variable(name)
@@ -46,16 +46,17 @@ def encoded(name: str, text: str) -> bytes:
             return bytes.fromhex(text)
         if name == 'str':
             return text.encode('ascii')
-        value = _switch(text) if name == 'bool' else float(text) if name in ('f32', 'f64') else int(text, 0)
-        return bytes(variable.encode_raw(value))
-    except (ValueError, OverflowError, UnicodeEncodeError) as error:
+        if name == 'bool':
+            return bytes(variable.encode_raw({'0': False, '1': True}[text]))
+        return bytes(variable.encode_raw(float(text) if name in ('f32', 'f64') else int(text, 0)))
+    except (KeyError, ValueError, OverflowError, UnicodeEncodeError) as error:
         raise WrongValueError(_expected(name)) from error
 
 
-def decoded(name: str, data: bytes) -> Value:
+def decode_value(name: str, data: bytes) -> Value:
     """Return the value of ``data``; WrongValueError where they are no value of the type ``name``.
 
-    >>> decoded('i16', bytes.fromhex('FEFF')), decoded('hex', bytes.fromhex('0100'))
+    >>> decode_value('i16', bytes.fromhex('FEFF')), decode_value('hex', bytes.fromhex('0100'))
     (-2, '0100')
     """
     if name == 'hex':
@@ -69,14 +70,14 @@ def decoded(name: str, data: bytes) -> Value:
     return value if isinstance(value, float) else int(value)
 
 
-def named(dictionary: ObjectDictionary, name: str) -> list[ObjectAddress]:
+def find_named(dictionary: ObjectDictionary, name: str) -> list[ObjectAddress]:
     """Return every value of an EDS that is called so: 'Identity.Vendor-ID', or 'Vendor-ID' alone, in any case."""
     wanted = name.strip().lower()
     return [ObjectAddress(variable.index, variable.subindex) for variable in _variables(dictionary)
             if wanted in (variable.qualname.lower(), variable.name.lower())]
 
 
-def declared(dictionary: ObjectDictionary, address: ObjectAddress) -> ODVariable | None:
+def find_declared(dictionary: ObjectDictionary, address: ObjectAddress) -> ODVariable | None:
     """Return what an EDS says of a value; None where it has none."""
     return next((variable for variable in _variables(dictionary)
                  if ObjectAddress(variable.index, variable.subindex) == address), None)
@@ -104,12 +105,6 @@ def _expected(name: str) -> str:
         return f'a whole number {low}..{high}, {bits // 8} byte{"s" * (bits > 8)}'
     return {'bool': '0 or 1, 1 byte', 'str': 'ASCII text, not empty',
             'hex': 'bytes as hexadecimal digits such as "6400"'}[name]
-
-
-def _switch(text: str) -> bool:
-    if text not in ('0', '1'):
-        raise ValueError(text)
-    return text == '1'
 
 
 def _text(data: bytes) -> str:

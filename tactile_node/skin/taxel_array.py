@@ -38,7 +38,7 @@ class RejectReason(IntEnum):
     WRONG_STAMP = 9  #: a time before 1970, after 2038, or with 10^9 ns and more; a duration below 0
     INCONSISTENT = 10  #: fields that contradict each other
     PROCESSING_FAILED = 11  #: the message passed the checks, and its processing raised an error
-    MISSING_JOINT = 12  #: of the joints that make the opening of the gripper
+    MISSING_JOINT = 12  #: one that the opening of the gripper is made of
     IMPLAUSIBLE_OPENING = 13  #: no gripper is opened so far: a wrong sign, scale or offset
     STAMP_AHEAD = 14  #: its stamp runs ahead of all before: a false message, or a clock that was set forward
     WRONG_SEQUENCE = 15  #: a sequence number that cannot be yet

@@ -86,7 +86,7 @@ class SyncWatch:
         self._period = period
         self._received = 0
         self._foreign_at: float | None = None
-        self._begun: tuple[float, int] | None = None  # of the window: when, SYNCs until then
+        self._begun: tuple[float, int] | None = None  # begin of the window: when, SYNCs until then
         self._was_other = False
         self.state = SyncState()
 

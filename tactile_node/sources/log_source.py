@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import can
 
 from tactile_node.assembly.fault_text import failure_text, node_label
-from tactile_node.assembly.frame_source import BusStatistics, Consumer, OnFrame
+from tactile_node.assembly.frame_source import BusStatistics, OnFrame
 from tactile_node.assembly.health import BusFault, BusHealth, Failure
 from tactile_node.assembly.router import Router, non_data_kind
 from tactile_node.bus.threads import StoppableThread
@@ -45,19 +45,18 @@ class LogSource:
         self._path = path
         self._pace = pace
         self._loop = loop
-        self._consumer = Consumer(on_frame)
-        self._router = Router(tuple(pads), self._consumer, drop_incomplete=drop_incomplete)
+        self._router = Router(tuple(pads), on_frame, drop_incomplete=drop_incomplete)
         self._channel, self._window = channel, window
         self._reader: CanLogReader | None = None
         self._messages: Iterator[can.Message] | None = None
-        self._heard = HeardNodes(pads)
+        self.heard = HeardNodes(pads)
         self._set_up = None if any_device else LoggedSetUp(pads, identities_of(pads, eds))
         self._one_bus = OneBus(_of_pads(pads) | set(self._router.can_ids))
         self._thread = StoppableThread(self._play, 'replay')
         self.finished = threading.Event()  #: the log has ended, or failed
-        self._unread = 0  # of the rounds before this one
-        self._jumps = 0  # of the clock, while recording
-        self._ahead = 0.0  # of the log's clock [s]
+        self._unread = 0  # lines in the rounds before this one
+        self._jumps = 0  # steps of the clock, while recording
+        self._ahead = 0.0  # lead over the log's clock [s]
         self._is_active = False
         self._played = PlayedTimes()
         self._on_time = on_time
@@ -107,11 +106,6 @@ class LogSource:
         self._router.drop_incomplete(drop_incomplete)
 
     @property
-    def strangers(self) -> dict[str, list[int]]:
-        """By pad: nodes heard that would send its COB-IDs, while its own were not heard. Its taxels may be theirs."""
-        return self._heard.strangers()
-
-    @property
     def summary(self) -> str:
         """What was read so far, as a sentence; empty before ``open``."""
         return '' if self._reader is None else self._reader.summary
@@ -128,7 +122,7 @@ class LogSource:
 
     def statistics(self) -> BusStatistics:
         unread = self._unread + (0 if self._reader is None else self._reader.unread)
-        return self._router.statistics()._replace(unread=unread, consumer_errors=self._consumer.errors,
+        return self._router.statistics()._replace(unread=unread,
                                                    clock_jumps=self._jumps, stamps_ahead=self._ahead)
 
     def health(self) -> BusHealth:
@@ -181,7 +175,7 @@ class LogSource:
                 self._check(message)
                 if self._on_message is not None:
                     self._on_message(message)
-                self._heard.feed(message.arbitration_id)
+                self.heard.feed(message.arbitration_id)
                 self._router.feed_message(message)
                 if stopping.is_set():
                     return
@@ -191,7 +185,7 @@ class LogSource:
             self._fail(BusFault.INTERNAL_ERROR, f'{self._path}: {type(error).__name__}: {error}')
             logger.exception('playing %s', self._path)
         self._router.end()
-        for pad, strangers in self.strangers.items():
+        for pad, strangers in self.heard.strangers().items():
             logger.warning('%s: no heartbeat of pad %s, but those of node %s, which sends some of the same COB-IDs. '
                            'Check the node-IDs: the taxels may be of other pads.', self._path, pad,
                            ', '.join(map(str, strangers)))

@@ -22,7 +22,7 @@ class Setup(NamedTuple):
     """Counts of what changes a node's configuration: while they stay, so does what was written."""
 
     boots: int           #: boot-up messages
-    foreign_writes: int  #: of another master
+    foreign_writes: int  #: by another master
 
 
 class NodeMonitor:
@@ -34,7 +34,7 @@ class NodeMonitor:
     def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):
         self.node = node
         self._heartbeat_time: float | None = None  # that the device has [s], None: not known
-        self._heartbeat_writes = 0  # of other masters, when it was configured
+        self._heartbeat_writes = 0  # by other masters, when it was configured
         self._monitor = monitor
         self._heard = monitor.heartbeats.of(node.node_id)
         self.set_timeouts(heartbeat_timeout, data_timeout)

@@ -152,7 +152,7 @@ class BusSeen(NamedTuple):
     """What a bus has brought so far, beside taxels."""
 
     syncs: int
-    foreign_syncs: int = 0  #: of other devices, while this driver produces SYNC
+    foreign_syncs: int = 0  #: sent by other devices, while this driver produces SYNC
     is_overloaded: bool = False  #: this process is too slow: more has been sent
     ran_again: float = 0.0  #: when it did after a stall: what was sent until then may not have been read yet [s]
 

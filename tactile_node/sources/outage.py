@@ -12,7 +12,7 @@ class OutageClock(Generic[Cause]):
 
     def __init__(self) -> None:
         self._count = 0
-        self._seconds = 0.0  # of those that have ended
+        self._seconds = 0.0  # lost in those that have ended
         self._begun: float | None = None
         self.cause: Cause | None = None  #: what began the last one
         self.current: Cause | None = None  #: why the one under way lasts
@@ -101,7 +101,7 @@ class Attempts(Backoff):
         """It was tried to end the fault."""
         self._last = now
         self.count += 1
-        # of RECURRING trying costs the node's taxels or the bus's time, and has not helped so far
+        # trying to end one of RECURRING costs the node's taxels or the bus's time, and has not helped so far
         self.attempted(now, 30.0 if self._fault in RECURRING else LAST_RETRY)
 
     def has_ended(self, now: float) -> bool:

@@ -56,7 +56,7 @@ class Supervisor:
         self._node_recovery = NodeRecovery(self._bus, self._monitors, recover)
         self._bus_recovery = BusRecovery(self._bus, self.monitor, self._monitors, settings.sync_period,
                                          is_active=lambda: self._is_active)
-        self._watch = BusWatch(settings, pads, self.monitor, self._bus.call_in_turn, data_timeout=timeouts[1])
+        self._watch = BusWatch(settings, pads, self.monitor, self._bus.traffic.put, data_timeout=timeouts[1])
         self._is_configured = False
         self._is_active = False
         self._thread: threading.Thread | None = None
@@ -178,7 +178,7 @@ class Supervisor:
                 self._bus_recovery.attend()
                 self._watch.overload.restart()
             if self._bus.failure is None:
-                begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.syncs_sent
+                begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.traffic.syncs_sent
                 now = time.monotonic()  # once: what is not processed after a stall is not taken for silence
                 self._watch.overload.woke(now, late + now - begun)
                 seen = self._watch.look_at_counts(now, self._is_active, statistics, syncs)

@@ -137,7 +137,7 @@ class LogReporter:
             self._records[pad.name].report(), node_ids=pad.node_ids, layout=Path(pad.layout.source).name,
             layout_sha256=_sha256(config_path(pad.layout.source)), statistics=statistics,
             losses=tuple((reason.key, count) for reason, count in statistics.losses.items() if count),
-            strangers=tuple(self._source.strangers.get(pad.name, ())))
+            strangers=tuple(self._source.heard.strangers().get(pad.name, ())))
         contradiction = self._contradictions.get(pad.name)
         if self._any_device or contradiction is None and not report.strangers:
             return report

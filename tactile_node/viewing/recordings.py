@@ -181,7 +181,7 @@ class LogRecording:
 def _of_others(source: LogSource) -> str:
     """Nodes of other node-IDs that send the same COB-IDs: what is shown may be theirs."""
     return '; '.join(f'pad {pad}: node {", ".join(map(str, nodes))} sends its COB-IDs, not its own: check --node-id'
-                     for pad, nodes in source.strangers.items())
+                     for pad, nodes in source.heard.strangers().items())
 
 
 def _unread(source: LogSource) -> str:
