@@ -9,7 +9,7 @@ from eds_text import record
 
 from tactile_node.cia301.objects import ObjectAddress, parse_address
 from tactile_node.cli.main import main
-from tactile_node.skin.object_value import WrongValueError, decoded, encoded
+from tactile_node.skin.object_value import WrongValueError, decode_value, encode_value
 
 pytestmark = pytest.mark.bus
 
@@ -157,9 +157,9 @@ def test_bad_options_are_refused(words, capsys):
 
 def test_numbers_are_those_of_the_wire():
     assert parse_address('0X1a00:0x08') == ObjectAddress(0x1A00, 8)
-    assert encoded('u24', '0x010203') == bytes.fromhex('030201') and encoded('bool', '1') == b'\x01'
-    assert encoded('i64', '-1') == 8 * b'\xff' and encoded('f64', '1') == bytes.fromhex('000000000000F03F')
-    assert decoded('i24', bytes.fromhex('FFFFFF')) == -1 and decoded('bool', b'\x01') == 1
-    assert decoded('str', '€\0'.encode()) == '€' and decoded('str', b'\xe9') == 'é'
+    assert encode_value('u24', '0x010203') == bytes.fromhex('030201') and encode_value('bool', '1') == b'\x01'
+    assert encode_value('i64', '-1') == 8 * b'\xff' and encode_value('f64', '1') == bytes.fromhex('000000000000F03F')
+    assert decode_value('i24', bytes.fromhex('FFFFFF')) == -1 and decode_value('bool', b'\x01') == 1
+    assert decode_value('str', '€\0'.encode()) == '€' and decode_value('str', b'\xe9') == 'é'
     with pytest.raises(WrongValueError):
-        decoded('u16', b'\x01')
+        decode_value('u16', b'\x01')

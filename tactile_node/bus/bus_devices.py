@@ -15,6 +15,7 @@ from tactile_node.bus.device_setup import DeviceAsSet, DeviceSetup
 from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.cia301 import objects
 from tactile_node.cia301.emergency import DeviceErrors
+from tactile_node.cia301.objects import ZERO_SIGNATURE
 from tactile_node.errors import BusError, DeviceError, HalfZeroedError, TwoDevicesError
 from tactile_node.skin.pads import CanopenNode
 
@@ -33,7 +34,7 @@ def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
                           remedy='Tare without on_device: then the driver takes the zero off.')
     for sub in subs:
         try:
-            sdo.download(objects.AUTO_ZERO, sub, objects.ZERO_SIGNATURE)
+            sdo.download(objects.AUTO_ZERO, sub, ZERO_SIGNATURE)
         except (SdoAbortedError, SdoCommunicationError, BusError) as error:
             done = subs.index(sub)
             kind = HalfZeroedError if done or not isinstance(error, SdoAbortedError) else DeviceError

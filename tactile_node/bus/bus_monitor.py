@@ -20,8 +20,6 @@ FRAME_BITS = tuple(worst_case_bits(Frame(0, bytes(n))) for n in range(9))
 #: objects that decide what TPDOs a node sends, and when
 DECIDES_TPDOS = frozenset((objects.COB_ID_SYNC, *objects.COMMUNICATION_RECORDS, *objects.MAPPING_RECORDS))
 
-Feed = Callable[[int, bytes], object]
-
 
 class BusMonitor:
     """Fed on the thread of the reception, read from any; lasts while the bus is closed and opened again.
@@ -43,7 +41,7 @@ class BusMonitor:
         self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)  #: by another master, to a node's heartbeat time
         self.is_error_passive = False
         self.error_counters = ErrorCounters()
-        self._watched: dict[int, Feed] = {objects.NMT: self._command}
+        self._watched: dict[int, Callable[[int, bytes], object]] = {objects.NMT: self._command}
         for other in range(objects.MIN_NODE_ID, objects.MAX_NODE_ID + 1):
             self._watched[objects.HEARTBEAT + other] = self.heartbeats.feed
         for node_id, emergencies in self.emergencies.items():

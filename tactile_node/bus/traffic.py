@@ -60,8 +60,6 @@ logger = logging.getLogger(__name__)
 
 NO_DATA = -1  #: in place of the COB-ID of what is no data frame with an 11-bit identifier
 
-Span = tuple[float, float]
-
 
 class Traffic:
     """Puts what is received, and what is sent and concerns the assembler, into the queue of ``router``'s thread.
@@ -129,7 +127,7 @@ class Traffic:
             self.overruns += len(frames)
             self._is_gap = True
 
-    def _came(self, batch: Batch) -> Span | None:
+    def _came(self, batch: Batch) -> tuple[float, float] | None:
         """Between which stamps the frames of ``batch`` came; None where each has the stamp at which it came."""
         if batch.came is None:
             return None
@@ -146,7 +144,7 @@ class Traffic:
         before, self._read_at = self._read_at, read
         return 0.0 if self._is_gap else max(0.0, after - before)
 
-    def _feed(self, frames: list[tuple[int, bytes, float]], came: Span | None, most_free: float) -> None:
+    def _feed(self, frames: list[tuple[int, bytes, float]], came: tuple[float, float] | None, most_free: float) -> None:
         """On the assembler's thread. Time that stamps have and the steady clock has not is none of a free bus."""
         for can_id, data, stamp in frames:
             if stamp == inf:
