@@ -25,7 +25,7 @@ from tactile_node.cia301.objects import NmtCommand
 from tactile_node.errors import BusError, DeviceError, LogError
 from tactile_node.logs.log_writer import CanLogWriter
 from tactile_node.skin.layout import DomainLayout
-from tactile_node.skin.pads import CanopenNode, LivePad, check_pads
+from tactile_node.skin.pads import CanopenNode, LivePad, check_pads, live_pads
 
 logger = logging.getLogger(__name__)
 
@@ -44,7 +44,7 @@ class SkinBus:
         if not settings.allow_full_bus:
             refuse_full_bus((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._settings = settings
-        self._pads = pads
+        self._pads = live_pads(pads)
         self._nodes = [node for pad in self._pads for node in pad.nodes]
         self._on_failure = on_failure or self._log_failure
         self._monitor = monitor or BusMonitor(node_id for pad in pads for node_id in pad.node_ids)
