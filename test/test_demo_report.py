@@ -7,7 +7,7 @@ import pytest
 
 from examples.demo.observation import Seen, SeenFit, verdicts_of
 from examples.demo.report import write_csv
-from tactile_node.simulator.touches import Touch
+from tactile_node.simulator.touches import SimulatedTouch
 from tactile_node.simulator.world import Contact
 
 PITCH = 0.002
@@ -17,9 +17,9 @@ RECTANGLE = SeenFit({'long': 0.010, 'short': 0.005}, (0.015, 0.0125), np.radians
                     np.diag([1e-5, 2e-5, np.radians(0.5), 3e-5, 4e-5]) ** 2, CORNERS)
 CIRCLE = SeenFit({'radius': 0.004}, (0.01, 0.02), None, ('x', 'y', 'radius'),
                  np.diag([1e-5, 2e-5, 3e-5]) ** 2, CORNERS)
-TOUCHES = (Touch(Contact('rectangle', (5, 2.5), 7.5, 6.25, 0.5), 0.0, 1.0),
-           Touch(Contact('circle', (2,), 5, 9), 2.0, 3.0),
-           Touch(Contact('square', (4,), 5, 9), 4.0, 5.0))
+TOUCHES = (SimulatedTouch(Contact('rectangle', (5, 2.5), 7.5, 6.25, 0.5), 0.0, 1.0),
+           SimulatedTouch(Contact('circle', (2,), 5, 9), 2.0, 3.0),
+           SimulatedTouch(Contact('square', (4,), 5, 9), 4.0, 5.0))
 
 
 @pytest.fixture
