@@ -78,7 +78,7 @@ def test_it_holds_what_runs_and_nothing_that_only_tests_or_training_need(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split('/')[0] for name in names}
     assert tops == {'tactile_node', f'tactile_skin-{tactile_node.__version__}.dist-info'}
-    ours = {str(path.relative_to(ROOT)) for path in (ROOT / 'tactile_node').rglob('*.py')}
+    ours = {str(path.relative_to(ROOT)) for kind in ('*.py', '*.html') for path in (ROOT / 'tactile_node').rglob(kind)}
     data = {f'tactile_node/{path.relative_to(ROOT)}' for folder in ('config', 'msg', 'srv', 'action')
             for path in (ROOT / folder).iterdir()}
     assert {name for name in names if name.startswith('tactile_node/')} == ours | data | {'tactile_node/py.typed'}

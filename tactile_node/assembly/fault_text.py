@@ -74,6 +74,7 @@ def _tpdos(tpdos: tuple[SentTpdo, ...]) -> str:
 def sync_text(sync: SyncState) -> str:
     """What is wrong with SYNC, empty where nothing is; without a full stop.
 
+    >>> from tactile_node.assembly.health import SyncFault
     >>> sync_text(SyncState(SyncFault.OTHER_PERIOD, period=0.04))
     'SYNC comes with another period than sync_period: 40.0 ms'
     """
