@@ -53,6 +53,15 @@ def test_hidden_taxels_cut_a_bar_as_the_edge_does_and_a_dead_one_does_not():
     assert tn.fit_shape(tn.find_contact(frame), tn.Shape.RECTANGLE).is_bound == (True, False)
 
 
+@pytest.mark.parametrize('angle', np.radians((-80, -30, 0, 20, 90)))
+def test_a_box_has_the_bars_angle_and_a_round_contact_any(angle):
+    box = tn.contact_box(contact_of(Contact('rectangle', (10, 3), x=7.4, y=7.6, angle=float(angle))), PITCH)
+    away = (box.angle - angle + np.pi / 2) % np.pi - np.pi / 2
+    assert abs(away) < 2 * box.angle_sd < 0.2 and -np.pi / 2 < box.angle <= np.pi / 2
+    assert box.centre == pytest.approx((7.4 * PITCH, 7.6 * PITCH), abs=2 * box.centre_sd)
+    assert tn.contact_box(contact_of(Contact('circle', (4.0,), x=7.4, y=7.6))).angle_sd > 0.35
+
+
 def test_no_contact_has_no_box_and_wrong_arguments_are_refused():
     box = tn.contact_box(tn.find_contact(np.zeros((8, 8))))
     assert np.isnan((*box.centre, box.angle, *box.lengths, *box.lengths_sd)).all() and not box.hollow
