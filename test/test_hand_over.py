@@ -1,5 +1,6 @@
 """Nodes of one process hand their results over by calls; what comes out is as if messages had brought them."""
 
+import importlib
 import os
 import threading
 import time
@@ -11,7 +12,7 @@ from hidden_skin import NODE_ID, write_log
 from rclpy.parameter import Parameter
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.node_graph import bus_nodes
+from tactile_node.node_graph import bus_nodes, frame_topics
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.processor_node import ProcessorNode
@@ -213,6 +214,20 @@ def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(m
         until(lambda: (process.send(), time.sleep(PERIOD), stage._subscription is None)[-1])
 
 
+def test_a_bag_that_records_everything_changes_no_count():
+    """Every message is made for it; the stages go on to hand over and see none of them."""
+    with Process() as process:
+        topics = {name: kind for name, kind in frame_topics(['left', 'right']).items() if not name.endswith('taxels')}
+        heard = {name: heard_by(process.peer, getattr(importlib.import_module(f'{package}.msg'), kind), name)
+                 for name, (package, _, kind) in ((name, kind.split('/')) for name, kind in topics.items())}
+        until(lambda: (process.send(), time.sleep(0.1), all(heard.values()))[-1])
+        for pad in ('left', 'right'):
+            taxels, contacts = (process.input(f'/{pad}/{role}') for role in ('processor', 'classifier'))
+            until(lambda one=contacts: one.counts.processed + one.counts.overtaken == process.sequence)
+            assert taxels.counts == (process.sequence, process.sequence, {}, 0, 0)
+            assert not contacts.counts.dropped and not contacts.counts.skipped and contacts._subscription is None
+
+
 def replaying(path, **more):
     parameters = {'replay': str(path), 'replay_pace': 0.0, 'node_ids': [NODE_ID], **more}
     return System(bus_nodes(['pad'], driver=parameters, every={'lossless': True}, classifier={'fit': False}))
@@ -250,6 +265,19 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(tmp_path, monkeypatch):
         system.driver.trigger_deactivate()
         assert time.monotonic() - begin < 2.0
         go.set()
+    system.destroy()
+
+
+def test_a_driver_that_is_configured_again_hands_over_again(tmp_path):
+    write_log(tmp_path / 'short.log', [PRESS] * 20)
+    system = replaying(tmp_path / 'short.log')
+    with spinning(system.nodes):
+        system.autostart(threading.Event())
+        assert system.source.finished.wait(TIMEOUT)
+        for step in ('deactivate', 'cleanup', 'configure', 'activate'):
+            getattr(system.driver, f'trigger_{step}')()
+        assert system.source.finished.wait(TIMEOUT)
+        assert system.recognised == 40
     system.destroy()
 
 

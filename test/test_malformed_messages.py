@@ -54,7 +54,7 @@ from tactile_node.ros.message_checks import (
 from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.shape_messages import shape_message
-from tactile_node.ros.source_guard import HOLD
+from tactile_node.ros.source_guard import SOURCE_HOLD
 from tactile_node.ros.time_messages import duration_message, time_message
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.shape.recognitions import FusedRecognition, RecognitionFusion
@@ -474,7 +474,7 @@ def test_frames_that_never_arrived_are_counted_and_a_false_sequence_is_not(chain
         publisher.publish(with_sequence(sequence))
     chain.until(lambda: subscription.counts.received == 11)
     assert subscription.counts.dropped == {R.OTHER_SOURCE: 4}  # 2^64 - 1; 0, 1, 1, while those before may go on
-    time.sleep(HOLD)
+    time.sleep(SOURCE_HOLD)
     for sequence in (2, 3):
         publisher.publish(with_sequence(sequence))
     chain.until(lambda: len(received) == 9)

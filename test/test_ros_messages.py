@@ -8,14 +8,13 @@ import pytest
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, Opening
 from tactile_node.grasp.tracker import GraspTracker, SideState
-from tactile_node.helmholtz.features import Group, compute_features
+from tactile_node.helmholtz.features import Extremes, Features, Group, compute_features
 from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
 from tactile_node.ros.contact_messages import (
     PadContact,
     PadFrame,
     contact_message,
     features_message,
-    features_of,
     pad_contact_of,
     pad_frame_of,
     taxel_array_message,
@@ -92,6 +91,16 @@ def test_taxels_keep_values_nan_status_and_stamp():
     assert message.status[0] == message.STALE and message.status[1] == message.VALID
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 250_000_000)
     assert (message.sequence, message.missing_can_frames, message.header.frame_id) == (7, 2, 'left_pad')
+
+
+def features_of(message):
+    """Return the features of ``message``, as `compute_features` gave them to its sender."""
+    values, rotated = {'N': 0.0}, {}
+    for feature in message.features:
+        values[feature.name] = feature.value
+        angles = [None if math.isnan(angle) else int(angle) for angle in (feature.min_angle, feature.max_angle)]
+        rotated[feature.name] = Extremes(feature.min, feature.max, feature.dif, *angles)
+    return Features(values, rotated)
 
 
 def test_features_survive_the_message():

@@ -4,7 +4,7 @@ from itertools import chain
 
 import pytest
 
-from tactile_node.ros.source_guard import CONFIRMED, HOLD, RESTART, SourceGuard, StampGuard
+from tactile_node.ros.source_guard import CONFIRMING_STAMPS, SOURCE_HOLD, SOURCE_RESTART, SourceGuard, StampGuard
 
 PERIOD, EPOCH = 0.02, 1.7e9
 
@@ -33,12 +33,12 @@ def test_of_two_drivers_none_is_used(first, clock):
 def test_ours_is_used_again_when_the_other_has_ended():
     used = accepted(sent(500, first=1000), sent(50, first=5, begin=1.005, name='theirs'))
     again = min(message[0] for message in used if message[0] > 1.5)
-    assert 1.985 < again <= 1.985 + HOLD + PERIOD
+    assert 1.985 < again <= 1.985 + SOURCE_HOLD + PERIOD
     assert [message for message in used if message[0] >= again] == sent(500, first=1000)[round(again / PERIOD):]
 
 
 def test_a_driver_that_starts_again_is_used_at_once():
-    later = sent(50, begin=10.0 + 1.1 * RESTART)
+    later = sent(50, begin=10.0 + 1.1 * SOURCE_RESTART)
     assert accepted(sent(501), later) == sent(501) + later
 
 
@@ -94,7 +94,7 @@ def test_false_stamps_among_true_ones_are_refused(ahead):
 
 @pytest.mark.parametrize('step', [5.0, 3600.0])
 def test_a_clock_set_forward_is_followed_once_confirmed(step):
-    assert refused(even(50) + even(50, 50 * PERIOD + step)) == list(range(50, 49 + CONFIRMED))
+    assert refused(even(50) + even(50, 50 * PERIOD + step)) == list(range(50, 49 + CONFIRMING_STAMPS))
 
 
 def test_messages_held_back_and_those_after_them_are_accepted():

@@ -19,7 +19,7 @@ from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import ContactShape, Grasp
 from tactile_skin.srv import CheckGrasp
 
-PERIOD = 0.05           #: s between two looks at the goals, beside those at each grasp
+GOAL_LOOK_PERIOD = 0.05           #: s between two looks at the goals, beside those at each grasp
 FEEDBACK_PERIOD = 0.5   #: s
 MOST_GOALS = 10         #: that wait at once: one grasp may answer all, and services keep 10 replies for a client (rmw)
 RESULT_TIMEOUT = 2      #: s for which a result is kept for a client that has not asked for it: then it is too old
@@ -63,7 +63,7 @@ class GraspRequests:
             cancel_callback=lambda handle: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
         self._service = node.create_service(CheckGrasp, '~/check_grasp', self._on_check)
         # On the steady clock: with use_sim_time and no /clock a goal would wait for ever
-        self._timer = node.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = node.create_timer(GOAL_LOOK_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
 
     def look(self, current: CurrentGrasp) -> None:

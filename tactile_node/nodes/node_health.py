@@ -55,10 +55,10 @@ class MessageHealth:
         self._of_several = set(found)
 
 
-PERIOD = 1.0  # s, REP-107
+HEALTH_PERIOD = 1.0  # s, REP-107
 
 
-def start_health_timer(node: Node, publish: Callable[[], None], period: float = PERIOD) -> None:
+def start_health_timer(node: Node, publish: Callable[[], None], period: float = HEALTH_PERIOD) -> None:
     """Call ``publish`` each ``period`` [s] as long as the node lasts, on the steady clock.
 
     With use_sim_time and no /clock the node's own clock stands still, and the last OK would stay. An exception of

@@ -18,8 +18,8 @@ from tactile_node.ros.settings import GraspNodeSettings
 
 logger = logging.getLogger(__name__)
 
-PERIOD = 0.05  # s; robot_state_publisher's
-SAME = 1e-4  # s; measurements less apart are one
+TRANSFORM_PERIOD = 0.05  # s; robot_state_publisher's
+SAME_MEASUREMENT = 1e-4  # s; measurements less apart are one
 
 
 class PadFrames:
@@ -40,7 +40,7 @@ class PadFrames:
         is_static = settings.gap_source == GapSource.PARAMETER.name.lower()
         self._publisher = node.create_publisher(self._message, '/tf_static' if is_static else '/tf',
                                                 TF_STATIC_QOS if is_static else TF_QOS)
-        start_health_timer(node, self._publish_static if is_static else self._publish_moving, PERIOD)
+        start_health_timer(node, self._publish_static if is_static else self._publish_moving, TRANSFORM_PERIOD)
 
     def _publish_static(self) -> None:
         gap = self._source.current(time.monotonic()).gap
@@ -50,7 +50,7 @@ class PadFrames:
     def _publish_moving(self) -> None:
         now = time.monotonic()
         opening = self._source.current(now)
-        if not math.isnan(opening.gap) and now - opening.age > self._measured + SAME:
+        if not math.isnan(opening.gap) and now - opening.age > self._measured + SAME_MEASUREMENT:
             self._measured = now - opening.age
             self._publish(opening.gap, opening.age)
 

@@ -16,7 +16,7 @@ from tactile_node.bus.threads import ChangePace
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.errors import TactileError
 from tactile_node.nodes.node_health import start_health_timer
-from tactile_node.ros.diagnostics import PERIOD, BusDiagnostics, Finding, diagnostic_array, unconfigured
+from tactile_node.ros.diagnostics import EVALUATED_PERIOD, BusDiagnostics, Finding, diagnostic_array, unconfigured
 from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState, status_message
 from tactile_skin.msg import SkinStatus
@@ -54,7 +54,7 @@ class StatePublisher:
     def begin(self, hardware_id: str, frame_period: float) -> None:
         """Count from zero again, for a newly configured source that gives a frame each ``frame_period`` [s]."""
         with self._turn:
-            self._findings = BusDiagnostics(self._name, hardware_id, max(PERIOD, 2.5 * frame_period))
+            self._findings = BusDiagnostics(self._name, hardware_id, max(EVALUATED_PERIOD, 2.5 * frame_period))
 
     def update(self, *, is_last: bool = False) -> None:
         """Publish the state if that is due; ``is_last``: in any case, since no more will follow."""

@@ -84,15 +84,15 @@ class ShapeView:
         return self._markers.message(contact, shape, lifetime)
 
 
-RATE = 20.0         #: at which a pad's newest shape is shown [1/s]
-WAITING = 16        #: messages of a pad that wait for their shape
+SHAPE_RATE = 20.0  #: at which a pad's newest shape is shown [1/s]
+MOST_WAITING = 16  #: messages of a pad that wait for their shape
 WITHOUT_SHAPE = 0.5  #: from which on taxels are shown without one [s]
-DISCOVERY = 5.0     #: for topics of pads [s]
-LOOK = 0.25         #: between two looks for them [s]
-LOOKS = 3           #: with the same topics, until no more are expected: two drivers are not found at once
-DEPTH = 5           #: messages
-NAME = 'tactile_view'
-TYPE = 'tactile_skin/msg/TaxelArray'
+DISCOVERY_TIMEOUT = 5.0  #: for topics of pads [s]
+DISCOVERY_LOOK_PERIOD = 0.25  #: between two looks for them [s]
+DISCOVERY_LOOKS = 3  #: with the same topics, until no more are expected: two drivers are not found at once
+VIEW_QUEUE_DEPTH = 5  #: messages
+VIEW_NODE_NAME = 'tactile_view'
+TAXELS_TYPE = 'tactile_skin/msg/TaxelArray'
 
 
 class TopicSource(ViewSource):
@@ -110,14 +110,14 @@ class TopicSource(ViewSource):
 
     def start(self) -> None:
         with self._lock:
-            node = self._node = Node(NAME)
+            node = self._node = Node(VIEW_NODE_NAME)
             for pad in self.store.pads:
                 _PadTopics(node, pad, self._root + pad, self.store)
             status = f'{self._root}{NODE_NAMES[Role.DRIVER]}/status'
             node.create_subscription(SkinStatus, status, self._status, STATUS_QOS)
             self._grasp_age = InputAge()
-            GuardedSubscription(node, Grasp, f'{self._root}grasp', self._grasp, frames_qos(DEPTH), check=check_grasp,
-                                newest_only=True)
+            GuardedSubscription(node, Grasp, f'{self._root}grasp', self._grasp, frames_qos(VIEW_QUEUE_DEPTH),
+                                check=check_grasp, newest_only=True)
             self._spinner = Spinner([node])
 
     def stop(self) -> None:
@@ -143,9 +143,9 @@ class TopicSource(ViewSource):
                                         arrival.steady - arrival.age_on_arrival))
 
     def _found_pads(self) -> list[str]:
-        node = Node(f'{NAME}_discovery')
+        node = Node(f'{VIEW_NODE_NAME}_discovery')
         try:
-            topics = [topic for topic in _topics(node, TYPE, DISCOVERY) if topic.startswith(self._root)]
+            topics = [topic for topic in _topics(node, TAXELS_TYPE, DISCOVERY_TIMEOUT) if topic.startswith(self._root)]
         finally:
             node.destroy_node()
         if not topics:
@@ -158,11 +158,11 @@ class TopicSource(ViewSource):
 def _topics(node: Node, kind: str, timeout: float) -> list[str]:
     """Names of the topics of a type, as soon as there are any and no more come."""
     looks: list[list[str]] = []
-    for _ in range(round(timeout / LOOK)):
+    for _ in range(round(timeout / DISCOVERY_LOOK_PERIOD)):
         looks.append([topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds])
-        if looks[-1] and looks[-LOOKS:] == LOOKS * [looks[-1]]:
+        if looks[-1] and looks[-DISCOVERY_LOOKS:] == DISCOVERY_LOOKS * [looks[-1]]:
             break
-        time.sleep(LOOK)
+        time.sleep(DISCOVERY_LOOK_PERIOD)
     return looks[-1]
 
 
@@ -177,7 +177,7 @@ class _PadTopics:
         self._taxels: OrderedDict[_Key, tuple[TaxelArray, float]] = OrderedDict()
         self._contacts: OrderedDict[_Key, Contact] = OrderedDict()
         self._shape_came, self._shown = -math.inf, -math.inf
-        qos = frames_qos(DEPTH)
+        qos = frames_qos(VIEW_QUEUE_DEPTH)
         self._subscription = GuardedSubscription(node, TaxelArray, f'{root}/taxels', self._on_taxels, qos,
                                                  check=check_taxel_array)
         GuardedSubscription(node, Contact, f'{root}/contact', partial(_keep, self._contacts), qos, check=check_contact)
@@ -198,7 +198,7 @@ class _PadTopics:
             self._show(_key(message), message, now)
 
     def _show(self, key: '_Key', shape: ContactShape | None, now: float) -> None:
-        if now - self._shown < 1 / RATE:
+        if now - self._shown < 1 / SHAPE_RATE:
             return
         self._shown = now
         taxels, acquired = self._taxels[key]
@@ -217,7 +217,7 @@ def _key(message) -> _Key:
 
 def _keep(waiting: OrderedDict, message, value=None) -> None:
     waiting[_key(message)] = message if value is None else value
-    if len(waiting) > WAITING:
+    if len(waiting) > MOST_WAITING:
         waiting.popitem(last=False)
 
 

@@ -157,16 +157,6 @@ def features_message(contact: PadContact, features: Features) -> ContactFeatures
         pattern=as_array('B', pattern.mask, np.uint8), features=_feature_ranges(features) if pattern.contacts else [])
 
 
-def features_of(message: ContactFeatures) -> Features:
-    """Return the features of ``message``, as `compute_features` gave them to its sender."""
-    values, rotated = {'N': 0.0}, {}
-    for feature in message.features:
-        values[feature.name] = feature.value
-        rotated[feature.name] = Extremes(min=feature.min, max=feature.max, dif=feature.dif,
-                                         min_angle=_angle(feature.min_angle), max_angle=_angle(feature.max_angle))
-    return Features(values, rotated)
-
-
 def _feature_ranges(features: Features) -> list[FeatureRange]:
     return [_feature_range(name, value, features.rotated.get(name, UNDEFINED))
             for name, value in features.values.items()]
@@ -179,10 +169,6 @@ def _feature_range(name: str, value: float, rotated: Extremes) -> FeatureRange:
 
 def _degrees(angle: int | None) -> float:
     return float('nan') if angle is None else float(angle)
-
-
-def _angle(degrees: float) -> int | None:
-    return None if degrees != degrees else int(degrees)
 
 
 def _single(value: float) -> float:

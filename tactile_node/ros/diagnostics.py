@@ -17,7 +17,7 @@ from tactile_node.cia301.objects import state_name
 from tactile_node.conditioning.conditioned_pad import PadCondition, faults_text
 from tactile_node.conditioning.tare import ZeroState
 
-PERIOD = 1.0  #: s over which a level is evaluated
+EVALUATED_PERIOD = 1.0  #: s over which a level is evaluated
 
 
 class Finding(NamedTuple):
@@ -40,7 +40,7 @@ class BusDiagnostics:
     however often the state is evaluated.
     """
 
-    def __init__(self, node: str, hardware_id: str, window: float = PERIOD,
+    def __init__(self, node: str, hardware_id: str, window: float = EVALUATED_PERIOD,
                  steady: Callable[[], float] = time.monotonic):
         self._node = node
         self._hardware_id = hardware_id

@@ -1,16 +1,8 @@
 """`age` of the messages of the chain: the time since the acquisition, summed over the stages on steady clocks.
 
-Each stage adds how long the message was held back on its way (`ros/message_age.py`) and the time that it took itself.
-It needs no synchronised clocks. How a node uses it, with one `InputAge` for each subscription:
-
-    self._input = InputAge(lossless=settings.lossless)        # in __init__
-
-    def _on_taxels(self, message):
-        arrival = self._input.arrived(message)                # first: what follows is the stage's own time
-        ...
-        result.header = message.header                        # stamp and age belong together: never stamp again
-        result.age = age_message(arrival.age(time.monotonic()))  # last, before it is published
-        self._publisher.publish(result)
+Each stage adds how long the message was held back on its way and the time that it took itself; the stamp stays that
+of the taxels. It needs no synchronised clocks. `InputAge` notes when each message of a subscription arrives; what is
+handed over in one process has the time of its acquisition itself.
 
 A node that is blocked reads its queue late: `arrived` is called late too, so the time in the queue is part of what
 was held back. The time stamps of DDS are not used: they are of the wall clock, and of the last sender only.

@@ -33,7 +33,7 @@ from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShap
 
 MAX_FEATURES = 1000  #: of one message; ours have far fewer
 MAX_CLASSES = 1000  #: of one message; ours have far fewer
-TOLERANCE = 1e-3  #: of probabilities, which are float32
+PROBABILITY_TOLERANCE = 1e-3  #: of probabilities, which are float32
 NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
 SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))
 UNKNOWN_REASONS = (ContactShape.NOT_UNKNOWN, ContactShape.NOT_SEEN, ContactShape.UNFAMILIAR, ContactShape.TOO_SMALL)
@@ -183,7 +183,7 @@ def _probabilities(values: array) -> RejectReason | None:
     probabilities = np.asarray(values, float)
     if not np.isfinite(probabilities).all():
         return RejectReason.NOT_FINITE
-    is_distribution = probabilities.min() >= 0 and abs(probabilities.sum() - 1) <= TOLERANCE
+    is_distribution = probabilities.min() >= 0 and abs(probabilities.sum() - 1) <= PROBABILITY_TOLERANCE
     return None if is_distribution else RejectReason.WRONG_PROBABILITIES
 
 
@@ -191,7 +191,7 @@ def _confidence(message: ContactShape) -> RejectReason | None:
     if not math.isfinite(message.confidence):
         return RejectReason.NOT_FINITE
     probability = message.probabilities[message.class_names.index(message.class_name)]
-    return None if abs(message.confidence - probability) <= TOLERANCE else RejectReason.INCONSISTENT
+    return None if abs(message.confidence - probability) <= PROBABILITY_TOLERANCE else RejectReason.INCONSISTENT
 
 
 def _counts(message: ContactShape) -> RejectReason | None:

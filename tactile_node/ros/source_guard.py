@@ -2,10 +2,10 @@
 
 import math
 
-HOLD = 1.0   #: s for which a source that has sent nothing still counts as one
-RESTART = 0.2  #: s, the same, of one that has sent nothing since another began: that is how a restart looks
-REACH = 10   #: frames by which a source may advance at any time; more takes as long as its frames take
-LEAP = 1.5   #: a source may be faster than it was by this factor
+SOURCE_HOLD = 1.0  #: s for which a source that has sent nothing still counts as one
+SOURCE_RESTART = 0.2  #: s, the same, of one that has sent nothing since another began: that is how a restart looks
+SOURCE_REACH = 10  #: frames by which a source may advance at any time; more takes as long as its frames take
+SOURCE_LEAP = 1.5  #: a source may be faster than it was by this factor
 MOST_SOURCES = 16  #: that are remembered
 
 
@@ -22,11 +22,11 @@ class Source:
         """Return the frames from its newest message to this one; None when this cannot be its next."""
         frames = sequence - self.sequence
         passed = max(0.0, stamp - self.stamp) / self._period
-        return frames if 0 <= frames <= REACH + left_out + LEAP * passed else None
+        return frames if 0 <= frames <= SOURCE_REACH + left_out + SOURCE_LEAP * passed else None
 
     def is_alive(self, arrival: float, beside: 'Source') -> bool:
         """Return whether it counts when a message of ``beside`` arrives."""
-        hold = HOLD if self.arrival >= beside._began else RESTART
+        hold = SOURCE_HOLD if self.arrival >= beside._began else SOURCE_RESTART
         return self.is_confirmed and arrival - self.arrival <= hold
 
     def take(self, arrival: float, sequence: int, stamp: float) -> None:
@@ -40,7 +40,7 @@ class SourceGuard:
 
     While two sources send, no message is accepted: which of them is the right one is not known. A source is one from
     its second message on; the first is not accepted while another source sends. So a source that has started again is
-    used after RESTART. The middleware cannot decide it: a publisher that was killed remains in its graph for 20 s.
+    used after SOURCE_RESTART. The middleware cannot decide it: a publisher that was killed stays in its graph for 20 s.
 
     >>> guard = SourceGuard()
     >>> [guard.accepts(0.02 * n, number, 100 + 0.02 * n) for n, number in enumerate([70, 71, 5, 72, 6, 73])]
@@ -56,7 +56,7 @@ class SourceGuard:
         ``arrival`` [s, our steady clock], ``stamp`` [s, the sender's clock]; ``left_out``: frames before it that its
         sender left out on purpose.
         """
-        self._sources = [each for each in self._sources if arrival - each.arrival <= HOLD][-MOST_SOURCES:]
+        self._sources = [each for each in self._sources if arrival - each.arrival <= SOURCE_HOLD][-MOST_SOURCES:]
         advances = {frames: each for each in self._sources
                     if (frames := each.advance(sequence, stamp, left_out)) is not None}
         if advances:
@@ -70,17 +70,17 @@ class SourceGuard:
         return is_alone
 
 
-TOLERANCE = 1.0  #: s that a stamp may be ahead of the ones before
-CONFIRMED = 3    #: messages in a row that agree: the clock was set, or the source jumped
-FADING = 10.0    #: s with messages in which what earlier stamps allow fades: a clock may be set back, too
+STAMP_TOLERANCE = 1.0  #: s that a stamp may be ahead of the ones before
+CONFIRMING_STAMPS = 3  #: messages in a row that agree: the clock was set, or the source jumped
+STAMP_FADING = 10.0  #: s with messages in which what earlier stamps allow fades: a clock may be set back, too
 LONGEST_GAP = 0.1  #: s: a longer silence counts as this long
 
 
 class StampGuard:
     """Compares stamps [s, the sender's clock] with arrivals [s, our steady clock] of the messages of one topic.
 
-    A stamp may advance as far as the time that has passed, and TOLERANCE more. What is late is another matter: see
-    DelayEstimator. A replay at another pace advances by small steps and is accepted.
+    A stamp may advance as far as the time that has passed, and STAMP_TOLERANCE more. What is late is another matter:
+    see DelayEstimator. A replay at another pace advances by small steps and is accepted.
 
     >>> guard = StampGuard()
     >>> [guard.accepts(arrival, stamp) for arrival, stamp in [(5.00, 100.00), (5.02, 3700.0), (5.04, 100.04)]]
@@ -94,18 +94,18 @@ class StampGuard:
         self._refused = 0  # in a row, that agree
 
     def accepts(self, arrival: float, stamp: float) -> bool:
-        """Whether the message is no more than TOLERANCE ahead, or the CONFIRMED-th in a row that is."""
+        """Whether the message is no more than STAMP_TOLERANCE ahead, or the CONFIRMING_STAMPS-th in a row that is."""
         ahead = stamp - arrival
         passed, self._arrival = min(arrival - self._arrival, LONGEST_GAP), arrival
-        if self._ahead is not None and ahead > self._ahead + TOLERANCE and not self._is_confirmed(ahead):
+        if self._ahead is not None and ahead > self._ahead + STAMP_TOLERANCE and not self._is_confirmed(ahead):
             return False
         self._refused = 0
         more = 0.0 if self._ahead is None else max(0.0, self._ahead - ahead)
-        self._ahead = ahead + more * math.exp(-passed / FADING)
+        self._ahead = ahead + more * math.exp(-passed / STAMP_FADING)
         return True
 
     def _is_confirmed(self, ahead: float) -> bool:
-        agrees = self._refused and abs(ahead - self._suspect) <= TOLERANCE
+        agrees = self._refused and abs(ahead - self._suspect) <= STAMP_TOLERANCE
         self._refused = self._refused + 1 if agrees else 1
         self._suspect = ahead
-        return self._refused >= CONFIRMED
+        return self._refused >= CONFIRMING_STAMPS
