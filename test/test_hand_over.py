@@ -179,7 +179,7 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
             time.sleep(0.5 * blocked / 40)
         until(lambda: taxels.counts.processed + taxels.counts.skipped == 41)
         until(lambda: stage.counts.processed + stage.counts.overtaken + stage.counts.skipped == 41)
-        assert taxels.counts.skipped == 30 and stage.counts.overtaken > 0
+        assert taxels.counts.skipped == stage.counts.skipped == 30 and stage.counts.overtaken > 0
 
 
 def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(monkeypatch):

@@ -137,7 +137,8 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
                  hand_over: HandOver, newest_only: bool = False):
         self.node, self._accept, self._parse, self._hand_over = node, accept, parse, hand_over
-        self._slot: deque[tuple[Result, float]] = deque(maxlen=settings.queue_depth)  # the oldest gives way
+        # The oldest gives way, but where it would be left out for a newer one: there each is counted as that
+        self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.queue_depth)
         self._own: deque[tuple[int, int, int]] = deque(maxlen=2 * settings.input_qos.depth)  # what may come back
         self._is_fed = False
         self.sends_on: str | None = None  #: topic of the results of this stage; None: of the last one of a pad
