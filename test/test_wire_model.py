@@ -156,6 +156,26 @@ def test_what_the_wire_carries_is_assembled_in_virtual_time():
             assert (counts == syncs.index(frame.stamp) + 2).all()
 
 
+def test_heartbeats_take_part_in_wire_time():
+    skin = Skin((32,))
+    skin.host.put(skin.segment.now, Frame(0x620, bytes.fromhex('2B17100064000000')))  # every 100 ms
+    begin = skin.segment.now
+    skin.segment.run(begin + 10.05)
+    beats = [frame for frame in skin.frames if frame.frame == Frame(0x720, b'\x05')]
+    assert len(beats) == 101
+    np.testing.assert_allclose(np.diff([frame.start for frame in beats]), 0.1, atol=1e-6)
+
+
+def test_a_device_without_supply_leaves_its_sweep_unsent():
+    skin = Skin((32,))
+    skin.host.put(skin.segment.now, Frame(SYNC_ID))
+    skin.segment.run(skin.segment.now + 0.002)
+    sent = len(skin.frames)
+    skin.devices[0].power_off()
+    skin.segment.run(skin.segment.now + 1.0)
+    assert 1 < sent < 33 and len(skin.frames) <= sent + 1  # the one under way
+
+
 def test_jitter_delays_each_answer_and_a_seed_repeats_it():
     def delays(seed):
         skin = Skin((32,), jitter=0.001, delay=0.0005, seed=seed)
