@@ -10,6 +10,8 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.pose.moments import contact_moments
+from tactile_node.simulator.figures import Skin, pressure_frame
+from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
 
 PITCH = 0.002
 VALUES = np.array([[0, 1000.0, 0], [0, 3000.0, 0], [0, 0, 500.0]])
@@ -135,3 +137,56 @@ def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
     truth = np.where(block(1.0, side) > 0, ramp, 0.0).sum() * PITCH**2
     assert abs(force.mean() - truth) < 2 * stated, 'also a filled taxel is within what is stated'
     assert stated >= 0.5 * force.std()
+
+
+def test_newtons_are_summed_and_on_off_has_no_force():
+    assert contact_moments(VALUES, MASK, PITCH, 'N').force == pytest.approx(4000)
+    assert np.isnan(contact_moments(MASK, MASK, PITCH, '1').force)
+    assert contact_moments(MASK, MASK, PITCH, '1').centre_of_pressure == pytest.approx((PITCH, 0.5 * PITCH))
+
+
+@pytest.mark.parametrize('place', [(4, 4), (4, 7), (11, 11), (8, 4)])
+def test_a_dead_taxel_at_the_rim_makes_the_force_uncertain_and_no_bound(place):
+    """The object covers it; without its value the force is that of the other taxels."""
+    frame = block(level=50e3) + np.random.default_rng(3).normal(0, 100, (16, 16))
+    whole = moments(frame).force
+    frame[place] = np.nan
+    found = moments(frame)
+    assert not (found.force_is_bound or found.centre_of_pressure_is_bound or found.size_is_bound)
+    assert 0 < whole - found.force <= 2.5 * found.force_sd < 0.05 * whole
+
+
+@pytest.mark.parametrize('noise', [0.005, 0.01, 0.03])
+def test_standard_deviations_of_contacts_with_a_rim(noise):
+    """Taxels of the rim enter and leave the contact, of which one frame shows little: in the median a factor of 2."""
+    ratios = np.array([ratios_of(generator(Purpose.TEST, 400 + k), CLASSES[k % 5], noise) for k in range(20)])
+    assert (np.median(ratios, axis=0) > 0.5).all() and (np.median(ratios, axis=0) < 2).all()
+    assert (np.mean(ratios > 0.5, axis=0) >= 0.8).all(), 'to state too little would mislead'
+
+
+def ratios_of(rng, kind, noise):
+    """Stated standard deviation of force and centre by that of 150 frames."""
+    contact = random_contact(rng, kind, float(rng.uniform(15, 100)), 24, 24)
+    touch = pressure_frame(contact, rng, 24, 24, pressure=0.6, skin=Skin(blur=0.5))
+    extractor, found = PatternExtractor(THRESHOLDS), []
+    for _ in range(150):
+        pattern = extractor.extract(touch + 1e5 * noise * rng.standard_normal(touch.shape))
+        one = contact_moments(pattern.values, pattern.mask, PITCH, 'Pa', visibility_of(pattern),
+                              pattern.noise)
+        found.append((one.force, one.centre_of_pressure[0], one.force_sd, one.centre_of_pressure_sd[0]))
+    found = np.array(found)
+    return np.sqrt(np.mean(found[:, 2:]**2, axis=0)) / found[:, :2].std(0)
+
+
+def test_without_visible_noise_deviations_are_not_known():
+    found = moments(block())
+    assert np.isnan(found.force_sd) and np.isnan(found.centre_of_pressure_sd).all()
+    on_off = np.array(block() > 0)
+    assert np.isnan(moments(on_off, unit='1').centre_of_pressure_sd).all()
+
+
+def test_a_noise_of_each_taxel():
+    noise = np.where(MASK, [[0, 30.0, 0], [0, 40.0, 0], [0, 0, 0]], 1.0)
+    found = contact_moments(VALUES, MASK, PITCH, 'Pa', noise=noise)
+    assert found.force_sd == pytest.approx(50 * PITCH**2)
+    assert found.centre_of_pressure_sd == (0.0, pytest.approx(np.hypot(30 * 0.75, 40 * 0.25) / 4000 * PITCH))

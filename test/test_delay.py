@@ -181,3 +181,34 @@ def test_wrong_times_and_settings_are_refused():
                   {'tolerance': 0.1}):
         with pytest.raises(ConfigurationError):
             DelaySettings(**wrong)
+
+
+def test_a_burst_that_live_messages_overtake_is_not_fresh():
+    sent = times(duration=12.0)
+    result = run(sent, 0.001 + held_until(sent, 8.0, 3.0, 10))
+    assert not result.misled.any()
+    assert result.fresh[result.arrival > 8.7].all()
+
+
+def test_a_backlog_that_is_worked_off_slowly_is_not_settled():
+    """After 3 s of hold a relay sends its backlog at 1.25 times the rate, from the start of the reader on."""
+    sent = times(duration=30.0)
+    delay = np.maximum(0.001, 3.0 - 0.25 * sent)
+    result = run(sent, delay)
+    assert not result.misled.any()
+    assert result.fresh[result.arrival > 13.0].all()
+
+
+def test_a_clock_set_back_during_a_silence_costs_at_most_the_window():
+    sent = np.concatenate([times(duration=5.0), times(duration=60.0, begin=9.0)])
+    result = run(sent, 0.001, lambda t: t - 2.0 * (t >= 9))
+    after = result.arrival - 9.0
+    assert not result.fresh[(after > 0) & (after < SETTINGS.window / 2)].any()  # it may as well be a slower path
+    assert result.fresh[after > SETTINGS.window].all()
+
+
+def test_one_stamp_from_the_future_does_not_last():
+    sent = times(duration=10.0)
+    result = run(sent, 0.001, lambda t: t + 50.0 * (abs(t - 5.0) < 0.001))
+    assert not result.settled[(result.arrival > 5.0) & (result.arrival < 5.4)].any()
+    assert result.fresh[result.arrival > 5.6].all()

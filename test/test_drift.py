@@ -10,7 +10,7 @@ import pytest
 
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.tare import ContactGuard, TaredPad
-from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LIMIT, RATE, SIDE, NOISE = 10e3, 50, 16, 300.0  # Pa, Hz, taxels, Pa
 GRASP = 40e3
@@ -75,3 +75,30 @@ def test_the_zero_stands_still_while_a_part_of_the_pad_is_lost():
     for t in np.arange(60, 70, 0.02):
         zero, before = follower.update(t, np.array([[1e3, 1e3]]), zero), zero
     assert (zero > before).all()
+
+
+def test_a_grasp_that_a_low_offset_hides_from_the_start_is_not_followed():
+    """It reads 2 kPa; before a tare nothing but the pad around it shows that it is there."""
+    pad, last = TaredPad(GUARD, DriftFollower(LIMIT)), None
+    load = np.where(GRIP > 0, 2e3, -33e3).astype(np.float32)
+    for t in np.arange(0, 120, 0.1):
+        last = pad.feed(TaxelFrame(t, 0, load, np.ones((SIDE, SIDE), np.uint8), missing_can_frames=0)).values
+    np.testing.assert_array_equal(last, load)
+
+
+def test_a_taxel_taken_out_as_faulty_does_not_keep_the_others_from_being_followed():
+    pad, last = TaredPad(GUARD, DriftFollower(LIMIT)), None
+    for t in np.arange(0, 120, 0.02):
+        values, status = np.full((1, 2), min(t, 60) * 20.0, np.float32), np.ones((1, 2), np.uint8)
+        if t > 10:
+            values[0, 1], status[0, 1] = np.nan, TaxelStatus.FAULTY
+        last = pad.feed(TaxelFrame(t, 0, values, status, missing_can_frames=0)).values
+    assert abs(last[0, 0]) < 100 and np.isnan(last[0, 1])
+
+
+def test_a_light_lasting_touch_is_taken_for_drift_slowly():
+    """3 kPa is below half the limit: at most limit / 300 a second is lost."""
+    pad = TaredPad(GUARD, DriftFollower(LIMIT))
+    given(pad, 10, 0.0, lambda t: 0.0)
+    touch = given(pad, 30, np.full((SIDE, SIDE), 3e3), lambda t: 0.0, begin=10)
+    assert touch.mean() > 3e3 - 30 * LIMIT / 300 - 100

@@ -1,11 +1,14 @@
 """Fusion: surer with time, bounded latency, tempered by correlation, reset by NONE."""
 
+import math
 
+import numpy as np
 import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
 from tactile_node.shape.recognitions import FusionSettings, RecognitionFusion
+from tactile_node.simulator.world import Purpose, generator
 
 PERIOD = 0.01
 SQUARE = {Shape.SQUARE: 0.6, Shape.CIRCLE: 0.3, Shape.UNKNOWN: 0.1}
@@ -114,3 +117,40 @@ def test_a_contact_that_has_become_too_small_ends_at_once():
     assert (small.recognition.shape, small.recognition.reason) == (Shape.UNKNOWN, UnknownReason.TOO_SMALL)
     again = fusion.update(1.02, Recognition.of({Shape.SQUARE: 0.9, Shape.CIRCLE: 0.1}))
     assert (again.recognition.shape, again.frames) == (Shape.SQUARE, 1)
+
+
+def test_flicker_between_two_classes_is_quietened():
+    rng = generator(Purpose.TEST, 4)
+    share = rng.uniform(0.25, 0.8, 400)  # right three times out of four, roughly
+    frames = [{Shape.SQUARE: p, Shape.CIRCLE: 1 - p} for p in share]
+    fused = [each.recognition.shape for each in feed(RecognitionFusion(), frames)]
+    single = [max(frame, key=frame.get) for frame in frames]
+
+    def changes(shapes):
+        return sum(a is not b for a, b in zip(shapes, shapes[1:]))
+
+    assert changes(single) > 100 and changes(fused) <= 2
+
+
+def test_probabilities_sum_to_one_and_survive_certain_frames():
+    fused = feed(RecognitionFusion(), [{Shape.SQUARE: 1.0}, {Shape.CIRCLE: 1.0}, {Shape.UNKNOWN: 1.0}] * 20)
+    for each in fused:
+        total = math.fsum(each.recognition.probabilities.values())
+        assert total == pytest.approx(1) and np.isfinite(total)
+
+
+def test_after_a_long_time_unseen_it_starts_again():
+    fusion, settings = RecognitionFusion(), FusionSettings()
+    feed(fusion, [SQUARE] * 50)
+    for k in range(60):
+        fusion.update(0.5 + k * PERIOD, Recognition.unknown(UnknownReason.NOT_SEEN))
+    assert 1.1 - 0.49 > settings.max_gap
+    assert fusion.update(1.1, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
+
+
+def test_unseen_between_two_contacts_joins_none_of_their_evidence():
+    fusion = RecognitionFusion()
+    feed(fusion, [SQUARE] * 50)
+    fusion.update(0.5, Recognition.certain(Shape.NONE))
+    fusion.update(0.51, Recognition.unknown(UnknownReason.NOT_SEEN))
+    assert fusion.update(0.52, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE

@@ -199,3 +199,36 @@ def test_wrong_settings_are_refused():
             GraspSettings(**wrong)
     with pytest.raises(ConfigurationError):
         GraspTracker().update('top', touch(0.0), 0.0)
+
+
+def test_without_an_opening_only_the_offset_is_known():
+    line = run(GraspTracker(SETTINGS), [0.0], gap=np.nan, right=lambda t: touch(t, centre=(0.04, 0.0))).line
+    assert line.offset == pytest.approx(0.03)
+    assert np.isnan([line.width, line.misalignment, *line.left, *line.midpoint, *line.axis]).all()
+
+
+def test_freshness_outlives_a_lost_result():
+    tracker = GraspTracker(SETTINGS)
+    run(tracker, until(2.0))
+    assert tracker.state(2.0 - PERIOD + PATH + 2.5 * PERIOD).fresh
+    assert run(tracker, [2.0 + 2 * PERIOD]).stable
+
+
+def test_min_hold_may_ask_for_more():
+    tracker = GraspTracker(GraspSettings(min_hold=1.5))
+    assert [run(tracker, [time]).stable for time in until(2.0)] == [time >= 1.5 - 1e-9 for time in until(2.0)]
+
+
+def test_back_after_a_silence_it_holds_from_then():
+    tracker = GraspTracker(SETTINGS)
+    assert run(tracker, until(1.0)).stable
+    for time in until(1.2, begin=1.0):
+        tracker.update('left', touch(time), time + PATH)
+    state = tracker.update('right', touch(1.18), 1.18 + PATH)
+    assert state.fresh and not state.stable and state.held == 0.0
+
+
+def test_unknown_shapes_are_not_the_same_shape():
+    assert not run(GraspTracker(SETTINGS), [0.0], 0.04, *[lambda t: touch(t, 'unknown')] * 2).same_shape
+    assert run(GraspTracker(SETTINGS), [0.0], 0.04, *[lambda t: touch(t, 'my_hexagon')] * 2).same_shape
+    assert not run(GraspTracker(SETTINGS), [0.0], 0.04, empty, empty).same_shape

@@ -150,3 +150,60 @@ def test_a_pool_is_solved_once_and_read_again(pool):
                                                                           drawn.origin)
         assert second.pressure == pytest.approx(drawn.pressure, rel=1e-6)
         assert (second.outline == drawn.outline).all() and (first.pressure == second.pressure).all()
+
+
+def test_far_from_a_cell_the_surface_bends_as_under_a_point_load():
+    bend, load = displacement_influence((1, 41), cell=0.1), np.zeros((1, 41))
+    load[0, 0] = 1 / 0.1 ** 2
+    distance = np.arange(41)[20:] * 0.1
+    assert bend(load)[0, 20:] == pytest.approx(1 / (np.pi * distance), rel=1e-3)
+
+
+def test_hertz_pressure_bends_the_surface_to_a_paraboloid():
+    x, y, r = centred(101, 0.02)
+    bend = displacement_influence(r.shape, 0.02)
+    sunk = bend(np.sqrt(np.maximum(1 - r ** 2, 0)))
+    assert sunk[r < 0.9] == pytest.approx((np.pi / 4 * (2 - r ** 2))[r < 0.9], rel=2e-3)
+
+
+@pytest.mark.parametrize('depth', [0.1, 0.5, 1.0, 3.0])
+def test_under_a_uniform_circle_the_axis_has_its_closed_form(depth):
+    _, _, r = centred(161, 2 / 160)
+    stress = stress_influence(r.shape, 2 / 160, depth)((r <= 1).astype(float))
+    assert stress[80, 80] == pytest.approx(1 - depth ** 3 / (1 + depth ** 2) ** 1.5, rel=4e-3)
+
+
+@pytest.mark.parametrize('tilt', [0.3, 0.8])
+def test_a_tilted_circular_punch_rises_by_its_tilt_over_the_radius(tilt):
+    """p = P (1 + tilt x / a) / (2π a sqrt(a² - r²)): Johnson, Contact Mechanics, section 3.5."""
+    indenter = punch('circle')
+    solution = solve(indenter, (tilt, 0.0), cells=72)
+    a = 1 / np.sqrt(np.pi)
+    x, y = (origin + np.arange(count) * solution.cell for origin, count in
+            zip(solution.origin, solution.pressure.shape[::-1]))
+    r = np.hypot(x[np.newaxis], y[:, np.newaxis])
+    expected = (1 + tilt * x / a) / (2 * np.sqrt(1 - np.minimum(r / a, 0.99) ** 2))
+    inside = r < 0.8 * a
+    assert np.abs(solution.pressure / expected - 1)[inside].max() < 0.035
+    assert solution.filled == pytest.approx(1, abs=0.01)
+
+
+def test_a_cone_follows_sneddon():
+    slope, cell = 0.1, 2.4 / 96
+    _, _, r = centred(96, cell)
+    found = press(slope * r, cell, load=np.pi * slope / 2)
+    assert np.sqrt((found.pressure > 0).sum() * cell ** 2 / np.pi) == pytest.approx(1, rel=0.01)
+    assert found.approach == pytest.approx(np.pi / 2 * slope, rel=2e-3)
+    ring = (r > 0.15) & (r < 0.9)
+    assert found.pressure[ring] == pytest.approx(slope / 2 * np.arccosh(1 / r[ring]), rel=0.02)
+
+
+@pytest.mark.parametrize('depth', [1.0, 4.0, 12.0])
+def test_below_the_middle_of_a_ball_and_of_a_punch_the_stress_has_its_closed_form(depth):
+    """Hertz: p0 / (1 + ζ²); flat punch: (1 + 3ζ²) / (1 + ζ²)² / 2, of the mean pressure, ζ = z / a."""
+    area = 300.0
+    ratio = depth ** 2 * np.pi / area
+    for indenter, expected in ((ball(0.05), 1.5 / (1 + ratio)),
+                               (punch('circle'), (1 + 3 * ratio) / (1 + ratio) ** 2 / 2)):
+        frame = sample(stress_field(solve(indenter, cells=72), area, depth), 20, 20, 0.3, rows=41, cols=41)
+        assert frame[20, 20] == pytest.approx(expected, rel=0.015)

@@ -1,5 +1,6 @@
 """Guards of a stream: whose messages are taken, and which stamps."""
 
+import random
 from itertools import chain
 
 import pytest
@@ -106,3 +107,22 @@ def test_messages_held_back_and_those_after_them_are_accepted():
 @pytest.mark.parametrize('pace', [0.1, 5.0, 100.0])
 def test_a_replay_at_another_pace_is_accepted(pace):
     assert refused(even(500), even(500, 50, PERIOD / pace)) == []
+
+
+def test_numbers_that_run_abreast_are_found_out():
+    """As of two hosts that were switched on together: two messages are taken for ours."""
+    both = accepted(sent(500), sent(400, first=52, begin=1.005, name='theirs'))
+    assert sum(message[3] == 'theirs' for message in both) <= 2
+    assert max(message[0] for message in both if message[0] < 9.0) < 1.005 + 4 * PERIOD
+
+
+def test_a_single_false_message_is_not_used_and_does_no_more():
+    false = sent(1, first=700_000, begin=2.005, name='false')
+    assert accepted(sent(300), false) == sent(300)
+
+
+@pytest.mark.parametrize('part', [0.05, 0.5])
+def test_frames_that_are_lost_here_and_there_are_no_other_source(part):
+    chance = random.Random(4)
+    kept = [message for message in sent(2000) if chance.random() > part]
+    assert accepted(kept) == kept

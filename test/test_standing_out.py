@@ -142,3 +142,76 @@ def test_no_array_of_numbers_warns_or_fails(shape, unit):
                 known = pattern.noise[np.isfinite(pattern.noise)]
                 assert (known >= 0).all() and pattern.labels.max() == min(pattern.contacts, 255)
                 assert not (pattern.labels[pattern.hidden & ~pattern.mask]).any()
+
+
+@pytest.mark.parametrize('gap', [1, 2, 3])
+def test_beside_a_stronger_contact_a_weak_one_never_hides_it(gap):
+    strong, weak = box(4, 1, 6, 5), box(5, 6 + gap, 4, 4)
+    pressed = found(1000.0 * strong + 100 * weak)
+    np.testing.assert_array_equal(pressed & ~weak, strong)
+
+
+@pytest.mark.parametrize('weak', [0.25, 1 / 3, 0.45])
+def test_taxels_of_low_gain_leave_a_contact_whole(weak):
+    """A fifth of the taxels, the corners apart, reads so much of the others."""
+    rng, mask = np.random.default_rng(11), box(4, 3, 7, 9)
+    corners = np.isin(ROWS, (4, 10)) & np.isin(COLS, (3, 11))
+    for _ in range(40):
+        faint = (rng.random(mask.shape) < 0.2) & ~corners
+        faint &= ~np.roll(faint, 1, 0) & ~np.roll(faint, 1, 1)
+        np.testing.assert_array_equal(found(100.0 * mask * np.where(faint, weak, 1.0)), mask)
+
+
+@pytest.mark.parametrize('turn', [np.asarray, np.transpose])
+@pytest.mark.parametrize('rows', [1, 2])
+def test_a_weak_line_tears_no_bar(rows, turn):
+    """A bar across a pad of six columns, one or two lines of which read a third of the others."""
+    bar = np.zeros((14, 6))
+    bar[3:9] = 100.0
+    bar[5:5 + rows] /= 3
+    bar = turn(bar)
+    pattern = PatternExtractor(unit=None).extract(bar + np.random.default_rng(12).standard_normal(bar.shape))
+    assert pattern.contacts == 1
+    np.testing.assert_array_equal(pattern.mask, bar > 0)
+
+
+@pytest.mark.parametrize('other', [1.0, 0.7, 0.4])
+@pytest.mark.parametrize('gap', [1, 2, 3])
+def test_contacts_with_taxels_below_a_fifth_of_both_between_them_stay_two(gap, other):
+    one, two = box(4, 1, 6, 5), box(4, 6 + gap, 6, 5)
+    pattern = PatternExtractor().extract(1000.0 * one + 1000 * other * two + 190 * other * box(4, 6, 6, gap)
+                                         + np.random.default_rng(13).standard_normal(one.shape))
+    assert pattern.contacts == 2 and pattern.sizes == (30, 30)
+
+
+@pytest.mark.parametrize('specks, is_whole', [(0, True), (2, True), (6, False)])
+def test_on_a_pad_full_of_specks_nothing_is_joined(specks, is_whole):
+    """They are noise, and joined noise looks like a contact."""
+    mask, values = box(2, 2, 5, 5), 100.0 * box(2, 2, 5, 5)
+    values[4, 4] = 30.0
+    values[13, 1:2 * specks:2] = 100.0
+    assert found(values)[mask].all() == is_whole
+
+
+@pytest.mark.parametrize('inner', [0.05, 0.19])
+def test_a_hollow_contact_stays_hollow(inner):
+    outer, hole = box(3, 3, 9, 9), box(5, 5, 5, 5)
+    np.testing.assert_array_equal(found(1000.0 * outer * np.where(hole, inner, 1.0)), outer & ~hole)
+
+
+def test_noise_alone_seldom_makes_a_group():
+    """16x16 taxels, 400 arrays, each alone: a group of 4 or more in fewer than 1 %."""
+    rng = np.random.default_rng(9)
+    patterns = [PatternExtractor().extract(rng.standard_normal((SIDE, SIDE)) + 7) for _ in range(400)]
+    assert sum(pattern.mask.sum() >= 4 for pattern in patterns) < 4
+    assert sum(pattern.contacts > 0 for pattern in patterns) < 20
+
+
+@pytest.mark.parametrize('deviation', [0.3, 0.75, 1.0, 1.5])
+def test_idle_counts_press_nothing_and_a_light_contact_on_them_is_found(deviation):
+    rng, stream, mask = np.random.default_rng(10), PatternExtractor(), box(4, 5, 6, 7)
+    idle = [np.rint(deviation * rng.standard_normal((SIDE, SIDE))) for _ in range(150)]
+    assert sum(stream.extract(frame).contacts > 0 for frame in idle) < 5
+    assert sum(PatternExtractor().extract(frame).contacts > 0 for frame in idle) < 5
+    pattern = PatternExtractor().extract(np.rint(idle[0] + max(8 * deviation, 6) * mask))
+    np.testing.assert_array_equal(pattern.labels == 1, mask)

@@ -132,3 +132,20 @@ def test_no_contact_that_creeps_rests(kind, fraction, travel, shape, direction):
         times = np.arange(0, travel * pitch / CREEP, 1 / RATE)
         centres = pitch * centres_of(kind, shape, direction, times * CREEP / pitch)
         assert not rests(times, centres, fraction * pitch).any(), pitch
+
+
+@pytest.mark.parametrize('noise', NOISES)
+def test_a_slip_ends_the_rest_at_once(noise):
+    rng = np.random.default_rng(4)
+    times, centres = path(0.0, 50, 10.0, rng, noise * 0.002)
+    centres[300:] += (0.0015, 0.0)
+    found = rests(times, centres, 0.0002)
+    assert found[290:300].all() and not found[300:320].any() and found[-1]
+
+
+def test_a_time_that_goes_back_starts_again():
+    steadiness = Steadiness()
+    for time in np.arange(0, 2, 0.02):
+        resting = steadiness.update(time, (0.0, 0.0), 0.0002)
+    assert resting and steadiness.since == 0.0
+    assert not steadiness.update(1.0, (0.0, 0.0), 0.0002) and steadiness.since == 1.0

@@ -71,3 +71,29 @@ def test_saturated_taxels_in_a_contact_and_around_it():
     saturated[2, 2:5] = saturated[0, 0] = True
     found = visibility(frame, saturated=saturated)
     assert (found.saturated_in_contact, found.saturated_in_ring) == (2, 1)
+
+
+def test_seven_hidden_rows_of_sixteen_are_not_seen():
+    frame = np.zeros((16, 16))
+    assert visibility(frame).pad_seen
+    frame[3:10] = NAN
+    found = visibility(frame)
+    assert not found.pad_seen and found.hidden == found.largest_hidden == 112
+
+
+def test_four_hidden_taxels_beside_a_large_contact_are_room_enough():
+    frame = np.zeros((16, 16))
+    frame[2:10, 2:10] = 9
+    frame[2:5, 10] = NAN
+    assert not visibility(frame).outline_hidden, 'three of 64'
+    frame[5, 10] = NAN
+    assert visibility(frame).outline_hidden
+
+
+def test_a_group_of_hidden_taxels_within_a_contact_is_not_known():
+    frame = np.zeros((12, 12))
+    frame[2:10, 2:10] = 9
+    frame[5, 5] = NAN
+    assert not visibility(frame).inside_hidden
+    frame[4:6, 4:6] = NAN
+    assert visibility(frame).inside_hidden and not visibility(frame).outline_hidden
