@@ -232,12 +232,12 @@ class Watch:
 
 
 class World(Watch):
-    """The chain of a gripper; nodes may get other parameters, by role.
+    """The chain of a gripper; nodes may be left out, or get other parameters, by role.
 
     ``period`` [s]: between two frames. What is allowed is of PERIOD; a busy machine keeps up with a longer one.
     """
 
-    def __init__(self, held: dict[str, Any] | None = None, *,
+    def __init__(self, held: dict[str, Any] | None = None, *, without: Sequence[str] = (),
                  topics: Sequence[str] = ('grasp=grasp', 'left=left/shape'), relayed: str = '', period: float = PERIOD,
                  **parameters: dict[str, Any]):
         super().__init__()
@@ -245,6 +245,7 @@ class World(Watch):
         self.nodes: dict[str, Any] = {}
         self._topics = topics
         self._relayed = relayed
+        self._without = without
         self._period = period
         self.relays: list[Relay] = []
         self._parameters = parameters
@@ -295,7 +296,8 @@ class World(Watch):
                    for role, kind in (('processor', ProcessorNode), ('classifier', ClassifierNode))),
                  ('grasp', GraspNode, '', {'left_pad': 'left', 'right_pad': 'right'})]
         for name, kind, namespace, given in kinds:
-            self.add(name, kind, namespace, given | self._parameters.get(name, {}))
+            if name not in self._without:
+                self.add(name, kind, namespace, given | self._parameters.get(name, {}))
 
         if self._relayed:
             peer = self.peer()

@@ -19,6 +19,7 @@ from misled_bench import (
     PERIOD,
     QOS,
     WITHDRAWN,
+    Claim,
     FalseClaim,
     Finding,
     Record,
@@ -29,6 +30,7 @@ from misled_bench import (
     stable,
 )
 from misled_skin import NODE_IDS, PADS, gripper_pads
+from sensor_msgs.msg import JointState
 
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
@@ -244,12 +246,53 @@ def named(name: str, function: Callable[..., list[Finding]]) -> Case:
     return function
 
 
+def one_pad_never_answers() -> list[Finding]:
+    """No result of the right pad has come yet."""
+    with World(without=['classifier_right']) as world:
+        since = time.monotonic()
+        world.wait(lambda: world.latest('grasp'), 'a grasp')
+        time.sleep(1.0)
+        return world.watch(since, 0.0, EMPTY, FalseClaim('current', current))
+
+
+def joint_states_end() -> list[Finding]:
+    """The opening comes from joint states, which end: an old width would be taken for the present one."""
+    limit = 0.3
+    with World(grasp={'gap_source': 'joint_states', 'gap_joints': ['finger'], 'max_gap_age': limit}) as world:
+        controller = world.peer()
+        publisher = controller.create_publisher(JointState, '/joint_states', QOS)
+        world.hold(0.0)
+        before = time.monotonic()
+        while time.monotonic() < before + 1.0:
+            message = JointState(name=['finger'], position=[0.04])
+            message.header.stamp = controller.get_clock().now().to_msg()  # as every controller does
+            publisher.publish(message)
+            time.sleep(PERIOD)
+        since = time.monotonic()
+        assert any(record.get('width') for record in world.records), 'no width was published while the joint was known'
+        return world.watch(since, 1.0, FalseClaim('a width', _has('width'), limit + PERIOD),
+                           FalseClaim('a gap', _has('gap'), limit + PERIOD))
+
+
+def opening_is_not_known() -> list[Finding]:
+    """No source gives the opening: there is no width, not that of a closed gripper."""
+    since = time.monotonic()
+    with World() as world:
+        world.hold()
+        return world.watch(since, 0.0, FalseClaim('a width', _has('width')))
+
+
+def _has(name: str) -> Claim:
+    return lambda record: record[name] is not None
+
+
 #: with `make misled SHORT=1`
 SHORT: Sequence[Case] = (
     skin_freezes, bus_fails, rows_are_hidden, a_part_is_hidden, taxels_saturate, object_creeps, malformed_messages,
     tare_is_requested)
 LONG: Sequence[Case] = (
-    one_pad_loses_power, driver_ends, classifier_ends, nodes_start_while_held, taxels_are_dead, object_is_taken_away,
+    one_pad_loses_power, driver_ends, classifier_ends, nodes_start_while_held,
+    one_pad_never_answers, taxels_are_dead, joint_states_end, opening_is_not_known, object_is_taken_away,
     messages_held_back,
     *(named(f'{link}_held_back', partial(messages_held_back, link=link)) for link in ('contact', 'taxels')),
     object_creeps_slowly)
