@@ -35,10 +35,10 @@ def test_a_log_that_cannot_be_played_leaves_the_output_as_it_was(kept, capsys):
 @pytest.mark.parametrize('command', ['features', 'classify'])
 @pytest.mark.parametrize('name', ['keep.npy', 'link.npy'])
 def test_an_array_is_not_overwritten_by_what_is_found_in_it(command, name, kept, capsys):
-    """Nor by way of a link to it."""
+    """Nor by way of a link to it, or with --force."""
     if name != kept.name:
         kept.with_name(name).symlink_to(kept)
-    assert main([command, str(kept), '-o', str(kept.with_name(name))]) == 2
+    assert main([command, str(kept), '-o', str(kept.with_name(name)), '--force']) == 2
     assert 'another' in capsys.readouterr().err and np.array_equal(np.load(kept), KEPT)
     assert set(os.listdir(kept.parent)) == {kept.name, name}
 

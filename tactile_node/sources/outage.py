@@ -47,7 +47,14 @@ class OutageClock(Generic[Cause]):
 
 
 class Backoff:
-    """When to try again: at once, after 0.1 s, then each time twice as long, up to a longest pause."""
+    """When to try again: at once, after 0.1 s, then each time twice as long, up to a longest pause.
+
+    >>> backoff, now = Backoff(), 0.0
+    >>> for pause in (0.1, 0.2, 0.4, 0.5, 0.5):
+    ...     backoff.attempted(now)
+    ...     assert not backoff.is_due(now + 0.99 * pause) and backoff.is_due(now + 1.01 * pause)
+    ...     now += 10
+    """
 
     def __init__(self) -> None:
         self.reset()
