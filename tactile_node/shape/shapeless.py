@@ -25,13 +25,13 @@ AWAY = 0.25        #: of the pad: so much beyond the box around the contact show
 MARGIN = 1         #: taxels around that box
 LOOSE = 1.7        #: large groups are more compact: 1 - LOOSE / sqrt(taxels)
 LINE_TAXELS = 1.2  #: taxels of a line at most, for each of the rows or columns along which it lies
-BAND = 0.4         #: of the pad's width, the least that hum shows of a row
-EVEN = 1.6         #: times the deviation along other rows: less along a band's is their noise, no bar
-MOVING, ROW_NOISE = 0.15, 7.0  #: of the highest row's level, and deviations of a row's median: other rows rise by more
+BAND_WIDTH = 0.4   #: of the pad's width, the least that hum shows of a row
+EVENNESS = 1.6     #: times the deviation along other rows: less along a band's is their noise, no bar
+ROW_RISE, ROW_NOISE = 0.15, 7.0  #: of the highest row's level, and deviations of a row's median: hum is more
 STRING, LONG = 4, 0.6  #: rows of a string of pieces at most, and its length at least [of the pad's side]
 FALL, SLOPE = 2, 0.1   #: so many taxels beside a contact, and by this part of its width more, its pressure has fallen
 STEEP = 0.35       #: to this part of it, or less
-BELOW = 0.15       #: of the taxels on a contact's lines: where more read as far below the rest, the lines are noisy
+BELOW_REST = 0.15  #: of the taxels on a contact's lines: where more read as far below the rest, the lines are noisy
 LINE = 3           #: taxels of a row away from the contact, on average: fewer do not show whether it hums
 SPECKLED = 0.08    #: where so many taxels beside a contact are pressed,
 AMONG_SPECKS = 0.55  #: it is none below this compactness
@@ -140,7 +140,7 @@ def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
 def _is_hum(pattern: ContactPattern) -> bool:
     """Return whether the contact is a band of whole rows or columns on a pad whose other rows or columns move, too."""
     turned = (pattern.values, pattern.mask), (pattern.values.T, pattern.mask.T)
-    return any(mask.any(0).mean() >= BAND and _is_band_of_hum(values, mask) for values, mask in turned)
+    return any(mask.any(0).mean() >= BAND_WIDTH and _is_band_of_hum(values, mask) for values, mask in turned)
 
 
 def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
@@ -154,11 +154,11 @@ def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
         return False
     spread = np.nanstd(values, axis=1)
     noise = float(np.median(spread[~band]))
-    if not (spread[band] ** 2).mean() < (EVEN * noise) ** 2:
+    if not (spread[band] ** 2).mean() < (EVENNESS * noise) ** 2:
         return False
     levels = np.nanmedian(values, axis=1)
     peak = int(levels.argmax())
-    least = max(MOVING * float(np.ptp(levels)), ROW_NOISE * noise / values.shape[1] ** 0.5)
+    least = max(ROW_RISE * float(np.ptp(levels)), ROW_NOISE * noise / values.shape[1] ** 0.5)
     return any(bool((side - np.minimum.accumulate(side) > least).any()) for side in (levels[peak:], levels[peak::-1]))
 
 
@@ -166,7 +166,7 @@ def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, rest: 
     """Return whether the rows of the contact read more than ``most`` above ``rest`` away from it, too, or below it."""
     rows_of_contact, _ = box_of(taxels)
     lines = values[rows_of_contact]
-    if np.count_nonzero(lines < rest - most) > BELOW * lines.size:
+    if np.count_nonzero(lines < rest - most) > BELOW_REST * lines.size:
         return True
     used = away[rows_of_contact]
     count = np.count_nonzero(used)
