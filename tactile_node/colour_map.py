@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from tactile_node.press_levels import PRESS_BY_UNIT
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import PRESS_BY_UNIT, read_only
 
 #: matplotlib's inferno (N. J. Smith, S. van der Walt; CC0) at 17 even steps, rgb; its lightness rises evenly.
 INFERNO = ((0, 0, 4), (11, 7, 36), (33, 12, 74), (61, 9, 101), (87, 16, 110), (113, 25, 110), (138, 34, 106),

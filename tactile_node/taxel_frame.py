@@ -1,11 +1,22 @@
-"""A taxel frame: all taxels of one pad of one sweep, from a live bus or a log."""
+"""A taxel frame: all taxels of one pad of one sweep, from a live bus or a log; from which reading on one is pressed."""
 
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.read_only import read_only
+#: Absolute thresholds: a taxel is pressed from here on: 30 kPa, 0.1 N, on.
+PRESS_BY_UNIT = {'Pa': 30e3, 'N': 0.1, '1': 0.5}
+RELEASE_RATIO = 0.8  #: share of the press threshold
+ON_OFF_UNIT = '1'
+#: Below this no taxel is pressed, however quiet the skin is: drift between two tares may reach it.
+LEAST_BY_UNIT = {'Pa': 2e3, 'N': 0.007}
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """The array itself, no longer writeable: no stage may change what another one made."""
+    array.flags.writeable = False
+    return array
 
 
 class TaxelStatus(IntEnum):

@@ -70,7 +70,7 @@ def short_timeout(tmp_path):
     (['--replay', LOG, '--side', 'bus'], 'all nodes of the bus in one process'),
     (['--use-sim-time', 'maybe'], 'true or false'),
     (['--interface', 'virtual', '--publish-clock', 'true'], 'publish_clock'),
-    (['--end-with', 'launch'], 'a process id'),
+    (['--end-with', 'launch'], '--end-with: expected a whole number >= 1'),
     (['--interface', 'virtual', '--node-id', 'one'], 'whole number'),
 ])
 def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short_timeout, capsys):

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_node.read_only import read_only
 from tactile_node.simulator import world
+from tactile_node.taxel_frame import read_only
 from training.ground_truth import contact_solver, half_space, indenters, mechanics
 from training.ground_truth.mechanics import Solution
 

@@ -25,9 +25,8 @@ import numpy as np
 from tactile_node.assembly.frame_source import LossReason, Results
 from tactile_node.assembly.pad_assembler import PadAssembler
 from tactile_node.cia301.objects import MAX_PDO_BYTES
-from tactile_node.read_only import read_only
 from tactile_node.skin.layout import EventDriven, SkinLayout
-from tactile_node.taxel_frame import TaxelFrame, TpdoAges
+from tactile_node.taxel_frame import TaxelFrame, TpdoAges, read_only
 
 SNAPSHOT_WAIT = 0.02  #: s; the usual time between two sweeps with SYNC
 

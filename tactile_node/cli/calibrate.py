@@ -23,8 +23,7 @@ from tactile_node.learning.response_fit import Disc, FoundResponse, calibrate, c
 from tactile_node.learning.touches import Touches
 from tactile_node.output_file import check_writable
 from tactile_node.pose.moments import check_pitch
-from tactile_node.press_levels import ON_OFF_UNIT
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 
 SUSPICIOUS_ERROR = 0.06  #: of the radius
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from tactile_node.cli.frame_png import DEFAULT_GREYS, Greys, read_png
 from tactile_node.errors import InputError
-from tactile_node.press_levels import PRESS_BY_UNIT
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import PRESS_BY_UNIT, TaxelFrame, TaxelStatus
 
 SEPARATORS = ',', ';', '\t'
 TEXT_REMEDY = 'Write numbers with a decimal point, a line for each row of taxels, and an empty line between frames.'

@@ -11,7 +11,7 @@ from tactile_node.cli.frame_png import DEFAULT_GREYS
 from tactile_node.cli.options import add_output_option
 from tactile_node.contact.press import PRESS_FRACTION, RELEASE_FRACTION
 from tactile_node.output_file import check_writable, output_file
-from tactile_node.press_levels import PRESS_BY_UNIT
+from tactile_node.taxel_frame import PRESS_BY_UNIT
 
 Record = dict
 JSON, CSV = 'json', 'csv'

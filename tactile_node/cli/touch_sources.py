@@ -18,9 +18,9 @@ from tactile_node.errors import BusError
 from tactile_node.interruption import interruption
 from tactile_node.learning.presses import subtract_zero
 from tactile_node.learning.touches import Touch, Touches, TouchFinder, find_touches
-from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import with_dictionaries
+from tactile_node.taxel_frame import ON_OFF_UNIT
 
 ARRAY_SUFFIXES = ('.npy', '.npz')
 REST_FRAMES = 25        #: frames that the zero of a live skin is found from

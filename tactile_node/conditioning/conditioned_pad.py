@@ -8,8 +8,7 @@ from tactile_node.conditioning.gain import ResponseCurve
 from tactile_node.conditioning.tare import TaredPad, ZeroState
 from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
 from tactile_node.errors import HalfZeroedError
-from tactile_node.read_only import read_only
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only, without_any_value
 
 MOST_NAMED = 20  #: taxels of a kind in the text
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 
 TIME_CONSTANT = 20.0  #: s in which the zero follows a small step
 DRIFT_RATE = 1 / 300        #: ``limit`` a second: faster is no drift

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 
 
 def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:

@@ -10,9 +10,15 @@ from scipy.ndimage import label
 from tactile_node.code_names import PhrasedCode
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.errors import ConfigurationError, HalfZeroedError, TareRefusal, TareRefusedError
-from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO
-from tactile_node.read_only import read_only
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, without_any_value
+from tactile_node.taxel_frame import (
+    ON_OFF_UNIT,
+    PRESS_BY_UNIT,
+    RELEASE_RATIO,
+    TaxelFrame,
+    TaxelStatus,
+    read_only,
+    without_any_value,
+)
 
 #: A taxel that reads so much is pressed when a tare is requested: less than a contact worth the name.
 TARE_LIMIT_BY_UNIT = {'Pa': 10e3, 'N': 0.03}

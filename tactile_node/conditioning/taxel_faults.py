@@ -11,7 +11,7 @@ from scipy.ndimage import label, maximum_filter
 
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.output_file import output_file
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 from tactile_node.yaml_section import load_mapping
 
 CONTACTS = 5          #: that must give evidence against a taxel, one after the other

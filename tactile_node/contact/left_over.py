@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_node.contact.neighbours import linked
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 
 REMAINING_SHARE = 1 / 3    #: share of the contact that a taxel belonged to: less is what is left over
 RELEASE_FRAMES = 15  #: frames in which a contact that falls to REMAINING_SHARE of its size is let go; 0.3 s at 50 Hz

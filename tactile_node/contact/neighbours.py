@@ -4,7 +4,7 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.contact.press import SMALLEST_CONTACT
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 
 EIGHT_CONNECTED = read_only(np.ones((3, 3), bool))
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.contact.neighbours import grown, sum_around
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 
 FEWEST_TAXELS = 8       #: taxels that show a level
 RESTING_SHARE = 0.25   #: part of the visible taxels that has to rest; an object may cover the others

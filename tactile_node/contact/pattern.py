@@ -12,8 +12,7 @@ from tactile_node.contact.noise_floor import NoiseFloor
 from tactile_node.contact.press import PressThresholds, are_on_off
 from tactile_node.contact.standing_out import Threshold, standing_out
 from tactile_node.errors import InputError
-from tactile_node.press_levels import LEAST_BY_UNIT, ON_OFF_UNIT
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, read_only
 
 BASELINE_SHARE = 0.1  #: share of what a contact rises above it: less is noise, or the skin's response around a contact
 LEAST_COUNTS = 3.0  #: rise of readings in whole counts: idle ones differ by two

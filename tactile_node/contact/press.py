@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.press_levels import PRESS_BY_UNIT as PRESS_BY_UNIT
-from tactile_node.press_levels import RELEASE_RATIO as RELEASE_RATIO
+from tactile_node.taxel_frame import PRESS_BY_UNIT as PRESS_BY_UNIT
+from tactile_node.taxel_frame import RELEASE_RATIO as RELEASE_RATIO
 
 
 def are_on_off(values: np.ndarray) -> bool:

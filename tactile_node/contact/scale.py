@@ -5,7 +5,7 @@ import numpy as np
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import are_on_off
 from tactile_node.errors import InputError
-from tactile_node.press_levels import LEAST_BY_UNIT
+from tactile_node.taxel_frame import LEAST_BY_UNIT
 
 LOW_SHARE = 0.2   #: share of the least reading of a unit that counts: no skin shows a contact there in steps of 1 Pa
 NO_SKIN_SHARE = 1e-3    #: share below which no skin shows a contact there in any steps

@@ -13,11 +13,11 @@ from scipy.optimize import minimize
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
-from tactile_node.read_only import read_only
 from tactile_node.shape.patch import SIDE, Patch
 from tactile_node.shape.recogniser import KINDS, OUTPUTS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.taught import Head
+from tactile_node.taxel_frame import read_only
 
 BACKGROUND_FILE = 'teach_background.npz'  #: in config/
 LEVEL_FRACTIONS = 10                     #: steps of a level 1, as training/background.py writes them

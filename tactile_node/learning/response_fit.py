@@ -17,8 +17,8 @@ from tactile_node.learning.response import SkinResponse
 from tactile_node.learning.touches import Touch
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.profiles import PUNCH, Indenter, Layer, log_depth_from
-from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape
+from tactile_node.taxel_frame import read_only
 
 LEAST_PRESSES = 6       #: at as many places: one place shows its own error
 PRESS_ERROR = 0.01      #: error of the lengths that one press shows, relative

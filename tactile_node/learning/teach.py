@@ -14,9 +14,9 @@ from tactile_node.errors import InputError
 from tactile_node.learning.head_fit import FOREIGN, Background, Seen, fit_head, seen_by
 from tactile_node.learning.taught_file import Examples
 from tactile_node.rate import Rate
-from tactile_node.read_only import read_only
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser
 from tactile_node.shape.taught import Head, join
+from tactile_node.taxel_frame import read_only
 
 FOLDS = 5
 STAGES = FOLDS + 2      #: stages of a call of `teach`, for its progress

@@ -18,9 +18,8 @@ from tactile_node.logs.bag_records import Recorded, begin_of, decompress, is_bag
 from tactile_node.logs.damage import Damage, DamageKind, damage_text
 from tactile_node.logs.replay_times import SECOND, WHOLE, TimeWindow
 from tactile_node.package_files import package_file
-from tactile_node.read_only import read_only
 from tactile_node.skin.taxel_array import Time, check_taxel_array
-from tactile_node.taxel_frame import TaxelFrame, TpdoAges
+from tactile_node.taxel_frame import TaxelFrame, TpdoAges, read_only
 
 
 class PadGeometry(NamedTuple):

@@ -26,8 +26,8 @@ from tactile_node.pose.moments import check_pitch
 from tactile_node.pose.outlines import OUTLINES, Outline, outline_of, rotation
 from tactile_node.pose.profiles import DOMES, Indenter, Layer, check_layer
 from tactile_node.pose.rim import Rim, is_cut, reach, rim_of
-from tactile_node.read_only import read_only
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
+from tactile_node.taxel_frame import read_only
 
 CORNER_MARGIN = 0.15  #: corners of a triangle are tried when their angles, or log lengths, are so close
 CORNER_MARGIN_ON_OFF = 0.35

@@ -16,11 +16,11 @@ from tactile_node.pose.box import ContactBox, contact_box
 from tactile_node.pose.fit import ShapeFit, fit_contact
 from tactile_node.pose.moments import ContactMoments, contact_moments
 from tactile_node.pose.profiles import Layer
-from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition, ShapeClass
 from tactile_node.shape.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
+from tactile_node.taxel_frame import ON_OFF_UNIT
 
 DEFAULT_FUSION = FusionSettings()
 

@@ -13,7 +13,7 @@ from scipy.special import expit
 
 from tactile_node.pose.outlines import Outline, Window, coverages, moving_depth
 from tactile_node.pose.profiles import PUNCH, Profile
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 
 KERNEL_REACH = 6                 #: reach of the kernel [pitches]
 KERNEL_DEPTHS = 0.08, 2.2        #: for which it is known [pitches]

@@ -11,9 +11,9 @@ from tactile_node.conditioning.taxel_faults import FaultDetector, load_faults
 from tactile_node.errors import ConfigurationError
 from tactile_node.learning.response import SkinResponse, load_response
 from tactile_node.pose.profiles import check_layer
-from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings, one_for_each
+from tactile_node.taxel_frame import ON_OFF_UNIT
 
 MASK, REPORT = 'mask', 'report'
 

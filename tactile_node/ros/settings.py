@@ -11,8 +11,8 @@ from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFA
 from tactile_node.conditioning.tare import TARE_LIMIT_BY_UNIT
 from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO, SMALLEST_CONTACT
 from tactile_node.grasp.opening import HIGHEST_GAP
-from tactile_node.press_levels import LEAST_BY_UNIT
 from tactile_node.shape.recognition import DEFAULT_METHOD
+from tactile_node.taxel_frame import LEAST_BY_UNIT
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile

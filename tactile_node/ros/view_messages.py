@@ -24,11 +24,10 @@ from tactile_node.colour_map import ColourScale, rgb_table
 from tactile_node.contact.pattern import MOST_LABELS, ContactPattern, of_contact
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.pose.moments import contact_moments
-from tactile_node.press_levels import ON_OFF_UNIT
 from tactile_node.ros.contact_messages import as_array, taxel_values, taxels_of
 from tactile_node.ros.time_messages import duration_message
 from tactile_node.shape.recognition import UnknownReason
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
 WHOLE = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan: as fitted

@@ -11,7 +11,7 @@ from scipy import ndimage
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown
 from tactile_node.contact.pattern import ContactPattern, in_line, number_contacts
 from tactile_node.contact.visibility import Visibility
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 
 SCATTERED_SHARE = 0.1  #: of the ring: so many hidden taxels apart from each other are dead ones, which change little
 

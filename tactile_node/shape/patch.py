@@ -12,7 +12,7 @@ import numpy as np
 from tactile_node.contact.neighbours import box_of, grown, linked
 from tactile_node.contact.pattern import MOST_LABELS, ContactPattern
 from tactile_node.contact.press import are_on_off
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 
 SIDE = 20        #: rows and columns of a patch
 PATCH_ROOM = 18        #: a contact wider than this is scaled down to it

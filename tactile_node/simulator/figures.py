@@ -13,8 +13,8 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.errors import InputError
-from tactile_node.read_only import read_only
 from tactile_node.simulator.world import PAD
+from tactile_node.taxel_frame import read_only
 
 DRAWN_CELLS = 192  #: along the square, x and y from -1 to 1, that a named figure is drawn in
 LEAST_CELLS = 30  #: that a silhouette has: fewer have no outline worth pressing

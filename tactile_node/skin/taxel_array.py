@@ -7,9 +7,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from tactile_node.press_levels import PRESS_BY_UNIT
 from tactile_node.skin.layout import MAX_SIDE
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.taxel_frame import PRESS_BY_UNIT, TaxelStatus
 
 NANOSECONDS = 10**9
 #: By TaxelStatus, to its largest number: whether a taxel of this status has a value

@@ -5,9 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from tactile_node.cia301.objects import MAX_PDO_BYTES
-from tactile_node.read_only import read_only
 from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
 
 
 class TaxelCodec:

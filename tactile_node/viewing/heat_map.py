@@ -8,8 +8,7 @@ import numpy as np
 from PIL import Image
 
 from tactile_node.colour_map import PALETTE, STEPS, levels, rounded_up
-from tactile_node.press_levels import ON_OFF_UNIT
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 from tactile_node.viewing.states import PadState, SeenContact
 
 NO_VALUE_COLOUR = '#8a8f98'

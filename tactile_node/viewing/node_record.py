@@ -29,7 +29,7 @@ from tactile_node.cia301.objects import (
     node_of,
 )
 from tactile_node.cia301.sdo import SdoUpload, Step
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 from tactile_node.viewing.model import BusReport, Ends, LoadCurve, LongestGaps, NmtChange, NodeReport, SeenCommand
 
 LOAD_WINDOW = 1.0  #: s, as of the driver's bus load

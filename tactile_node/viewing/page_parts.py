@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tactile_node.colour_map import rounded_up
-from tactile_node.press_levels import ON_OFF_UNIT, PRESS_BY_UNIT
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.taxel_frame import ON_OFF_UNIT, PRESS_BY_UNIT, TaxelStatus
 from tactile_node.viewing.gate import TAKEN_PATH
 from tactile_node.viewing.heat_map import heat_map, words
 from tactile_node.viewing.pads_3d import POINT_COLOURS

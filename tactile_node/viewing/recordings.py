@@ -13,10 +13,9 @@ from tactile_node.assembly.fault_text import failure_text
 from tactile_node.errors import ConfigurationError
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.topic_bag import STATUS, TAXELS, TopicBagReader, frame_of, geometry_of, pad_of
-from tactile_node.read_only import read_only
 from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource
-from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.taxel_frame import TaxelFrame, read_only
 from tactile_node.viewing.states import BusFacts, facts_of, facts_of_status
 
 

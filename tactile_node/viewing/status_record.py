@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tactile_node.cia301.objects import NmtState
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NmtChange, NodeReport, Reported
 
 OK_LEVEL = 1                            #: SkinStatus, PadStatus; NOT_KNOWN is 0

@@ -7,8 +7,7 @@ import numpy as np
 
 from tactile_node.conditioning.tare import rest_limit
 from tactile_node.conditioning.taxel_faults import FaultDetector, TaxelFault
-from tactile_node.read_only import read_only
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
 
 
 @dataclass(frozen=True)

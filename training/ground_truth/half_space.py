@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 
 Primitive = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 from training.ground_truth.half_space import stress_influence
 from training.ground_truth.mechanics import Solution
 

@@ -5,7 +5,7 @@ from math import ceil, pi, sqrt
 
 import numpy as np
 
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 from training.ground_truth.contact_solver import TOLERANCE, press
 from training.ground_truth.indenters import Indenter
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactile_node.pose.outlines import outline_of
-from tactile_node.read_only import read_only
+from tactile_node.taxel_frame import read_only
 from training.ground_truth.raster import as_raster, coarser
 from training.ground_truth.simplex import maximised
 
