@@ -148,9 +148,8 @@ def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
 
     Along a bar the readings vary by the gain of its taxels and by its ends, and beyond its flanks the pad rests.
     """
-    known: np.ndarray = np.isfinite(values)
-    seen = known.any(1)
-    values, band = values[seen], mask.any(1)[seen]
+    seen, band = np.isfinite(values).any(1), np.asarray(mask.any(1))
+    values, band = values[seen], band[seen]
     if band.all() or not band.any():
         return False
     spread = np.nanstd(values, axis=1)
