@@ -139,8 +139,9 @@ fuzz: setup  ## a million random CAN messages, ten thousand broken files, a mill
 # Those that run longer or more cases with TACTILE_LONG.
 LONG_TESTS := test/test_hand_over.py test/test_planner_client.py test/test_steadiness.py test/test_drift.py
 misled: setup  ## what a consumer is led to believe when the skin, the bus or a node fails (SHORT=1: under 2 minutes)
-	@$(BIN)/python test/misled_catalogue.py $(if $(SHORT),--short) 2>build/misled.log \
-		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }
+	@for form in '' --apart; do echo "All stages in one process $${form:+by messages alone ($$form)}"; \
+		$(BIN)/python test/misled_catalogue.py $(if $(SHORT),--short) $$form 2>build/misled.log \
+		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }; done
 	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest $(LONG_TESTS) -q)
 
 # Tests are skipped, with the reason, where this machine makes no network namespaces. In the end, pytest's summary.

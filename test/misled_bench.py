@@ -26,6 +26,7 @@ from rclpy.qos import QoSProfile
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.grasp_node import GraspNode
+from tactile_node.nodes.hand_over import HandOver
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.nodes.spinning import FrameExecutor
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
@@ -237,6 +238,8 @@ class World(Watch):
     ``period`` [s]: between two frames. What is allowed is of PERIOD; a busy machine keeps up with a longer one.
     """
 
+    hands_over = True  #: results go from stage to stage by a call, as in one process; False: by messages alone
+
     def __init__(self, held: dict[str, Any] | None = None, *, without: Sequence[str] = (),
                  topics: Sequence[str] = ('grasp=grasp', 'left=left/shape'), relayed: str = '', period: float = PERIOD,
                  **parameters: dict[str, Any]):
@@ -249,6 +252,7 @@ class World(Watch):
         self._period = period
         self.relays: list[Relay] = []
         self._parameters = parameters
+        self._hand_over = HandOver() if self.hands_over else None
         self._stack = ExitStack()
 
     def __enter__(self) -> 'World':
@@ -312,7 +316,7 @@ class World(Watch):
         return node
 
     def add(self, name: str, kind: type, namespace: str, parameters: dict[str, Any]) -> None:
-        node = kind(context=self.context, namespace=namespace, cli_args=self._remappings(name),
+        node = kind(self._hand_over, context=self.context, namespace=namespace, cli_args=self._remappings(name),
                     parameter_overrides=[Parameter(key, value=value) for key, value in parameters.items()])
         self.nodes[name] = node
         self.executor.add_node(node)

@@ -304,7 +304,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--only', default='', help='run the cases whose name contains this')
     parser.add_argument('--short', action='store_true', help='leave out the long cases')
+    parser.add_argument('--apart', action='store_true', help='stages get messages alone, as in processes of their own')
     args = parser.parse_args()
+    World.hands_over = not args.apart
     print('| ' + ' | '.join(HEADER) + ' |\n|' + ' --- |' * len(HEADER))
     wrong = 0
     for case in (*SHORT, *(() if args.short else LONG)):
