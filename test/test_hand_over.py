@@ -268,6 +268,25 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(tmp_path, monkeypatch):
     system.destroy()
 
 
+def test_a_stage_that_is_destroyed_ends_no_other_and_another_takes_its_place():
+    with Process() as process:
+        left, right = (process.input(f'/{pad}/classifier') for pad in ('left', 'right'))
+        until(lambda: (process.send(), time.sleep(PERIOD), left.counts.processed > 5)[-1])
+        processor, gone = process.nodes['/left/processor'], threading.Event()
+        executor = processor.executor
+        executor.create_task(lambda: (executor.remove_node(processor), processor.destroy_node(), gone.set()))
+        assert gone.wait(TIMEOUT)
+        before = right.counts.processed
+        until(lambda: (process.send(), time.sleep(PERIOD), right.counts.processed > before + 5)[-1])
+        other, before = ProcessorNode(namespace='/left'), left.counts.processed
+        executor.add_node(other)
+        frames = process.peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
+        until(lambda: (process.send(), frames.publish(taxel_array_message(pad_frame(process.sequence))),
+                       time.sleep(PERIOD), left.counts.processed > before + 5)[-1])
+        executor.remove_node(other)
+        other.destroy_node()
+
+
 def test_a_driver_that_is_configured_again_hands_over_again(tmp_path):
     write_log(tmp_path / 'short.log', [PRESS] * 20)
     system = replaying(tmp_path / 'short.log')

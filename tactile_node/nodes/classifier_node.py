@@ -6,10 +6,9 @@ from typing import Any
 
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from rclpy.node import Node
 
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.hand_over import HandOver, StageInput, StageOutput
+from tactile_node.nodes.hand_over import HandOver, StageInput, StageNode, StageOutput
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.view_topics import ShapeView
@@ -26,7 +25,7 @@ from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Contact, ContactShape, ContactShapes
 
 
-class ClassifierNode(Node):
+class ClassifierNode(StageNode):
     """Publishes `shape` for the newest usable contact on `contact`, and `pose` while the contact has one.
 
     While something subscribes to them, `shapes` too, each of the largest contacts, and `markers`. A lossless classifier
@@ -50,6 +49,7 @@ class ClassifierNode(Node):
         self._view = ShapeView(self, self._settings.queue_depth, self._settings.full_scale)
         self._contacts = StageInput(self, Contact, 'contact', self.accept, self._settings, check=check_contact,
                                     parse=pad_contact_of, hand_over=hand_over, newest_only=True)
+        self.stages = self._contacts, self._shapes
         MessageHealth(self, [self._contacts], self._settings)
 
     def accept(self, contact: PadContact) -> None:

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import Opening
@@ -15,7 +14,7 @@ from tactile_node.grasp.steadiness import SteadinessSettings
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTracker
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.grasp_requests import CurrentGrasp, GraspRequests
-from tactile_node.nodes.hand_over import HandOver, StageInput
+from tactile_node.nodes.hand_over import HandOver, StageInput, StageNode
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_frames import publish_pad_frames
@@ -32,7 +31,7 @@ from tactile_skin.msg import ContactShape, Grasp
 ANOTHER_LOG = 60.0  # s by which stamps go back when another log is replayed; pads of one log are less apart
 
 
-class GraspNode(Node):
+class GraspNode(StageNode):
     """Publishes `grasp` for every usable `<pad>/shape` of its two pads, and when the shapes of a pad stop.
 
     Serves `~/wait_for_grasp` and `~/check_grasp`: whether a grasp is what a client requires.
@@ -68,7 +67,8 @@ class GraspNode(Node):
             side: StageInput(self, ContactShape, f'{pad}/shape', partial(self.accept, side), settings,
                              check=check_contact_shape, parse=lambda message: message, hand_over=hand_over)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
-        MessageHealth(self, tuple(self._shapes.values()), settings)
+        self.stages = tuple(self._shapes.values())
+        MessageHealth(self, self.stages, settings)
 
     def accept(self, side: str, message: ContactShape) -> None:
         """Take the shape on the pad of ``side`` and publish the grasp."""

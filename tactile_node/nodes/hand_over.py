@@ -14,6 +14,7 @@ from contextlib import suppress
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
 from rclpy.exceptions import InvalidHandle
+from rclpy.executors import Executor
 from rclpy.node import Node
 from std_msgs.msg import Header
 
@@ -47,14 +48,21 @@ class HandOver:
     def __init__(self) -> None:
         self._inputs: dict[str, StageInput] = {}
         self._changed = threading.Condition()
-        self._is_awake = False  # a task of the executor is pending
+        self._awake: Executor | None = None  # that a task of ours is pending with
         self._is_working = False
         self._is_released = False
         self._round: deque[tuple[StageInput, Waiting]] = deque()  # classifiers, with what waited when it began
 
     def add(self, stage: 'StageInput') -> None:
         """Let ``stage`` be handed what is sent on its topic."""
-        self._inputs[stage.topic] = stage
+        self._inputs = self._inputs | {stage.topic: stage}  # another thread may be looking through them
+
+    def remove(self, stage: 'StageInput') -> None:
+        """Hand nothing more to ``stage``, whose node ends."""
+        self._inputs = {topic: each for topic, each in self._inputs.items() if each is not stage}
+        self._round = deque(each for each in self._round if each[0] is not stage)
+        with self._changed:
+            self._changed.notify_all()
 
     def input_of(self, topic: str) -> 'StageInput | None':
         """Return the stage of this process that reads ``topic``."""
@@ -69,9 +77,9 @@ class HandOver:
         """Have the executor do what waits: one task, however much waits."""
         with self._changed:
             executor = next((stage.node.executor for stage in self._inputs.values() if stage.node.executor), None)
-            if self._is_awake or executor is None:
+            if executor is None or self._awake is executor:
                 return
-            self._is_awake = True
+            self._awake = executor
         with suppress(AttributeError, InvalidHandle):  # which rclpy raises where the executor has just been shut down
             executor.create_task(self._work)
 
@@ -83,7 +91,7 @@ class HandOver:
         with self._changed:
             while not (self._is_released or self._is_idle()):
                 if not self._changed.wait(WAKING_PERIOD):
-                    self._is_awake = False
+                    self._awake = None
                     self.wake()
 
     def release(self) -> None:
@@ -101,7 +109,7 @@ class HandOver:
     def _work(self) -> None:
         """Take every frame that waits, then one newest contact; the rest in another task, after other callbacks."""
         with self._changed:
-            self._is_awake, self._is_working = False, True
+            self._awake, self._is_working = None, True
         try:
             self._work_on_all()
             if not self._round:
@@ -168,6 +176,11 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     def end_feeding(self) -> None:
         """Note that the stage before is gone: whoever publishes the topic now is its source."""
         self._is_fed = False
+        self._own.clear()
+
+    def end(self) -> None:
+        """Be handed nothing more: the node ends."""
+        self._hand_over.remove(self)
 
     def take(self) -> Waiting:
         """Return what waits: the next that comes waits alone."""
@@ -175,7 +188,10 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     def work(self, waiting: Waiting) -> None:
         """Work on all of ``waiting``, or on the newest of it. On the executor's thread."""
-        self._listen()
+        try:
+            self._listen()
+        except Exception as error:  # it would end the executor
+            self._failed(error)
         for results in [waiting] if self._newest_only else [[each] for each in waiting]:
             usable = [result for result, acquired in results if self._is_usable(result, acquired)]
             self._work_on(usable, self._accept)
@@ -194,7 +210,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         others = self.node.count_publishers(self.topic) - self._is_fed
         if self._is_fed and others <= 0:
             self.destroy()
-        elif others > 0 and self._subscription is None:
+        elif self._subscription is None and (others > 0 or not self._is_fed):
             self._subscription = self._subscribe()
 
 
@@ -213,18 +229,32 @@ class StageOutput(Generic[Result]):
         reader = self._hand_over.input_of(self.topic)
         if reader is not None:
             reader.announce(result)
-        if is_wanted(self._publisher, self._is_lossless):
-            message = self._make(result)
-            message.age = age_message(time.monotonic() - acquired)
-            self._publisher.publish(message)
-        if reader is not None:
-            reader.put(result, acquired)
+        try:
+            if is_wanted(self._publisher, self._is_lossless):
+                message = self._make(result)
+                message.age = age_message(time.monotonic() - acquired)
+                self._publisher.publish(message)
+        finally:  # what a viewer asked for must not keep a result from the next stage
+            if reader is not None:
+                reader.put(result, acquired)
 
-    def destroy(self) -> None:
+    def end(self) -> None:
+        """Send nothing more: the node ends, or is not configured any more."""
         reader = self._hand_over.input_of(self.topic)
         if reader is not None:
             reader.end_feeding()
         self._node.destroy_publisher(self._publisher)
+
+
+class StageNode(Node):
+    """A node with stages: once it is destroyed nothing is handed to it, and its topics are no one's."""
+
+    stages: 'tuple[StageInput | StageOutput, ...]' = ()  #: none of a node whose constructor has failed
+
+    def destroy_node(self) -> None:
+        for stage in self.stages:
+            stage.end()
+        super().destroy_node()
 
 
 def _key(result: Any) -> tuple[int, int, int]:

@@ -36,7 +36,7 @@ class PadOutput:
         self._output = StageOutput(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, hand_over)
         self._hand_over = hand_over
         self.is_answered = hand_over.is_complete(self._output.topic)  #: its frames come out as shapes in this process
-        self._waits = settings.lossless and self.is_answered
+        self._waits = bool(settings.replay) and settings.lossless and self.is_answered
         self._others: tuple[str, ...] = ()
         self._looked = -math.inf
 
@@ -64,4 +64,4 @@ class PadOutput:
         return self._others
 
     def destroy(self) -> None:
-        self._output.destroy()
+        self._output.end()

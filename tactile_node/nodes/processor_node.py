@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
@@ -15,7 +14,7 @@ from tactile_node.contact.scale import UnitScale
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.hand_over import HandOver, StageInput, StageOutput
+from tactile_node.nodes.hand_over import HandOver, StageInput, StageNode, StageOutput
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.view_topics import TaxelViews
@@ -38,7 +37,7 @@ from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 logger = logging.getLogger(__name__)
 
 
-class ProcessorNode(Node):
+class ProcessorNode(StageNode):
     """Publishes `contact` for every usable frame on `taxels`, and `features` while something subscribes to it.
 
     A lossless one always publishes both, since it keeps them for late subscribers. What viewers draw of the taxels it
@@ -57,6 +56,7 @@ class ProcessorNode(Node):
         self._taxels = StageInput(self, TaxelArray, 'taxels', self.accept, self._settings, check=check_taxel_array,
                                   parse=pad_frame_of, hand_over=hand_over)
         self._taxels.sends_on = self._contacts.topic
+        self.stages = self._taxels, self._contacts
         MessageHealth(self, [self._taxels], self._settings)
         self.add_on_set_parameters_callback(self._on_parameters)
 

@@ -29,10 +29,10 @@ class PadFrame(NamedTuple):
     @classmethod
     def of(cls, frame: TaxelFrame, taxels: Taxels, frame_id: str) -> 'PadFrame':
         """Return ``frame`` with numbers as the message carries them, so that both ways give the same."""
-        layer = None if taxels.layer is None else Layer(*map(_single, taxels.layer))
+        layer = None if taxels.layer is None else Layer(*map(single, taxels.layer))
         return cls(Header(stamp=time_message(frame.stamp), frame_id=frame_id), frame.sequence,
                    np.ascontiguousarray(frame.values, np.float32), np.ascontiguousarray(frame.status, np.uint8),
-                   taxels._replace(pitch=_single(taxels.pitch), layer=layer), frame.missing_can_frames, frame.tpdo_ages)
+                   taxels._replace(pitch=single(taxels.pitch), layer=layer), frame.missing_can_frames, frame.tpdo_ages)
 
 
 class PadContact(NamedTuple):
@@ -171,6 +171,6 @@ def _degrees(angle: int | None) -> float:
     return float('nan') if angle is None else float(angle)
 
 
-def _single(value: float) -> float:
+def single(value: float) -> float:
     """Return ``value`` rounded to single precision, as messages carry it."""
     return float(np.float32(value))

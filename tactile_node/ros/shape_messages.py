@@ -9,7 +9,7 @@ from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import ContactMoments
 from tactile_node.pose.pipeline import StreamedContact
 from tactile_node.pose.solids import pose_covariance, prism, solid
-from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state
+from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state, single
 from tactile_node.ros.time_messages import duration_message
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 from tactile_skin.msg import ContactShape, ContactShapes
@@ -33,7 +33,7 @@ def shape_message(frame: PadFrame, result: StreamedContact, method: str, solid_h
     message = ContactShape(
         header=frame.header, sequence=frame.sequence, shape=number_of(fused.shape), class_name=fused.shape.value,
         unknown_reason=fused.reason,
-        confidence=fused.confidence, class_names=[shape.value for shape in fused.probabilities],
+        confidence=single(fused.confidence), class_names=[shape.value for shape in fused.probabilities],
         probabilities=list(fused.probabilities.values()),
         frame_shape=number_of(alone.shape), frame_class_name=alone.shape.value,
         frame_probabilities=[alone.probabilities.get(shape, 0.0) for shape in fused.probabilities],
