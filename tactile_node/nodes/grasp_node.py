@@ -68,7 +68,7 @@ class GraspNode(StageNode):
                              check=check_contact_shape, parse=lambda message: message, hand_over=hand_over)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
         self.stages = tuple(self._shapes.values())
-        MessageHealth(self, self.stages, settings)
+        MessageHealth(self, tuple(self._shapes.values()), settings)
 
     def accept(self, side: str, message: ContactShape) -> None:
         """Take the shape on the pad of ``side`` and publish the grasp."""
