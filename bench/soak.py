@@ -101,7 +101,7 @@ class SkinProcess:
             sys.exit('the simulated skin has not started')
 
     def report(self) -> WireReport:
-        """Of the time since the one before."""
+        """Return what the wire carried since the report before."""
         self._process.send_signal(signal.SIGUSR1)
         end = time.monotonic() + REPORT_TIMEOUT
         while time.monotonic() < end:

@@ -25,7 +25,7 @@ from tactile_node.output_file import check_writable
 from tactile_node.pose.moments import check_pitch
 from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 
-SUSPICIOUS_ERROR = 0.06  #: of the radius
+SUSPICIOUS_ERROR = 0.06  #: share of the radius
 
 
 class Readings(NamedTuple):

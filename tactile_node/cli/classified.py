@@ -22,7 +22,7 @@ from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.recognition import LEARNED, VOLF, ShapeClass
 
 POSE_NAMES = 'x', 'y', 'angle'
-SIDE_NAMES = 'long', 'short'  #: of the least rectangle
+SIDE_NAMES = 'long', 'short'  #: sides of the least rectangle
 BOX_NAMES = *POSE_NAMES, *SIDE_NAMES
 
 

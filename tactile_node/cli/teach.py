@@ -44,7 +44,7 @@ from tactile_node.shape.recogniser import KINDS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, TaughtShape
 
 DEFAULT_TOUCHES = 30
-VARIANT_SEED = 0  #: of the variants of touches
+VARIANT_SEED = 0  #: seed of the variants of touches
 REFUSED_CODE = 1
 
 

@@ -144,7 +144,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
                  hand_over: HandOver, newest_only: bool = False):
-        self.node, self._accept, self._parse, self._hand_over = node, accept, parse, hand_over
+        self.node, self._accept, self._hand_over = node, accept, hand_over
         # The oldest gives way, but where it would be left out for a newer one: there each is counted as that
         self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.queue_depth)
         self._own: deque[tuple[int, int, int]] = deque(maxlen=2 * settings.input_qos.depth)  # what may come back
@@ -174,7 +174,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._hand_over.wake()
 
     def end_feeding(self) -> None:
-        """Note that the stage before is gone: whoever publishes the topic now is its source."""
+        """Note that the stage before is gone: any publisher of the topic is its source from now on."""
         self._is_fed = False
         self._own.clear()
 
