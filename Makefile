@@ -208,23 +208,18 @@ docs: setup $(DOCS_PACKAGES)/.installed  ## the documentation site in build/docs
 	@PYTHONPATH=$(CURDIR):$(DOCS_PACKAGES) $(BIN)/python -m sphinx -W --keep-going -q -E -b html docs $(BUILD)/docs
 	@echo 'docs: open $(BUILD)/docs/index.html'
 
-# With hashes in the file, pip installs only files that have one of them.
+# With hashes in the file, pip installs only files that have one of them. Extras stay in it: pip before 23.3 else takes
+# the newest release of `coverage[toml]`, which has no hash there.
+PIN = $(UV) pip compile --universal --no-strip-extras --python-version 3.10 --no-header --no-annotate \
+	--no-emit-index-url --quiet
+PINNED = sed -i '1i \# Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".'
 lock:  ## pin every version again from requirements/*.in: versions already pinned stay (needs uv)
-	@cat requirements/ros.in requirements/core.in | $(UV) pip compile - --universal --python-version 3.10 --no-header \
-		--no-annotate --no-emit-index-url --generate-hashes --quiet -o requirements/lock.txt
-	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".' \
-		requirements/lock.txt
-	@cat requirements/ros_kilted.in requirements/core.in | $(UV) pip compile - --universal --python-version 3.10 \
-		--no-header --no-annotate --no-emit-index-url --generate-hashes --quiet -o requirements/lock_kilted.txt
-	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".' \
-		requirements/lock_kilted.txt
-	@$(UV) pip compile requirements/docs.in --universal --python-version 3.10 --no-header --no-annotate \
-		--no-emit-index-url --generate-hashes --quiet -o requirements/docs.txt
-	@sed -i '1i # Every version pinned, for Python 3.10-3.13; made from requirements/docs.in by "make lock".' \
-		requirements/docs.txt
+	@cat requirements/ros.in requirements/core.in | $(PIN) - --generate-hashes -o requirements/lock.txt
+	@cat requirements/ros_kilted.in requirements/core.in | $(PIN) - --generate-hashes -o requirements/lock_kilted.txt
+	@$(PIN) requirements/docs.in --generate-hashes -o requirements/docs.txt
+	@$(PINNED) requirements/lock.txt requirements/lock_kilted.txt requirements/docs.txt
 	@# What torch needs for a GPU is left to pip: not every torch has it.
-	@$(UV) pip compile requirements/bench.in --universal --python-version 3.10 --no-header --no-annotate \
-		--no-emit-index-url --quiet | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
+	@$(PIN) requirements/bench.in | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
 
 clean:  ## remove what make made
 	@rm -rf .venv .venv-bench .venv-lowest .venv-kilted dist build demo_output bench_output reproduction
