@@ -56,16 +56,6 @@ class OpeningSource(Protocol):
         """Return the opening at ``now`` of the steady clock (time.monotonic) [s]."""
 
 
-class MeasuredSource(OpeningSource, Protocol):
-    """A source that listens to messages."""
-
-    remedy: str  #: what to look for while the opening is not known
-
-    @property
-    def subscriptions(self) -> Sequence[GuardedSubscription]:
-        """What it listens to."""
-
-
 class ParameterOpening:
     """The live parameter ``gap``, which holds until it is set again; below 0: not known."""
 
@@ -93,7 +83,39 @@ def refuse_a_gap_that_nothing_reads(node: Node, source: str) -> None:
     node.add_on_set_parameters_callback(check)
 
 
-class JointStatesOpening:
+class MeasuredOpening:
+    """An `OpeningSource` that listens to messages; ``remedy``: what to look for while the opening is not known.
+
+    Once a second its state goes to /diagnostics, and that it is not known to the log.
+    """
+
+    def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription], remedy: str):
+        self._node, self._remedy = node, remedy
+        self.subscriptions = subscriptions
+        self._reminder = Reminder()
+        self._dropped: Counter[RejectReason] = Counter()
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
+        start_health_timer(node, self._report)
+
+    def current(self, now: float) -> Opening:
+        raise NotImplementedError
+
+    def _report(self) -> None:
+        now = time.monotonic()
+        current, name = self.current(now), self._node.get_fully_qualified_name()
+        if not math.isnan(current.gap):
+            self._reminder.reset()
+        elif self._reminder.is_due('unknown', now):
+            logger.warning('%s: the opening of the gripper is not known: %s', name,
+                           why_not_known(current, self._remedy))
+        dropped = total(subscription.counts for subscription in self.subscriptions)
+        message = DiagnosticArray(status=[opening_status(name, current, dropped, self._dropped, self._remedy)])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._dropped = dropped
+        self._publisher.publish(message)
+
+
+class JointStatesOpening(MeasuredOpening):
     """The sum of joint positions. Messages of other joints pass, for many nodes may share the topic."""
 
     def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap):
@@ -102,9 +124,9 @@ class JointStatesOpening:
         self._law = law
         self._latest = LatestGap(GapSource.JOINT_STATES, settings.max_gap_age)
         self._measured = MeasurementTime(use_stamps=use_stamps(node, settings))
-        self.subscriptions = (GuardedSubscription(node, JointState, settings.joint_states_topic, self._on_state,
-                                                  qos_profile_sensor_data, check=self._check),)
-        self.remedy = f'no usable joint states of {", ".join(self._joints)} on {self.subscriptions[0].topic}'
+        states = GuardedSubscription(node, JointState, settings.joint_states_topic, self._on_state,
+                                     qos_profile_sensor_data, check=self._check)
+        super().__init__(node, [states], f'no usable joint states of {", ".join(self._joints)} on {states.topic}')
 
     def current(self, now: float) -> Opening:
         return self._latest.current(now)
@@ -122,7 +144,8 @@ class JointStatesOpening:
     def _is_of_others(self, message: 'JointState') -> bool:
         return set(self._joints).isdisjoint(message.name)
 
-class TfOpening:
+
+class TfOpening(MeasuredOpening):
     """The distance of two frames along the closing direction."""
 
     def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, closing: np.ndarray):
@@ -135,11 +158,11 @@ class TfOpening:
         self._measured: defaultdict[str, MeasurementTime] = defaultdict(
             partial(MeasurementTime, use_stamps=use_stamps(node, settings)))
         kind = tf_message_type('parameter gap_source tf')
-        self.subscriptions = (GuardedSubscription(node, kind, '/tf', self._on_tf, TF_QOS, check=self._check),
-                              GuardedSubscription(node, kind, '/tf_static', self._on_tf_static, TF_STATIC_QOS,
-                                                  check=self._check))
-        self.remedy = (f'no plausible distance of the moving frames {self._left} and {self._right} in '
-                       f'{self._reference} from /tf')
+        super().__init__(node, [GuardedSubscription(node, kind, topic, take, qos, check=self._check)
+                                for topic, take, qos in (('/tf', self._on_tf, TF_QOS),
+                                                         ('/tf_static', self._on_tf_static, TF_STATIC_QOS))],
+                         f'no plausible distance of the moving frames {self._left} and {self._right} in '
+                         f'{self._reference} from /tf')
 
     def current(self, now: float) -> Opening:
         left, right = (self._tree.find(frame, self._reference) for frame in (self._left, self._right))
@@ -181,45 +204,14 @@ def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.nda
     refuse_a_gap_that_nothing_reads(node, settings.gap_source)
     law = LinearGap(settings.gap_offset, settings.gap_scale)
     if settings.gap_source == 'joint_states':
-        return _Reporting(node, JointStatesOpening(node, settings, law))
+        return JointStatesOpening(node, settings, law)
     if settings.gap_source == 'tf':
-        return _Reporting(node, TfOpening(node, settings, law, closing))
+        return TfOpening(node, settings, law, closing)
     source = ParameterOpening(node)
     if math.isnan(source.current(time.monotonic()).gap):
         logger.info('%s: the opening of the gripper is not known: widths and places in a grasp are NaN. Set gap, or '
                     'gap_source to joint_states or tf', node.get_fully_qualified_name())
     return source
-
-
-class _Reporting:
-    """A measured source; once a second its state goes to /diagnostics, and that it is not known to the log."""
-
-    def __init__(self, node: Node, source: MeasuredSource):
-        self._node = node
-        self._source = source
-        self.subscriptions = source.subscriptions
-        self._reminder = Reminder()
-        self._dropped: Counter[RejectReason] = Counter()
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
-        start_health_timer(node, self._report)
-
-    def current(self, now: float) -> Opening:
-        return self._source.current(now)
-
-    def _report(self) -> None:
-        now = time.monotonic()
-        current = self.current(now)
-        name, remedy = self._node.get_fully_qualified_name(), self._source.remedy
-        if not math.isnan(current.gap):
-            self._reminder.reset()
-        elif self._reminder.is_due('unknown', now):
-            logger.warning('%s: the opening of the gripper is not known: %s', name,
-                           why_not_known(current, remedy))
-        dropped = total(subscription.counts for subscription in self.subscriptions)
-        message = DiagnosticArray(status=[opening_status(name, current, dropped, self._dropped, remedy)])
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._dropped = dropped
-        self._publisher.publish(message)
 
 
 def _check(settings: GraspNodeSettings) -> None:
