@@ -1,7 +1,6 @@
 """Forwards the records of Python's logger `tactile_node` to a node's logger, and so to /rosout and the console."""
 
 import logging
-from weakref import WeakKeyDictionary
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
@@ -10,75 +9,43 @@ PACKAGE_LOGGER = 'tactile_node'
 
 
 class RosoutHandler(logging.Handler):
-    """Forwards each record of level INFO and above once, from any thread: to the node that was added first.
+    """Forwards each record of level INFO and above once, from any thread, to ``node``.
 
-    A record names no node, so of several nodes in one process the oldest one publishes for all of them. Where no node
-    is left, warnings and errors go to stderr, as Python's logging does by default.
+    A record names no node, so of several nodes in one process the oldest one publishes for all of them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, node: Node) -> None:
         super().__init__(logging.INFO)
-        self._loggers: WeakKeyDictionary[Node, RcutilsLogger] = WeakKeyDictionary()  # oldest node first
-
-    @property
-    def is_empty(self) -> bool:
-        return not self._loggers
-
-    def add(self, node: Node) -> None:
-        self.acquire()
-        try:
-            self._loggers.setdefault(node, node.get_logger())
-        finally:
-            self.release()
-
-    def remove(self, node: Node) -> None:
-        self.acquire()
-        try:
-            self._loggers.pop(node, None)
-        finally:
-            self.release()
+        self.node, self._logger = node, node.get_logger()
 
     def emit(self, record: logging.LogRecord) -> None:
-        logger = next(iter(self._loggers.values()), None)
-        if logger is None:
-            self._last_resort(record)
+        if self is not next(iter(_handlers()), self):
             return
         try:
-            _log(logger, record.levelno, self.format(record))
+            _log(self._logger, record.levelno, self.format(record))
         except Exception:
             self.handleError(record)
-
-    @staticmethod
-    def _last_resort(record: logging.LogRecord) -> None:
-        if logging.lastResort is not None and record.levelno >= logging.lastResort.level:
-            logging.lastResort.handle(record)
 
 
 def forward_logs_to(node: Node) -> None:
     """Begin to forward records to ``node``; call `stop_forwarding_to` before it is destroyed."""
     package = logging.getLogger(PACKAGE_LOGGER)
-    handler = _handler()
-    if handler is None:
-        handler = RosoutHandler()
-        package.addHandler(handler)
-        if package.level == logging.NOTSET:
-            package.setLevel(logging.INFO)  # the root's default would withhold INFO
-    handler.add(node)
+    if all(handler.node is not node for handler in _handlers()):
+        package.addHandler(RosoutHandler(node))
+    if package.level == logging.NOTSET:
+        package.setLevel(logging.INFO)  # the root's default would withhold INFO
 
 
 def stop_forwarding_to(node: Node) -> None:
-    """Forward no record to ``node`` any more."""
-    handler = _handler()
-    if handler is None:
-        return
-    handler.remove(node)
-    if handler.is_empty:
-        logging.getLogger(PACKAGE_LOGGER).removeHandler(handler)
+    """Forward no record to ``node`` any more; where no node is left, warnings go to stderr, as Python does it."""
+    for handler in _handlers():
+        if handler.node is node:
+            logging.getLogger(PACKAGE_LOGGER).removeHandler(handler)
 
 
-def _handler() -> RosoutHandler | None:
-    handlers = logging.getLogger(PACKAGE_LOGGER).handlers
-    return next((handler for handler in handlers if isinstance(handler, RosoutHandler)), None)
+def _handlers() -> list[RosoutHandler]:
+    """Return those of the nodes, of the oldest node first."""
+    return [each for each in logging.getLogger(PACKAGE_LOGGER).handlers if isinstance(each, RosoutHandler)]
 
 
 def _log(logger: RcutilsLogger, level: int, message: str) -> None:
