@@ -76,9 +76,7 @@ class Steadiness:
 
     def restart(self) -> None:
         """Forget all centres."""
-        self._samples = np.empty((64, 4))  # time, x, y, resolution
-        self._begin = 0
-        self._end = 0
+        self._samples = np.empty((0, 4))  # of the window: time, x, y, resolution
         self._resting = False
         self.since = np.inf  #: time of the first centre of this hold [s]
         self.speed: Speed | None = None  #: None: too few centres
@@ -88,7 +86,7 @@ class Steadiness:
 
         ``resolution`` [m]: peak to peak, what a moving contact's centre is wrong by beside its noise.
         """
-        if self._end and (time < self._samples[self._end - 1, 0] - BACK_STEP or self._has_slipped(centre)):
+        if len(self._samples) and (time < self._samples[-1, 0] - BACK_STEP or self._has_slipped(centre)):
             self.restart()
         self._append(time, centre, resolution)
         self.speed = self._fitted()
@@ -105,7 +103,7 @@ class Steadiness:
     def _has_slipped(self, centre: tuple[float, float]) -> bool:
         """Whether ``centre`` is farther from the others than the tolerance, or than noise and resolution explain."""
         if self.speed is None:
-            means = self._samples[self._begin:self._end].mean(0)
+            means = self._samples.mean(0)
             reference, explained = means[1:3], float(means[3])
         else:
             reference, explained = self.speed.end, self.speed.resolution + SLIP_CERTAINTY * self.speed.noise
@@ -113,24 +111,19 @@ class Steadiness:
         return distance > max(self._settings.slip, explained)
 
     def _append(self, time: float, centre: tuple[float, float], resolution: float) -> None:
-        if self._end == len(self._samples):
-            kept = self._samples[self._begin:self._end]
-            self._samples = np.concatenate((kept, np.empty_like(kept)))
-            self._begin, self._end = 0, len(kept)
-        if self._end:
-            time = max(time, float(self._samples[self._end - 1, 0]))
+        if len(self._samples):
+            time = max(time, float(self._samples[-1, 0]))
         else:
             self.since = time
-        self._samples[self._end] = time, *centre, resolution
-        self._end += 1
-        resolution = self.speed.resolution if self.speed else self._samples[self._end - 1, 3]
+        self._samples = np.vstack((self._samples, (time, *centre, resolution)))
+        resolution = self.speed.resolution if self.speed else resolution
         length = max(SHORTEST_WINDOW, WINDOW_TIMES * resolution / self._settings.max_creep)
-        old = self._samples[self._begin:max(self._begin, self._end - FEWEST_CENTRES), 0]
-        self._begin += int(np.searchsorted(old, time - length))
+        old = self._samples[:-FEWEST_CENTRES, 0]
+        self._samples = self._samples[np.searchsorted(old, time - length):]
 
     def _fitted(self) -> Speed | None:
         """The line through the centres of the window; None while there are too few."""
-        samples = self._samples[self._begin:self._end]
+        samples = self._samples
         count = len(samples)
         length = float(samples[-1, 0] - samples[0, 0])
         if count < FEWEST_CENTRES or length <= 0:

@@ -1,7 +1,5 @@
-"""The facts of a touch, and the touches of a pad in bounded memory. Stamps are Unix time [s]."""
+"""The facts of a touch, and the touches of a pad. Stamps are Unix time [s]."""
 
-import heapq
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -53,32 +51,14 @@ MOST_TOUCHES = 500  #: on the page
 MOST_PICTURES = 24  #: a page of 2 pads stays below 1 MB
 
 
-class TouchList(Sequence[ReportedTouch]):
-    """Touches in their order in time.
+class TouchList(list[ReportedTouch]):
+    """Touches in their order in time, MOST_TOUCHES at most: the outline of each costs time."""
 
-    To add, look at ``is_full`` first and count what is ``left_out``: the outline of a touch costs time.
-    """
+    left_out = 0  #: beyond MOST_TOUCHES
+    small_frames = 0  #: frames with a contact of too few taxels for a touch
 
-    def __init__(self) -> None:
-        self._touches: list[ReportedTouch] = []
-        self._longest: list[tuple[float, int]] = []  # seconds, index of those with a picture
-        self.left_out = 0  #: beyond MOST_TOUCHES
-        self.small_frames = 0  #: frames with a contact of too few taxels for a touch
-
-    @property
-    def is_full(self) -> bool:
-        return len(self._touches) == MOST_TOUCHES
-
-    def add(self, touch: ReportedTouch) -> None:
-        index = len(self._touches)
-        self._touches.append(touch)
-        heapq.heappush(self._longest, (touch.end - touch.begin, index))
-        if len(self._longest) > MOST_PICTURES:
-            _, shortest = heapq.heappop(self._longest)
-            self._touches[shortest] = replace(self._touches[shortest], picture=None)
-
-    def __getitem__(self, index):
-        return self._touches[index]
-
-    def __len__(self) -> int:
-        return len(self._touches)
+    def keep_pictures(self) -> None:
+        """Keep the pictures of the MOST_PICTURES longest alone."""
+        longest = sorted(((touch.end - touch.begin, k) for k, touch in enumerate(self)), reverse=True)
+        for _, k in longest[MOST_PICTURES:]:
+            self[k] = replace(self[k], picture=None)

@@ -18,7 +18,7 @@ from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recognition import Shape, ShapeClass, UnknownReason
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.states import PadState, SeenContact
-from tactile_node.viewing.touch import Picture, ReportedTouch, Sample, TouchList
+from tactile_node.viewing.touch import MOST_TOUCHES, Picture, ReportedTouch, Sample, TouchList
 
 
 class PadRecogniser:
@@ -92,16 +92,17 @@ class ReportedTouchFinder:
     def end(self) -> None:
         """The recording has ended."""
         self._end(is_open=True)
+        self.found.keep_pictures()
 
     def _end(self, is_open: bool) -> None:
         touch, self._touch = self._touch, None
         if touch is None:
             return
         self.samples += touch.samples
-        if self.found.is_full:
+        if len(self.found) == MOST_TOUCHES:
             self.found.left_out += 1
         else:
-            self.found.add(touch.closed(is_open))
+            self.found.append(touch.closed(is_open))
 
 
 class _OpenTouch:
