@@ -16,7 +16,7 @@ from tactile_node.assembly.health import BusFault, BusHealth, Failure, NodeFault
 from tactile_node.colour_map import PALETTE, levels
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.viewing.force_chart import force_chart
+from tactile_node.viewing.charts import force_chart
 from tactile_node.viewing.health_table import HealthHistory, health_table
 from tactile_node.viewing.heat_map import heat_map, words
 from tactile_node.viewing.page_parts import (
@@ -91,9 +91,9 @@ def test_a_taxel_without_a_value_is_marked_and_not_the_colour_of_no_load():
 
 
 def test_the_outline_lies_on_the_taxels_that_it_encloses():
-    """Corners at the centres of taxels 1 and 3: by hand, 4 units a taxel, row 0 at the bottom."""
+    """Corners at the centres of taxels 1 and 3: by hand, in taxels, row 0 at the bottom."""
     outline, = parts(heat_map(state(), 100e3), 'polygon')
-    assert outline.get('points') == '6.000,10.000 14.000,10.000 14.000,2.000 6.000,2.000'
+    assert outline.get('points') == '1.500,2.500 3.500,2.500 3.500,0.500 1.500,0.500'
 
 
 @pytest.mark.parametrize('shape', ['unknown', 'none'])
@@ -151,7 +151,7 @@ def test_colours_rise_in_brightness():
 def test_a_gap_in_the_force_is_not_bridged():
     stamps = np.array([0.0, 0.1, 5.0, 5.1, 5.2])
     chart = force_chart({'left': np.array([stamps, [1, 1, 2, NAN, 2]])}, 6.0)
-    line = chart.split('class="force"')[1].split(' d="')[1].split('"')[0]
+    line = chart.split('class="line"')[1].split(' d="')[1].split('"')[0]
     assert line.count('M') == 2 and line.count('L') == 2  # the NaN is left out, 0.2 s are no gap
 
 

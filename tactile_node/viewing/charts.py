@@ -1,17 +1,27 @@
-"""Pictures of a report as inline SVG: pads, and charts over time with at most MOST_POINTS points."""
+"""Pictures as inline SVG: the cells of a pad, and charts over time. The macros are in pictures.html."""
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
+from markupsafe import Markup
 
 from tactile_node.colour_map import PALETTE, STEPS, rounded_up
+from tactile_node.viewing.source import FORCE_HISTORY
+from tactile_node.viewing.templates import environment
 
 HEAT_LEVELS = 48
-NO_VALUE_COLOUR = '#9a9a9a'
-OUTLINE_COLOUR = '#00e5ff'
-PAD_HEIGHT = 200  #: of a picture of a pad [pixels]
+POINT_COLOURS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: of the pads, in their order
+BAR_COLOURS = 24
+
+
+@cache
+def pictures() -> Any:
+    """Return the macros of pictures.html."""
+    colours = [colour(k / (BAR_COLOURS - 1)) for k in range(BAR_COLOURS)]
+    return environment().get_template('pictures.html', globals={'colours': colours}).module
 
 
 def colour(share: float) -> str:
@@ -23,45 +33,23 @@ def colour(share: float) -> str:
     return '#' + bytes(PALETTE[round(min(max(share, 0.0), 1.0) * (STEPS - 1))]).hex()
 
 
-def cells(colours: Sequence[tuple[str, np.ndarray]]) -> str:
-    """One path for each colour and its places, bool (rows, cols); row 0 is at the bottom, a taxel is 1 x 1."""
-    paths = []
-    for fill, places in colours:
-        if places.any():
-            rows = places.shape[0]
-            data = ''.join(f'M{first} {rows - 1 - row}h{length}v1h-{length}z' for row, first, length in _runs(places))
-            paths.append(f'<path fill="{fill}" d="{data}"/>')
-    return ''.join(paths)
+def cells(colours: Sequence[tuple[str, np.ndarray]]) -> list[tuple[str, str]]:
+    """Return a path for each colour and its places, bool (rows, cols); row 0 is at the bottom, a taxel is 1 x 1."""
+    return [(fill, ''.join(f'M{first} {len(places) - 1 - row}h{length}v1h-{length}z'
+                           for row, first, length in _runs(places))) for fill, places in colours if places.any()]
 
 
-def heat_cells(values: np.ndarray, top: float) -> str:
+def heat_cells(values: np.ndarray, top: float) -> list[tuple[str, str]]:
     """``values`` (rows, cols), NaN: no value; ``top`` has the brightest colour."""
     with np.errstate(invalid='ignore'):
         levels = np.clip(np.rint(values / top * (HEAT_LEVELS - 1)) if top > 0 else 0 * values, 0, HEAT_LEVELS - 1)
     shades = [(colour(level / (HEAT_LEVELS - 1)), levels == level) for level in range(HEAT_LEVELS)]
-    return cells([*shades, (NO_VALUE_COLOUR, np.isnan(values))])
+    return cells([*shades, ('#9a9a9a', np.isnan(values))])
 
 
-def grid(rows: int, cols: int, content: str, label: str) -> str:
-    """A picture of a pad: ``content`` in units of taxels."""
-    width = max(40, round(PAD_HEIGHT * cols / rows))
-    return (f'<svg class="pad" role="img" aria-label="{label}" width="{width}" height="{PAD_HEIGHT}" '
-            f'viewBox="0 0 {cols} {rows}" shape-rendering="crispEdges">{content}</svg>')
-
-
-def outline(corners: np.ndarray, pitch: float, rows: int) -> str:
-    """``corners`` (n, 2) in the pad's frame [m]: x along columns, y along rows, taxel (0, 0) at the origin."""
-    points = ' '.join(f'{x / pitch + 0.5:.3f},{rows - 0.5 - y / pitch:.3f}' for x, y in corners)
-    return (f'<polygon points="{points}" fill="none" stroke="{OUTLINE_COLOUR}" stroke-width="{rows / 90:.3f}" '
-            'shape-rendering="geometricPrecision"/>')
-
-
-def colour_bar(top: str) -> str:
-    """From 0 to the text ``top``, which carries its unit."""
-    steps = ''.join(f'<rect x="{4 * k}" width="4.2" height="10" fill="{colour(k / 23)}"/>' for k in range(24))
-    return (f'<svg class="bar" width="200" height="12" role="img" aria-label="colours from 0 to {top}">'
-            f'<text x="0" y="10">0</text><g transform="translate(12,1)">{steps}</g>'
-            f'<text x="114" y="10">{top}</text></svg>')
+def outline_points(corners: np.ndarray, pitch: float, rows: int) -> str:
+    """Return ``corners`` (n, 2) [m] as places of a picture with row 0 at the bottom, a taxel 1 x 1."""
+    return ' '.join(f'{x / pitch + 0.5:.3f},{rows - 0.5 - y / pitch:.3f}' for x, y in corners)
 
 
 def _runs(places: np.ndarray) -> list[tuple[int, int, int]]:
@@ -71,7 +59,23 @@ def _runs(places: np.ndarray) -> list[tuple[int, int, int]]:
     return [(int(row), int(first), int(last - first)) for (row, first), (_, last) in zip(begins, ends)]
 
 
-CHART_WIDTH, CHART_HEIGHT, CHART_LEFT, CHART_BOTTOM = 940, 130, 64, 22
+class Frame(NamedTuple):
+    """Size of a chart, and the room around what it shows."""
+
+    width: float
+    height: float
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    def place(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """Return where the shares ``x`` and ``y`` of what is shown lie: numbers, or arrays."""
+        return (self.left + x * (self.width - self.left - self.right),
+                self.height - self.bottom - y * (self.height - self.top - self.bottom))
+
+
+CHART = Frame(940, 130, 64, 8, 8, 22)
 MOST_POINTS = 900  #: points of one line: more than one a pixel is not seen
 
 
@@ -83,23 +87,30 @@ class Points(NamedTuple):
     y: np.ndarray
 
 
-def chart(lines: Sequence[Points], dots: Sequence[Points], *, end: float, top: float, unit: str) -> str:
+def chart(lines: Sequence[Points], dots: Sequence[Points], *, end: float, top: float, unit: str) -> Markup:
     """From 0 to ``end`` s and from 0 to ``top``, which carries ``unit``."""
     top = top if top > 0 and math.isfinite(top) else 1.0
     end = end if end > 0 else 1.0
 
-    def place(x: float, y: float) -> tuple[float, float]:
-        return (CHART_LEFT + x / end * (CHART_WIDTH - CHART_LEFT - 8),
-                CHART_HEIGHT - CHART_BOTTOM - min(y / top, 1.0) * (CHART_HEIGHT - CHART_BOTTOM - 8))
+    def path(points: Points, each: str) -> Markup:
+        x, y = CHART.place(points.x / end, np.minimum(points.y / top, 1.0))
+        return Markup(''.join(map(each.format, x, y)))  # nosec B704: numbers
+    x_ticks = [(CHART.place(value / end, 0)[0], f'{value:g}{"" if value else " s"}') for value in ticks(end, 10)]
+    found: Markup = pictures().chart(
+        'chart', CHART, x_ticks, _value_ticks(CHART, ticks(top, 3), top, unit),
+        [(line.colour, path(line, 'L{:.1f} {:.1f}').replace('L', 'M', 1)) for line in lines],
+        [(each.colour, path(each, 'M{:.1f} {:.1f}h0')) for each in dots])
+    return found
 
-    drawn = [_axes(place, end, top, unit)]
-    for colour, x, y in lines:
-        points = ' '.join('{:.1f},{:.1f}'.format(*place(float(a), float(b))) for a, b in zip(x, y))
-        drawn.append(f'<polyline fill="none" stroke="{colour}" stroke-width="1.2" points="{points}"/>')
-    for colour, x, y in dots:
-        data = ''.join('M{:.1f} {:.1f}h0'.format(*place(float(a), float(b))) for a, b in zip(x, y))
-        drawn.append(f'<path stroke="{colour}" stroke-width="4" stroke-linecap="round" d="{data}"/>')
-    return f'<svg class="chart" viewBox="0 0 {CHART_WIDTH} {CHART_HEIGHT}" role="img">{"".join(drawn)}</svg>'
+
+def ticks(length: float, parts: int) -> list[float]:
+    """Return about ``parts`` round numbers from 0 to ``length``."""
+    step = rounded_up(length / parts) if length else 1.0
+    return [k * step for k in range(int(length / step + 1e-9) + 1)]
+
+
+def _value_ticks(frame: Frame, values: Sequence[float], top: float, unit: str) -> list[tuple[float, str]]:
+    return [(frame.place(0, value / top)[1], f'{value:g} {unit}') for value in values]
 
 
 def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
@@ -115,16 +126,30 @@ def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
     return np.array([part[pick(values[part])] if np.isfinite(values[part]).any() else part[0] for part in parts])
 
 
-def _axes(place, end: float, top: float, unit: str) -> str:
-    parts = []
-    for k in range(int(end / rounded_up(end / 10)) + 1):
-        value = k * rounded_up(end / 10)
-        x, y = place(value, 0)
-        parts.append(f'<path class="tick" d="M{x:.1f} {y}V8"/><text x="{x:.1f}" y="{y + 14}" '
-                     f'text-anchor="middle">{value:g}{" s" if k == 0 else ""}</text>')
-    for k in range(int(top / rounded_up(top / 3) + 1e-9) + 1):
-        value = k * rounded_up(top / 3)
-        x, y = place(0, value)
-        parts.append(f'<path class="tick" d="M{x} {y:.1f}H{CHART_WIDTH - 8}"/><text x="{x - 5}" y="{y + 4:.1f}" '
-                     f'text-anchor="end">{value:g}{" " + unit if unit else ""}</text>')
-    return ''.join(parts)
+FORCE = Frame(600, 220, 40, 10, 10, 24)
+FORCE_GAP = 0.3     #: between two points, from which on they are not joined [s]
+LEAST_FORCE_SCALE = 1.0   #: of the scale [N]
+TIME_TICKS = -20, -15, -10, -5, 0
+
+
+def force_chart(forces: Mapping[str, np.ndarray], now: float) -> Markup:
+    """Return force over time, broken where there is none: a line across a gap would show what was not measured.
+
+    ``forces``: stamps [s] and forces [N] of each pad, (2, n); ``now``: stamp at the right end.
+    """
+    known = [values[1][np.isfinite(values[1])] for values in forces.values()]
+    top = rounded_up(max([LEAST_FORCE_SCALE, *(float(each.max()) for each in known if len(each))]))
+
+    def line(stamps: np.ndarray, values: np.ndarray) -> Markup:
+        line, last = '', -np.inf
+        for time, value in zip((stamps - now).tolist(), values.tolist()):
+            if value == value and -FORCE_HISTORY <= time <= 0:
+                place = FORCE.place(1 + time / FORCE_HISTORY, value / top)
+                line += '{}{:.1f} {:.1f}'.format('L' if time - last < FORCE_GAP else 'M', *place)
+                last = time
+        return Markup(line)  # nosec B704: numbers
+    found: Markup = pictures().chart(
+        'tactile-force', FORCE, [(FORCE.place(1 + tick / FORCE_HISTORY, 0)[0], f'{tick} s') for tick in TIME_TICKS],
+        _value_ticks(FORCE, (0.0, top / 2, top), top, 'N'),
+        [(POINT_COLOURS[k % len(POINT_COLOURS)], line(*each)) for k, each in enumerate(forces.values())])
+    return found

@@ -1,28 +1,19 @@
 """The pads in 3-D: a column for each taxel, pairs of pads facing each other as the fingers of a gripper."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tactile_node.colour_map import PALETTE, levels
-from tactile_node.helmholtz.features import Group, compute_features
+from tactile_node.helmholtz.features import Features, Group, compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.recognition import METHOD_FILES, VOLF
 from tactile_node.shape.volf import SMALLEST, Plane, VolfClassifier, axes, plane_feature
 from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.viewing.charts import POINT_COLOURS, Frame, pictures
 from tactile_node.viewing.states import PadState
 
-PLANE_WIDTH, PLANE_HEIGHT = 30.0, 17.0
-PLANE_LEFT, PLANE_BOTTOM, PLANE_TOP, PLANE_RIGHT = 3.2, 2.6, 1.4, 0.4
-POINT_COLOURS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: of the pads, in their order
-
-
-class PlanePoint(NamedTuple):
-    """A contact in one plane."""
-
-    pad: int             #: which one, for its colour
-    horizontal: float
-    vertical: float
+PLANE = Frame(30.0, 17.0, 3.2, .4, 1.4, 2.6)
 
 
 class Planes:
@@ -35,53 +26,27 @@ class Planes:
         """Return all planes with a point for each of ``masks``, bool (rows, cols), by the number of the pad."""
         features = {pad: compute_features(mask, Group.CLASSIFIER) for pad, mask in masks.items()
                     if np.count_nonzero(mask) >= SMALLEST}
-        pictures = []
-        for name, plane in self._planes.items():
-            points = [PlanePoint(pad, plane_feature(found, plane.horizontal), plane_feature(found, plane.vertical))
-                      for pad, found in features.items()]
-            pictures.append(_picture(name, plane, [point for point in points if np.isfinite(point[1:]).all()]))
+        drawn = ''.join(_picture(name, plane, features) for name, plane in self._planes.items())
         note = '' if features else f'<div class="tactile-note">no contact of {SMALLEST} taxels or more</div>'
-        return f'{note}<div class="tactile-planes">{"".join(pictures)}</div>'
+        return f'{note}<div class="tactile-planes">{drawn}</div>'
 
 
-def _picture(name: str, plane: Plane, points: list[PlanePoint]) -> str:
+def _picture(name: str, plane: Plane, features: dict[int, Features]) -> str:
     low, high = plane.knots[0], plane.knots[-1]
     horizontal = np.expm1(np.linspace(low, high, 33))
     u, v = axes(horizontal, plane.curve_at(horizontal))
     bottom, top = v.min() - 1.5, v.max() + 1.5
 
-    def place(u: float, v: float) -> tuple[float, float]:
-        x, y = (u - low) / (high - low), (v - bottom) / (top - bottom)
-        return (PLANE_LEFT + np.clip(x, 0, 1) * (PLANE_WIDTH - PLANE_LEFT - PLANE_RIGHT),
-                PLANE_HEIGHT - PLANE_BOTTOM - np.clip(y, 0, 1) * (PLANE_HEIGHT - PLANE_BOTTOM - PLANE_TOP))
+    def place(u, v):
+        return PLANE.place(np.clip((u - low) / (high - low), 0, 1), np.clip((v - bottom) / (top - bottom), 0, 1))
 
-    curve = ' '.join(f'{x:.2f},{y:.2f}' for x, y in (place(*each) for each in zip(u, v)))
-    right, below = PLANE_WIDTH - PLANE_RIGHT, PLANE_HEIGHT - PLANE_BOTTOM
-    marks = ''
-    for point in points:
-        x, y = place(*map(float, axes(point.horizontal, point.vertical)))
-        marks += f'<circle class="plane-point" cx="{x:.2f}" cy="{y:.2f}" r=".5" fill="{POINT_COLOURS[point.pad % 4]}"/>'
-    label = name.replace('_', ' ')
-    return (f'<svg viewBox="0 0 {PLANE_WIDTH:g} {PLANE_HEIGHT:g}" font-size="1.05" fill="#5c6672">'
-            f'<polygon points="{PLANE_LEFT},{PLANE_TOP} {right},{PLANE_TOP} {right},{curve.split()[-1].split(",")[1]} '
-            f'{" ".join(reversed(curve.split()))} {PLANE_LEFT},{PLANE_TOP}" fill="#0ea5e9" opacity=".12"/>'
-            f'<rect x="{PLANE_LEFT}" y="{PLANE_TOP}" width="{right - PLANE_LEFT}" height="{below - PLANE_TOP}" '
-            f'fill="none" stroke="#5c6672" stroke-width=".08"/><polyline points="{curve}" fill="none" '
-            f'stroke="#5c6672" stroke-width=".18"/>{marks}'
-            f'<text x="{PLANE_LEFT + .4}" y="{PLANE_TOP + 1.3}">{label} above the curve</text>'
-            + _scale(plane, (low, high), (bottom, top), place)
-            + f'<text x="{right}" y="{PLANE_HEIGHT - .2}" text-anchor="end">{" ".join(plane.horizontal)}</text>'
-            f'<text x=".1" y="{PLANE_TOP - .3}">{" ".join(plane.vertical)}</text></svg>')
-
-
-def _scale(plane: Plane, horizontal: tuple[float, float], vertical: tuple[float, float], place) -> str:
-    """Numbers at both ends of each axis, in the features' own units."""
-    (left, bottom), (right, top) = place(horizontal[0], vertical[0]), place(horizontal[1], vertical[1])
-    numbers = [(left, bottom + 1.2, 'start', np.expm1(horizontal[0])), (right, bottom + 1.2, 'end',
-               np.expm1(horizontal[1])), (left - .2, bottom, 'end', max(np.exp(vertical[0]) - .01, 0)),
-               (left - .2, top + .9, 'end', np.exp(vertical[1]) - .01)]
-    return ''.join(f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size=".9">{value:.3g}</text>'
-                   for x, y, anchor, value in numbers)
+    points = {pad: (plane_feature(found, plane.horizontal), plane_feature(found, plane.vertical))
+              for pad, found in features.items()}
+    ends = np.expm1(low), np.expm1(high), max(np.exp(bottom) - .01, 0), np.exp(top) - .01
+    return str(pictures().plane(
+        PLANE, name, plane, np.column_stack(place(u, v)).tolist(),
+        [(place(*map(float, axes(*point))), POINT_COLOURS[pad % len(POINT_COLOURS)])
+         for pad, point in points.items() if np.isfinite(point).all()], ends))
 
 
 if TYPE_CHECKING:
@@ -93,7 +58,7 @@ FLAT_COLUMN = 0.15         #: column of no load [pitches]
 GRIPPER_OPENING = 9.0       #: between two pads that face each other [pitches]
 NARROW_ASPECT = 0.7        #: ratio of the pane's sides from which on its width decides how far the camera is
 OUTLINE_RGB = (41, 230, 255)
-NO_VALUE_RGB = (138, 143, 152)
+HIDDEN_RGB = (138, 143, 152)
 OLD_RGB = (190, 190, 190)
 IDENTITY_QUATERNION = np.array((1.0, 0.0, 0.0, 0.0), np.float32)
 TURNED_QUATERNION = np.array((0.0, 1.0, 0.0, 0.0), np.float32)  #: by 180 degrees about x
@@ -127,7 +92,7 @@ class Pads3d:
         values, pitch = state.values.ravel(), UNITS_PER_METRE * state.pitch
         heights = np.nan_to_num(np.clip(values / full_scale, 0, 1)) * TALLEST_COLUMN + FLAT_COLUMN
         colours = PALETTE[levels(values, full_scale)]
-        colours[np.isnan(values)] = NO_VALUE_RGB
+        colours[np.isnan(values)] = HIDDEN_RGB
         if is_old:
             heights[:], colours[:] = FLAT_COLUMN, OLD_RGB
         scales = np.full((len(values), 3), pitch, np.float32)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from html import escape
 from typing import TYPE_CHECKING
 
-from tactile_node.viewing.force_chart import force_chart
+from tactile_node.viewing.charts import force_chart
 from tactile_node.viewing.health_table import HealthHistory, health_table
 from tactile_node.viewing.pads_3d import Pads3d, Planes
 from tactile_node.viewing.page_parts import (

@@ -11,9 +11,9 @@ import numpy as np
 
 from tactile_node.colour_map import rounded_up
 from tactile_node.taxel_frame import ON_OFF_UNIT, PRESS_BY_UNIT, TaxelStatus
+from tactile_node.viewing.charts import POINT_COLOURS
 from tactile_node.viewing.gate import TAKEN_PATH
 from tactile_node.viewing.heat_map import heat_map, words
-from tactile_node.viewing.pads_3d import POINT_COLOURS
 from tactile_node.viewing.source import Shown, ViewSource
 from tactile_node.viewing.states import GraspFacts, PadState
 from tactile_node.viewing.templates import environment

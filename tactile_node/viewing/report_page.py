@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from tactile_node.assembly.fault_text import command_text, node_label
 from tactile_node.cia301.objects import (
@@ -18,7 +19,7 @@ from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.logs.damage import damage_lines, utc
 from tactile_node.shape.recognition import Shape, ShapeClass
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.charts import Points, cells, chart, colour_bar, grid, heat_cells, outline, thin
+from tactile_node.viewing.charts import Points, cells, chart, heat_cells, outline_points, pictures, thin
 from tactile_node.viewing.findings import findings
 from tactile_node.viewing.model import Ends, LoadCurve, NmtChange, NodeReport, PadReport, Report
 from tactile_node.viewing.node_record import OBJECTS
@@ -92,18 +93,23 @@ def reading_text(value: float, unit: str) -> str:
     return f'{value / 1e3:.1f} kPa' if unit == 'Pa' else f'{value:.2f} N' if unit == 'N' else f'{value:g} (on/off)'
 
 
-def touch_picture(touch: ReportedTouch, pad: PadReport, number: int) -> str:
+def touch_picture(touch: ReportedTouch, pad: PadReport, number: int) -> Markup:
     """Return the frame in which ``touch`` pressed most, with its outline and the colour bar."""
     picture = touch.picture
     assert picture is not None
     top = float(np.nanmax(picture.values, initial=0.0))
-    content = heat_cells(picture.values, top)
-    if picture.fit is not None:
-        content += outline(picture.fit.outline, pad.pitch, pad.rows)
-    return grid(pad.rows, pad.cols, content, f'touch {number}') + colour_bar(reading_text(top, pad.unit))
+    points = '' if picture.fit is None else outline_points(picture.fit.outline, pad.pitch, pad.rows)
+    return _pad_picture(pad.rows, pad.cols, heat_cells(picture.values, top), f'touch {number}', points,
+                        reading_text(top, pad.unit))
 
 
-def touch_charts(pad: PadReport, begin: float, end: float) -> tuple[list[tuple[str, str]], str, str]:
+def _pad_picture(rows: int, cols: int, paths: list[tuple[str, str]], label: str, points: str, top: str) -> Markup:
+    """Return a picture of a pad and below it, with the text ``top``, its colour bar."""
+    made: Markup = pictures().pad(rows, cols, paths, label, points)
+    return made + pictures().colour_bar(top) if top else made
+
+
+def touch_charts(pad: PadReport, begin: float, end: float) -> tuple[list[tuple[str, str]], Markup, str]:
     """Return the legend of the shapes, and the charts of confidence and force; '' where no force is known."""
     stamps = np.array([sample.stamp for sample in pad.samples]) - begin
     confidence = np.array([sample.confidence for sample in pad.samples])
@@ -130,15 +136,15 @@ def mark_counts(health: TaxelHealth) -> list[tuple[str, str]]:
             if (marks == mark).any()]
 
 
-def health_pictures(health: TaxelHealth, unit: str) -> list[tuple[str, str]]:
+def health_pictures(health: TaxelHealth, unit: str) -> list[tuple[str, Markup]]:
     """Return the state of each taxel, its highest value, and where it had none how often, by their names."""
     marks, share = marks_of(health), no_value_share(health)
     top, worst = float(np.nanmax(health.highest, initial=0.0)), float(np.nanmax(share, initial=0.0))
-    pictures = [('State', cells([(colour, marks == mark) for mark, (colour, _) in MARK_LEGEND.items()]), ''),
-                ('Highest value', heat_cells(health.highest, top), colour_bar(reading_text(top, unit)))]
+    pads = [('State', cells([(colour, marks == mark) for mark, (colour, _) in MARK_LEGEND.items()]), ''),
+            ('Highest value', heat_cells(health.highest, top), reading_text(top, unit))]
     if worst > 0:
-        pictures.append(('Frames without a value', heat_cells(share, worst), colour_bar(f'{worst:.1%}')))
-    return [(name, grid(len(marks), marks.shape[1], content, name) + bar) for name, content, bar in pictures]
+        pads.append(('Frames without a value', heat_cells(share, worst), f'{worst:.1%}'))
+    return [(name, _pad_picture(len(marks), marks.shape[1], paths, name, '', bar)) for name, paths, bar in pads]
 
 
 def worst_taxels(health: TaxelHealth) -> tuple[list[tuple[Any, ...]], int]:
@@ -154,7 +160,7 @@ def worst_taxels(health: TaxelHealth) -> tuple[list[tuple[Any, ...]], int]:
     return rows, len(odd)
 
 
-def load_chart(load: LoadCurve, begin: float, end: float) -> str:
+def load_chart(load: LoadCurve, begin: float, end: float) -> Markup:
     values, unit = _load_values(load)
     keep = thin(values, keep_highest=True)
     line = Points(LOAD_COLOUR, load.stamps[keep] - begin + load.window / 2, values[keep])
