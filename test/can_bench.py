@@ -6,16 +6,18 @@ import queue
 import threading
 import time
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import can
 import numpy as np
 from captured_log import CapturedLog
 
-from tactile_node.assembly.frame_source import Loss, Results
+from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.skin.layout_file import load_layout
@@ -117,7 +119,27 @@ def wait_until(condition: Callable[[], bool], timeout: float = 60.0) -> bool:
     return met
 
 
-def only(outcome: Results) -> TaxelFrame | Loss | None:
+class Loss(NamedTuple):
+    """So many CAN frames of a pad were lost for one reason."""
+
+    reason: LossReason
+    can_frames: int = 1
+
+
+def telling(assembler: PadAssembler, drop_incomplete: bool = False) -> PadAssembler:
+    """The assembler, whose calls also give, after the frames, what they have lost."""
+    def told(call: Callable[..., Frames], *given: object) -> tuple[TaxelFrame | Loss, ...]:
+        before, frames = assembler.statistics().losses, taxel_frames(call(*given))
+        after = assembler.statistics().losses
+        return (*frames, *(Loss(reason, after[reason] - before[reason]) for reason in after
+                           if after[reason] > before[reason]))
+    assembler.drop_incomplete = drop_incomplete
+    for name in ('feed', 'sync', 'end_period'):
+        setattr(assembler, name, partial(told, getattr(assembler, name)))
+    return assembler
+
+
+def only(outcome: Sequence[TaxelFrame | Loss]) -> TaxelFrame | Loss | None:
     """What alone has come of a CAN frame or a SYNC; None where nothing has."""
     assert len(outcome) <= 1, outcome
     return outcome[0] if outcome else None
@@ -130,7 +152,7 @@ def is_balanced(assembler) -> bool:
             and counts.used == sum(counts.used_by_node))
 
 
-def taxel_frames(results: Results) -> list[TaxelFrame]:
+def taxel_frames(results: Sequence[TaxelFrame | Loss]) -> list[TaxelFrame]:
     return [result for result in results if isinstance(result, TaxelFrame)]
 
 

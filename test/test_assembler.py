@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from can_bench import is_balanced, only, taxel_frames, tiny_layout
+from can_bench import Loss, is_balanced, only, taxel_frames, telling, tiny_layout
 
 from tactile_node.assembly.assembler import ORDER_MEMORY, FrameAssembler
-from tactile_node.assembly.frame_source import Loss, LossReason
+from tactile_node.assembly.frame_source import LossReason
 from tactile_node.assembly.sweep_period import FreeBus
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
@@ -16,7 +16,7 @@ ROW_1, ROW_2, ROW_3 = 0x181, 0x281, 0x381
 
 @pytest.fixture
 def assembler(tmp_path):
-    return FrameAssembler(tiny_layout(tmp_path), (1,))
+    return telling(FrameAssembler(tiny_layout(tmp_path), (1,)))
 
 
 def send(assembler, *frames, at=0.5):
@@ -158,7 +158,7 @@ def test_lone_possible_tail_is_not_published_as_fresh(assembler):
     send(assembler, (ROW_1, '0A0A'))
     assembler.sync(1)
     send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=1.1)  # the tail of 0, or 1 with its first TPDO lost
-    first, late, second = assembler.sync(2)
+    first, second, late = assembler.sync(2)
     check(first, [[0, 0], [NAN, NAN], [NAN, NAN]], missing=2)
     check(second, np.full((3, 2), NAN), sequence=1, missing=3)
     assert late == Loss(LossReason.LATE, 2) and is_balanced(assembler)
@@ -276,7 +276,7 @@ def test_a_bus_that_seemed_free_because_the_adapter_was_held_up_gives_no_wrong_s
 
 
 def test_stamps_of_two_clocks_are_not_compared(tmp_path):
-    assembler = FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False)
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False))
     assembler.sync(1e9)
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=3.0), np.zeros((3, 2)))
 
@@ -304,7 +304,7 @@ def test_frames_after_a_complete_one_are_surplus(assembler):
     assert only(assembler.sync(1)) is None
     send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=1.1)  # the rest of the surplus sweep
     send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), at=1.5)
-    late, frame = assembler.feed(ROW_3, b'\x0B\x0B', 1.5)
+    frame, late = assembler.feed(ROW_3, b'\x0B\x0B', 1.5)
     check(frame, np.full((3, 2), 2), sequence=1)
     assert late == Loss(LossReason.LATE, 2) and is_balanced(assembler)
 
@@ -370,7 +370,7 @@ def test_reordered_tpdos_are_counted_apart_and_never_joined(assembler):
 
 
 def test_incomplete_sweeps_can_be_dropped(tmp_path):
-    assembler = FrameAssembler(tiny_layout(tmp_path), (1,), drop_incomplete=True)
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path), (1,)), drop_incomplete=True)
     assembler.sync(0)
     send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'))
     assert assembler.sync(1) == ()
@@ -400,7 +400,7 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path):
     """All 8000 ways; the first taxel's count is the period that its TPDO was sent in."""
     layout, ways = tiny_layout(tmp_path), list(fates())
     for fate in ways:
-        assembler, frames = FrameAssembler(layout, (1,)), []
+        assembler, frames = telling(FrameAssembler(layout, (1,))), []
         for period in range(PERIODS + 6):
             sent = [(i % 3, i // 3) for i, comes in enumerate(fate) if comes == period]
             sent += [(row, period) for row in range(3)] if period >= PERIODS else []
@@ -423,7 +423,7 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path):
 @pytest.mark.parametrize('lost', [0, 1, 3])
 def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost, a_period):
     """It hands over so many TPDOs a period until nothing waits; sweep n, of value n, was sampled at SYNC n."""
-    assembler = FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False)
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False))
     waiting, frames = [], []
     for period in range(10 + 40 + 200):
         results = assembler.sync(float(period))

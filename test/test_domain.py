@@ -7,11 +7,11 @@ from random import Random
 
 import numpy as np
 import pytest
-from can_bench import Bench, only, tiny_layout
+from can_bench import Bench, Loss, only, telling, tiny_layout
 from test_logs import play
 
 from tactile_node.assembly.domain_assembler import DomainAssembler
-from tactile_node.assembly.frame_source import Loss, LossReason
+from tactile_node.assembly.frame_source import LossReason
 from tactile_node.cia301.sdo import SdoUpload, Step
 from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.logs.log_reader import CanLogReader
@@ -108,7 +108,7 @@ def test_whatever_is_damaged_only_the_true_bytes_are_given():
 
 def domain_assembler(tmp_path, text=TINY, **options):
     layout = tiny_layout(tmp_path, text)
-    return DomainAssembler(layout, layout.domain, 5, **options)
+    return telling(DomainAssembler(layout, layout.domain, 5), **options)
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ import re
 
 import numpy as np
 import pytest
-from can_bench import TINY, is_balanced, only, tiny_layout
+from can_bench import TINY, Loss, is_balanced, only, telling, tiny_layout
 from can_bench import taxel_frames as frames
 
-from tactile_node.assembly.frame_source import Loss, LossReason
+from tactile_node.assembly.frame_source import LossReason
 from tactile_node.assembly.snapshot_assembler import SNAPSHOT_WAIT, SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.errors import ConfigurationError
@@ -40,7 +40,7 @@ RANKS = 0x181, 0x281, 0x381
 def made(folder, text, **options):
     layout = tiny_layout(folder, text)
     kind = SweepAssembler if layout.event_driven.is_sweeps else SnapshotAssembler
-    return kind(layout, layout.event_driven, (1,), **options)
+    return telling(kind(layout, layout.event_driven, (1,)), **options)
 
 
 @pytest.fixture
@@ -318,7 +318,7 @@ def test_used_by_node_and_a_node_that_ends(tmp_path):
     """Two nodes: the rows of one are STALE when it is silent, the other's are given, each counted for itself."""
     text = 'nodes: 2\n' + SNAPSHOTS.replace('number: 3', 'node: 1, number: 3')
     layout = tiny_layout(tmp_path, text)
-    assembler = SnapshotAssembler(layout, layout.event_driven, (1, 2))
+    assembler = telling(SnapshotAssembler(layout, layout.event_driven, (1, 2)))
     ids = {0: 0x181, 1: 0x281, 2: 0x382}
     results = sum((assembler.feed(ids[rank], bytes([11, 11]), 5 + 0.001 * rank) for rank in range(3)), ())
     results += sum((assembler.feed(ids[rank], bytes([12, 12]), 5 + T * i + 0.001 * rank)

@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from can_bench import only, tiny_layout
+from can_bench import Loss, only, telling, tiny_layout
 
 from tactile_node.assembly.assembler import FrameAssembler
-from tactile_node.assembly.frame_source import Loss, LossReason
+from tactile_node.assembly.frame_source import LossReason
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.taxel_frame import TaxelStatus
@@ -37,7 +37,7 @@ def feed(assembler, can_id, *frames):
 
 
 def test_rows_by_hand(tmp_path):
-    assembler = FrameAssembler(tiny_layout(tmp_path, ROWS), (1,))
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path, ROWS), (1,)))
     assembler.sync(0)
     assert feed(assembler, 0x190, '07010203') is None
     frame = feed(assembler, 0x190, '08040506')
@@ -46,7 +46,7 @@ def test_rows_by_hand(tmp_path):
 
 def test_ten_bits_packed_and_falling_by_hand():
     """Row 3: counts 1023, 341, 1023, 1023, 1023 from the least significant bit on; 100 (1023 - 341) Pa."""
-    assembler = FrameAssembler(load_layout('rows12x5_10bit.yaml'), (5,))
+    assembler = telling(FrameAssembler(load_layout('rows12x5_10bit.yaml'), (5,)))
     assembler.sync(0)
     for row in range(12):
         frame = feed(assembler, 0x185, f'{row:02X}' + ('FF57F5FFFFFF03' if row == 3 else 'FFFFFFFFFFFF03'))
@@ -57,7 +57,7 @@ def test_ten_bits_packed_and_falling_by_hand():
 
 def test_mpdos_by_hand(tmp_path):
     """Node 5: byte 0 the node-ID with bit 7 clear, then 0x2155 little-endian, sub, two signed counts."""
-    assembler = FrameAssembler(tiny_layout(tmp_path, MPDO), (5,))
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path, MPDO), (5,)))
     assembler.sync(0)
     assert feed(assembler, 0x190, '05552103E80318FC') is None
     assert feed(assembler, 0x190, '05552104' '0200FEFF').values.tolist() == [[500, -500], [1, -1]]
@@ -67,7 +67,7 @@ def test_mpdos_by_hand(tmp_path):
                                      '06552104' '02000300',  # another node's
                                      '05562104' '02000300', '05552105' '02000300'])
 def test_foreign_mpdos_are_counted_and_leave_their_taxels_stale(tmp_path, foreign):
-    assembler = FrameAssembler(tiny_layout(tmp_path, MPDO), (5,))
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path, MPDO), (5,)))
     assembler.sync(0)
     feed(assembler, 0x190, '05552103' '01000100')
     assert feed(assembler, 0x190, foreign) == Loss(LossReason.UNKNOWN_ROW)
@@ -78,14 +78,14 @@ def test_foreign_mpdos_are_counted_and_leave_their_taxels_stale(tmp_path, foreig
 
 @pytest.mark.parametrize('data', ['', '05', '055521'])
 def test_too_short_to_tell_the_object(tmp_path, data):
-    assembler = FrameAssembler(tiny_layout(tmp_path, MPDO), (5,))
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path, MPDO), (5,)))
     assembler.sync(0)
     assert feed(assembler, 0x190, data) == Loss(LossReason.SHORT)
 
 
 def test_rows_of_two_periods_are_never_mixed(tmp_path):
     """Row 8 and the SYNC were lost: rows 7, 7' are of two periods."""
-    assembler = FrameAssembler(tiny_layout(tmp_path, ROWS), (1,))
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path, ROWS), (1,)))
     assembler.sync(0)
     assert feed(assembler, 0x190, '07010101', '07020202') == Loss(LossReason.LATE, 1)
     assert feed(assembler, 0x190, '08020202').values.tolist() == [[2] * 3] * 2

@@ -4,10 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
-from can_bench import only, tiny_layout
+from can_bench import Loss, only, telling, tiny_layout
 
 from tactile_node.assembly.assembler import FrameAssembler
-from tactile_node.assembly.frame_source import Loss, LossReason
+from tactile_node.assembly.frame_source import LossReason
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.pads import PadSettings, check_pads, make_pads
 from tactile_node.taxel_frame import TaxelStatus
@@ -30,7 +30,7 @@ FIRST, SECOND = ((0x181, b'\x01\x02'), (0x281, b'\x03\x04')), ((0x185, b'\x05\x0
 
 @pytest.fixture
 def assembler(tmp_path):
-    return FrameAssembler(tiny_layout(tmp_path, TWO), (1, 5))
+    return telling(FrameAssembler(tiny_layout(tmp_path, TWO), (1, 5)))
 
 
 def feed(assembler, *frames, at=9.0):
@@ -98,10 +98,10 @@ def test_nothing_goes_back_to_a_period_in_which_a_sync_was_lost(assembler):
     assembler.sync(0.0)
     feed(assembler, FIRST[0], at=1.0)
     assembler.sync(10.0)
-    *torn, frame = assembler.feed(0x181, bytes(2), 6.0)  # the sweep after the lost SYNC
-    assert np.isnan(frame.values).all() and torn == [Loss(LossReason.LATE, 1)] * 2
+    frame, torn = assembler.feed(0x181, bytes(2), 6.0)  # the sweep after the lost SYNC
+    assert np.isnan(frame.values).all() and torn == Loss(LossReason.LATE, 2)
     feed(assembler, *SECOND, *SECOND, FIRST[0], at=12.0)
-    late, after = assembler.feed(*FIRST[1], 12.0)
+    after, late = assembler.feed(*FIRST[1], 12.0)
     assert late == Loss(LossReason.LATE, 2) and after.sequence == 1 and after.missing_can_frames == 0
 
 
@@ -120,7 +120,7 @@ def test_a_lost_sync_never_mixes_two_periods_of_two_nodes(assembler, second):
 
 
 def test_incomplete_frames_are_dropped_as_a_whole(tmp_path):
-    assembler = FrameAssembler(tiny_layout(tmp_path, TWO), (1, 5), drop_incomplete=True)
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path, TWO), (1, 5)), drop_incomplete=True)
     assembler.sync(0.0)
     feed(assembler, *FIRST)
     assert only(assembler.end_period()) == Loss(LossReason.INCOMPLETE, 2)

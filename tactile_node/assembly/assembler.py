@@ -45,8 +45,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import LossReason, PadStatistics, Results
-from tactile_node.assembly.pad_assembler import PadAssembler
+from tactile_node.assembly.frame_source import LossReason, PadStatistics
+from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.assembly.sweep_period import SweepPeriod
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
@@ -57,9 +57,8 @@ ORDER_MEMORY = 100  #: periods after a change of order; a lost SYNC can look lik
 class FrameAssembler(PadAssembler):
     """The state machine of one pad whose TPDOs answer SYNC."""
 
-    def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True,
-                 drop_incomplete: bool = False):
-        super().__init__(layout, node_ids, drop_incomplete)
+    def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True):
+        super().__init__(layout, node_ids)
         self._one_clock = one_clock
         self._node_ids = tuple(node_ids)
         self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
@@ -93,15 +92,15 @@ class FrameAssembler(PadAssembler):
         if self._period is not None and node_id in self._node_ids:
             self._period.runs[self._node_ids.index(node_id)].start()
 
-    def sync(self, timestamp: float) -> Results:
+    def sync(self, timestamp: float) -> Frames:
         """A SYNC was on the bus: end the period and begin the next one; the frames to which nothing more can come."""
-        results, period = self._close_before(), self._period
+        frames, period = self._close_before(), self._period
         if period is not None and not period.is_emitted:
-            results += self._end(period)
+            self._lose(LossReason.LATE, sum(run.end() for run in period.runs))
             if period.may_be_continued:
                 self._before = period
             else:
-                results += self._emit(period)
+                frames += self._emit(period)
         self._sequence += 1
         self._syncs += 1
         self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period)
@@ -109,38 +108,20 @@ class FrameAssembler(PadAssembler):
             self._is_after_outage = False
             for run in self._period.runs:
                 run.assume_behind()
-        return results
+        return frames
 
     def settle(self) -> None:
         """A free bus has proved that no answer to an earlier SYNC is to come (``FreeBus``)."""
         for run in () if self._period is None else self._period.runs:
             run.settle()
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
-        self._counts.received += 1
-        rank, period = self._table.rank(can_id, data), self._period
-        if isinstance(rank, LossReason):
-            return self._lose(rank)
-        if period is None:
-            return self._lose(LossReason.BEFORE_FIRST_SYNC)
-        self._distinct[rank] += 1
-        if self._one_clock and timestamp < period.stamp:
-            return self._feed_before(period, rank, data, timestamp)
-        results = self._take(period, rank, data)
-        if self._before is not None and self._sequence - self._changed_order >= ORDER_MEMORY:
-            period.return_proved(self._before)
-        if period.runs[self._nodes[rank]].is_complete and period.is_complete:
-            return results + self._resolve_aside(period) + self._emit(period)
-        if self._before is not None and not period.may_continue(self._before):
-            return results + self._close_before()
-        return results
-
-    def end_period(self) -> Results:
-        results, period = self._close_before(), self._period
+    def end_period(self) -> Frames:
+        frames, period = self._close_before(), self._period
         if period is not None and not period.is_emitted:
-            results += self._end(period) + self._emit(period)
+            self._lose(LossReason.LATE, sum(run.end() for run in period.runs))
+            frames += self._emit(period)
         self._period = None
-        return results
+        return frames
 
     def statistics(self) -> PadStatistics:
         return super().statistics()._replace(
@@ -148,14 +129,30 @@ class FrameAssembler(PadAssembler):
             fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
             syncs=self._syncs)  # after what they have caused, for another thread counts on meanwhile
 
+    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:
+        period = self._period
+        if period is None:
+            return self._lose(LossReason.BEFORE_FIRST_SYNC)
+        self._distinct[rank] += 1
+        if self._one_clock and timestamp < period.stamp:
+            return self._feed_before(period, rank, data, timestamp)
+        self._take(period, rank, data)
+        if self._before is not None and self._sequence - self._changed_order >= ORDER_MEMORY:
+            period.return_proved(self._before)
+        if period.runs[self._nodes[rank]].is_complete and period.is_complete:
+            return self._resolve_aside(period) + self._emit(period)
+        if self._before is not None and not period.may_continue(self._before):
+            return self._close_before()
+        return ()
+
     def _forget(self) -> None:
-        self._counts.lose(LossReason.UNFINISHED, self._pending())
+        self._lose(LossReason.UNFINISHED, self._pending())
         self._before = self._period = None
 
     def _pending(self) -> int:
         return sum(period.pending for period in (self._before, self._period) if period is not None)
 
-    def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Results:
+    def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Frames:
         """A TPDO that was on the bus before the last SYNC."""
         before, run = self._before, period.runs[self._nodes[rank]]
         if run.is_seen:  # the order of one sender does not allow it
@@ -166,64 +163,56 @@ class FrameAssembler(PadAssembler):
         run_before = before.runs[self._nodes[rank]]
         if timestamp < before.stamp or run_before.is_position_unknown:
             run_before.note_late(rank)
-            results = self._lose(LossReason.LATE)
+            self._lose(LossReason.LATE)
         else:
-            results = self._take(before, rank, data)
+            self._take(before, rank, data)
         run.carry_over(run_before)
-        return results if period.may_continue(before) else results + self._close_before()
+        return () if period.may_continue(before) else self._close_before()
 
-    def _take(self, period: SweepPeriod, rank: int, data: bytes) -> Results:
+    def _take(self, period: SweepPeriod, rank: int, data: bytes) -> None:
         run = period.runs[self._nodes[rank]]
-        discarded: Results = ()
         if run.repeats(rank, data):
             self._distinct[rank] -= 1
-            return self._lose(LossReason.DUPLICATE)
+            self._lose(LossReason.DUPLICATE)
+            return
         if len(period.runs) > 1 and not period.is_emitted and run.begins_next_sweep(rank):
-            discarded = self._discard(period)
+            period.is_discarded = True  # a SYNC was lost within it: of no TPDO is known to which period it belongs
+            self._lose(LossReason.LATE, sum(run.lose() for run in period.runs))
         if period.is_discarded:
-            results = discarded + self._lose(LossReason.LATE)
+            self._lose(LossReason.LATE)
         elif period.is_emitted or run.is_complete:
-            results = self._lose(LossReason.SURPLUS)
+            self._lose(LossReason.SURPLUS)
         else:
-            results = self._place(period, rank, data)
+            self._place(period, rank, data)
         run.note_received(rank, data)
-        return results
 
-    def _discard(self, period: SweepPeriod) -> Results:
-        """A SYNC was lost within this period: of no TPDO is known to which period it belongs."""
-        period.is_discarded = True
-        return self._lose(LossReason.LATE, sum(run.lose() for run in period.runs))
-
-    def _place(self, period: SweepPeriod, rank: int, data: bytes) -> Results:
-        loss = period.runs[self._nodes[rank]].add(rank)
-        results = () if loss is None else self._lose(*loss)
-        if (wrong := self._table.wrong_length(rank, data)) is not None:
-            return results + self._lose(wrong)
+    def _place(self, period: SweepPeriod, rank: int, data: bytes) -> None:
+        if (lost := period.runs[self._nodes[rank]].add(rank)) is not None:
+            self._lose(*lost)
+        if (wrong := self._wrong_length(rank, data)) is not None:
+            self._lose(wrong)
+            return
         period.payload.words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
         period.payload.fresh[rank] = True
-        return results
 
-    def _end(self, period: SweepPeriod) -> Results:
-        return self._lose(LossReason.LATE, sum(run.end() for run in period.runs))
-
-    def _resolve_aside(self, period: SweepPeriod) -> Results:
+    def _resolve_aside(self, period: SweepPeriod) -> Frames:
         """The period is complete: the runs that it has set aside are of the one before, or of an older one."""
         if self._before is None:
             return self._lose(LossReason.LATE, sum(run.lose_aside() for run in period.runs))
         period.return_aside(self._before)
         return self._close_before()
 
-    def _close_before(self) -> Results:
+    def _close_before(self) -> Frames:
         before, self._before = self._before, None
         return () if before is None else self._emit(before)
 
-    def _emit(self, period: SweepPeriod) -> Results:
+    def _emit(self, period: SweepPeriod) -> Frames:
         words, fresh = period.payload
         period.is_emitted = True
         self._fresh += fresh
         return self._give(period.stamp, period.sequence, words, fresh)
 
-    def _lose(self, reason: LossReason, can_frames: int = 1) -> Results:
+    def _lose(self, reason: LossReason, can_frames: int = 1) -> Frames:
         if reason is LossReason.OUT_OF_ORDER:
             self._changed_order = self._sequence
-        return self._counts.lose(reason, can_frames)
+        return super()._lose(reason, can_frames)

@@ -6,8 +6,8 @@ succeed gives, at that next one, a frame whose taxels are all NaN and STALE, or 
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import LossReason, Results
-from tactile_node.assembly.pad_assembler import PadAssembler
+from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.cia301.objects import SDO_REQUEST, SDO_RESPONSE
 from tactile_node.cia301.sdo import SdoUpload, Step
 from tactile_node.skin.layout import DomainLayout, SkinLayout
@@ -18,53 +18,53 @@ class DomainAssembler(PadAssembler):
 
     service = 'sdo'
 
-    def __init__(self, layout: SkinLayout, domain: DomainLayout, node_id: int, drop_incomplete: bool = False):
-        super().__init__(layout, (node_id,), drop_incomplete)
+    def __init__(self, layout: SkinLayout, domain: DomainLayout, node_id: int):
+        super().__init__(layout, (node_id,))
         self._upload = SdoUpload(domain.index, domain.subindex)
         self._response_id = SDO_RESPONSE + node_id
         self.can_ids = frozenset((SDO_REQUEST + node_id, self._response_id))
         self._stamp: float | None = None  # begin of the period under way
         self.restart()
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
+    def feed(self, can_id: int, data: bytes, timestamp: float) -> Frames:
         if can_id == self._response_id:
             return self._take(self._upload.response(data))
         step = self._upload.request(data)
         if step is not Step.BEGUN:
             return self._take(step)
-        results = self.end_period()
+        frames = self.end_period()
         self._sequence += 1
         self._stamp = timestamp
-        return results
+        return frames
 
-    def end_period(self) -> Results:
+    def end_period(self) -> Frames:
         """End the upload under way; the frame without values, if it has not succeeded."""
         return self._end(bytes(self._codec.payload_bytes), is_fresh=False)
 
     def _forget(self) -> None:
         if self._stamp is not None and self._upload.is_under_way:
-            self._lose(LossReason.UNFINISHED)
+            self._lose_upload(LossReason.UNFINISHED)
         self._stamp = None
 
-    def _take(self, step: Step) -> Results:
+    def _take(self, step: Step) -> Frames:
         if self._stamp is None:
             return ()
         if step is Step.BROKEN:
-            return self._lose(LossReason.BROKEN)
+            return self._lose_upload(LossReason.BROKEN)
         if step is not Step.DONE:
             return ()
         data, wanted = self._upload.data, self._codec.payload_bytes
         if len(data) != wanted:
-            return self._lose(LossReason.SHORT if len(data) < wanted else LossReason.OVER_LONG)
-        self._counts.received += 1
+            return self._lose_upload(LossReason.SHORT if len(data) < wanted else LossReason.OVER_LONG)
+        self._received += 1
         return self._end(data, is_fresh=True)
 
-    def _end(self, payload: bytes, is_fresh: bool) -> Results:
+    def _end(self, payload: bytes, is_fresh: bool) -> Frames:
         if self._stamp is None:
             return ()
         stamp, self._stamp = self._stamp, None
         return self._give(stamp, self._sequence, payload, np.array([is_fresh]))
 
-    def _lose(self, reason: LossReason) -> Results:
-        self._counts.received += 1
-        return self._counts.lose(reason)
+    def _lose_upload(self, reason: LossReason) -> Frames:
+        self._received += 1
+        return self._lose(reason)

@@ -24,17 +24,6 @@ class LossReason(PhrasedCode):
     UNFINISHED = 11, 'the driver stopped within the period'
 
 
-class Loss(NamedTuple):
-    """So many CAN frames of a pad were lost for one reason."""
-
-    reason: LossReason
-    can_frames: int = 1
-
-
-#: What an assembler makes of a CAN frame or a SYNC, in order: taxel frames that are finished, and losses
-Results = tuple[TaxelFrame | Loss, ...]
-
-
 class PadStatistics(NamedTuple):
     """Counts of one pad since it was opened. received = used + pending + the sum of all losses.
 

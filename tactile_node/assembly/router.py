@@ -2,21 +2,19 @@
 
 import logging
 from collections import Counter
-from functools import partial
 from math import inf
 
 import can
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
-from tactile_node.assembly.frame_source import BusStatistics, OnFrame, Results
-from tactile_node.assembly.pad_assembler import PadAssembler
+from tactile_node.assembly.frame_source import BusStatistics, OnFrame
+from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.assembly.sweep_period import SLOW_BITRATE, FreeBus
 from tactile_node.cia301.objects import service_of
 from tactile_node.skin.pads import PadSettings
-from tactile_node.taxel_frame import TaxelFrame
 
 logger = logging.getLogger(__name__)
 
@@ -32,8 +30,8 @@ class Router:
 
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
                  one_clock: bool = True, drop_incomplete: bool = False, bitrate: int = SLOW_BITRATE):
-        make = partial(_assembler, one_clock=one_clock, drop_incomplete=drop_incomplete)
-        self._assemblers = {pad.name: make(pad) for pad in pads}
+        self._assemblers = {pad.name: _assembler(pad, one_clock) for pad in pads}
+        self.drop_incomplete(drop_incomplete)
         self._owners = {can_id: (name, assembler.feed, assembler.service, isinstance(assembler, FrameAssembler))
                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
@@ -128,23 +126,21 @@ class Router:
         pads = {name: assembler.statistics() for name, assembler in self._assemblers.items()}
         return BusStatistics(pads, dict(self._counts), consumer_errors=self._consumer_errors)
 
-    def _hand_over(self, name: str, results: Results) -> None:
-        for result in results:
-            if isinstance(result, TaxelFrame):
-                try:
-                    self._on_frame(name, result)
-                except Exception:
-                    self._consumer_errors += 1
-                    logger.exception('on_frame of pad %r failed', name)
+    def _hand_over(self, name: str, frames: Frames) -> None:
+        for frame in frames:
+            try:
+                self._on_frame(name, frame)
+            except Exception:
+                self._consumer_errors += 1
+                logger.exception('on_frame of pad %r failed', name)
 
 
-def _assembler(pad: PadSettings, one_clock: bool, drop_incomplete: bool) -> PadAssembler:
+def _assembler(pad: PadSettings, one_clock: bool) -> PadAssembler:
     if pad.layout.domain is not None:
-        return DomainAssembler(pad.layout, pad.layout.domain, pad.node_ids[0], drop_incomplete)
+        return DomainAssembler(pad.layout, pad.layout.domain, pad.node_ids[0])
     if (event := pad.layout.event_driven) is not None:
-        kind = SweepAssembler if event.is_sweeps else SnapshotAssembler
-        return kind(pad.layout, event, pad.node_ids, drop_incomplete)
-    return FrameAssembler(pad.layout, pad.node_ids, one_clock, drop_incomplete)
+        return (SweepAssembler if event.is_sweeps else SnapshotAssembler)(pad.layout, event, pad.node_ids)
+    return FrameAssembler(pad.layout, pad.node_ids, one_clock)
 
 
 def non_data_kind(message: can.Message) -> str | None:

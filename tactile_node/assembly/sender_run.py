@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import Loss, LossReason
+from tactile_node.assembly.frame_source import LossReason
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 
 
@@ -36,6 +36,9 @@ class Payload(NamedTuple):
 
     words: bytearray  #: MAX_PDO_BYTES bytes each
     fresh: np.ndarray  #: bool, which of them belong to the period
+
+
+Lost = tuple[LossReason, int]  # why, and how many TPDOs
 
 
 class SenderRun:
@@ -147,17 +150,17 @@ class SenderRun:
         """Whether ``rank`` begins another sweep though the run before is not suspect."""
         return self.is_seen and rank <= self.last and not self._is_suspect
 
-    def add(self, rank: int) -> Loss | None:
-        """Continue the run with ``rank``, or begin the next one; the loss, if that loses the run before."""
-        loss = None
+    def add(self, rank: int) -> Lost | None:
+        """Continue the run with ``rank``, or begin the next one; what that loses of the run before."""
+        lost = None
         if not self.is_seen:
             if self._behind == 1 and rank <= self._late_above:  # the delayed tail cannot come any more
                 self._expect_late(0)
             self._is_suspect = self._behind > 0
         elif rank <= self.last:
-            loss = self._begin_next(rank)
+            lost = self._begin_next(rank)
         self._ranks.add(rank)
-        return loss
+        return lost
 
     def note_received(self, rank: int, data: bytes) -> None:
         """This TPDO was received, used or not."""
@@ -205,18 +208,18 @@ class SenderRun:
         self._late_above = above
         self._is_of_before = is_of_before and behind == 1
 
-    def _begin_next(self, rank: int) -> Loss | None:
-        loss = None
+    def _begin_next(self, rank: int) -> Lost | None:
+        lost = None
         if self._is_suspect and self._is_of_before:
             self._set_aside()
             self._is_aside_proved = self._late_above >= 0  # a tail; a whole sweep may be of another period
         else:
             is_late = self._is_suspect or bool(self._aside) or rank in self._ranks
-            loss = Loss(LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose())
+            lost = LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose()
         self._expect_late(max(self._behind - 1, 0))
         self._is_suspect = self._behind > 0
         self.is_settled = False  # two runs in one period: the bus only seemed free
-        return loss
+        return lost
 
     def _set_aside(self) -> None:
         words, fresh = self._payload

@@ -22,8 +22,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import LossReason, Results
-from tactile_node.assembly.pad_assembler import PadAssembler
+from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout
 from tactile_node.taxel_frame import TaxelFrame, TpdoAges, read_only
@@ -34,8 +34,8 @@ SNAPSHOT_WAIT = 0.02  #: s; the usual time between two sweeps with SYNC
 class SnapshotAssembler(PadAssembler):
     """The state machine of one pad that sends as ``event`` says."""
 
-    def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int], drop_incomplete: bool = False):
-        super().__init__(layout, node_ids, drop_incomplete)
+    def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int]):
+        super().__init__(layout, node_ids)
         self._event = event
         self._node_ids = np.array([node_ids[tpdo.node] for tpdo in layout.tpdos])  # by rank
         self._taxel_tpdos = _taxel_tpdos(layout)
@@ -48,33 +48,29 @@ class SnapshotAssembler(PadAssembler):
         """The node's values are forgotten when the next TPDO comes."""
         self._started.add(node_id)
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
-        self._counts.received += 1
-        rank = self._table.rank(can_id, data)
-        if isinstance(rank, LossReason):
-            return self._counts.lose(rank)
-        if wrong := self._table.wrong_length(rank, data):
-            return self._counts.lose(wrong)
-        results = self._forget_invalid(timestamp)
-        if self._is_duplicate(rank, data, timestamp):
-            return results + self._counts.lose(LossReason.DUPLICATE)
-        if self._is_new[rank] or timestamp - self._first_new > SNAPSHOT_WAIT:
-            results += self._give_new()
-        results += self._take(rank, data, timestamp)
-        if (self._is_new | self._is_too_old()).all():
-            results += self._give_new()
-        return results
-
-    def end_period(self) -> Results:
-        results = self._give_new()
+    def end_period(self) -> Frames:
+        frames = self._give_new()
         self._forget()
-        return results
+        return frames
+
+    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:
+        if wrong := self._wrong_length(rank, data):
+            return self._lose(wrong)
+        frames = self._forget_invalid(timestamp)
+        if self._is_duplicate(rank, data, timestamp):
+            return frames + self._lose(LossReason.DUPLICATE)
+        if self._is_new[rank] or timestamp - self._first_new > SNAPSHOT_WAIT:
+            frames += self._give_new()
+        self._take(rank, data, timestamp)
+        if (self._is_new | self._is_too_old()).all():
+            frames += self._give_new()
+        return frames
 
     def _pending(self) -> int:
         return int(self._unused.sum())
 
     def _forget(self) -> None:
-        self._counts.lose(LossReason.UNFINISHED, self._pending())
+        self._lose(LossReason.UNFINISHED, self._pending())
         size = len(self._unused)
         self._unused = np.zeros(size, bool)
         self._is_new = np.zeros(size, bool)  # not in the snapshot before
@@ -84,48 +80,45 @@ class SnapshotAssembler(PadAssembler):
         self._last = -1, b''  # rank and bytes received last
         self._started: set[int] = set()  # node-IDs
 
-    def _forget_invalid(self, stamp: float) -> Results:
+    def _forget_invalid(self, stamp: float) -> Frames:
         """What was received before does not hold for what is stamped now."""
+        frames: Frames = ()
         is_first = not self._is_known.any()
         if not is_first and abs(stamp - self._newest) > self._event.max_age:
-            results = self._give_new()
-            self._forget()
+            frames = self.end_period()
             is_first = True
         elif self._started:
-            results = self._give_new()
+            frames = self._give_new()
             forgotten = np.isin(self._node_ids, list(self._started))
-            results += self._counts.lose(LossReason.INCOMPLETE, int((self._unused & forgotten).sum()))
+            self._lose(LossReason.INCOMPLETE, int((self._unused & forgotten).sum()))
             self._unused &= ~forgotten
             self._is_known &= ~forgotten
             self._stamps[forgotten] = stamp
             self._started = set()
-        else:
-            results = ()
         if is_first:
             self._stamps[:] = stamp
             self._newest = stamp
-        return results
+        return frames
 
     def _is_duplicate(self, rank: int, data: bytes, stamp: float) -> bool:
         return (self._last == (rank, data) and bool(self._is_known[rank])
                 and 0 <= stamp - self._stamps[rank] < self._event.event_timer / 2)
 
-    def _take(self, rank: int, data: bytes, stamp: float) -> Results:
+    def _take(self, rank: int, data: bytes, stamp: float) -> None:
         self._last = rank, data
-        lost = self._counts.lose(LossReason.INCOMPLETE) if self._unused[rank] else ()
+        self._lose(LossReason.INCOMPLETE, int(self._unused[rank]))
         self._words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
         self._stamps[rank] = stamp
         self._is_known[rank] = self._is_new[rank] = self._unused[rank] = True
         self._newest = max(self._newest, stamp)
         self._first_new = min(self._first_new, stamp)
-        return lost
 
     def _is_too_old(self) -> np.ndarray:
         """Whether the TPDO of each rank has not come for too long."""
         too_old: np.ndarray = self._newest - self._stamps > self._event.max_age
         return too_old
 
-    def _give_new(self) -> Results:
+    def _give_new(self) -> Frames:
         """Give a snapshot, if anything is new."""
         if not self._is_new.any():
             return ()
@@ -135,14 +128,14 @@ class SnapshotAssembler(PadAssembler):
         self._first_new = np.inf
         self._sequence += 1
         if missing and self.drop_incomplete:
-            self._counts.withhold(missing)
+            self._count_withheld(missing)
             return ()
-        expired = self._counts.lose(LossReason.INCOMPLETE, int((self._unused & ~fresh).sum()))
-        self._counts.give(self._unused & fresh, missing)
+        self._lose(LossReason.INCOMPLETE, int((self._unused & ~fresh).sum()))
+        self._count_given(self._unused & fresh, missing)
         self._unused[:] = False
         values, status = self._codec.decode(self._words, fresh)
         ages = TpdoAges(read_only((self._newest - self._stamps).astype(np.float32)), self._taxel_tpdos)
-        return (*expired, TaxelFrame(self._newest, self._sequence, values, status, missing, ages))
+        return (TaxelFrame(self._newest, self._sequence, values, status, missing, ages),)
 
 
 def _taxel_tpdos(layout: SkinLayout) -> np.ndarray:

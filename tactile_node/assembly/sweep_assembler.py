@@ -25,8 +25,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import LossReason, Results
-from tactile_node.assembly.pad_assembler import PadAssembler
+from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout
 
@@ -36,8 +36,8 @@ SILENCE = 5  #: event timers without a TPDO: of a working device more than lost 
 class SweepAssembler(PadAssembler):
     """The state machine of one pad that sends as ``event`` says."""
 
-    def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int], drop_incomplete: bool = False):
-        super().__init__(layout, node_ids, drop_incomplete)
+    def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int]):
+        super().__init__(layout, node_ids)
         self._event = event
         self._size = len(layout.tpdos)
         self._first: float | None = None  # stamp of the run
@@ -51,35 +51,31 @@ class SweepAssembler(PadAssembler):
         """What the node sends next begins a run."""
         self._is_continued = False
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> Results:
-        self._counts.received += 1
-        rank = self._table.rank(can_id, data)
-        if isinstance(rank, LossReason):
-            return self._counts.lose(rank)
+    def end_period(self) -> Frames:
+        frames, self._first = self._end(), None
+        return frames
+
+    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:
         is_within = self._is_within(timestamp)
         if is_within and (rank, data) == self._last:
-            return self._counts.lose(LossReason.DUPLICATE)
-        results: Results = ()
+            return self._lose(LossReason.DUPLICATE)
+        frames: Frames = ()
         if not is_within or rank <= self._last[0]:
-            results = self._end()
+            frames = self._end()
             self._begin(timestamp)
         self._last = rank, data
-        if wrong := self._table.wrong_length(rank, data):
-            results += self._counts.lose(wrong)
+        if wrong := self._wrong_length(rank, data):
+            self._lose(wrong)
         else:
             self._words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
             self._fresh[rank] = True
-        return results + self._end() if rank == self._size - 1 else results
-
-    def end_period(self) -> Results:
-        results, self._first = self._end(), None
-        return results
+        return frames + self._end() if rank == self._size - 1 else frames
 
     def _pending(self) -> int:
         return 0 if self._is_given else int(self._fresh.sum())
 
     def _forget(self) -> None:
-        self._counts.lose(LossReason.UNFINISHED, self._pending())
+        self._lose(LossReason.UNFINISHED, self._pending())
         self._first = None
         self._is_given = True
         self._is_continued = False  # what comes may be of the run
@@ -104,11 +100,11 @@ class SweepAssembler(PadAssembler):
         self._fresh = np.zeros(self._size, bool)
         self._is_continued, self._is_given = True, False
 
-    def _end(self) -> Results:
+    def _end(self) -> Frames:
         """Give the run under way, if there is one."""
         if self._is_given or self._first is None:
             return ()
         self._is_given = True
         if self._is_held_back:
-            return self._counts.lose(LossReason.LATE, int(self._fresh.sum()))
+            return self._lose(LossReason.LATE, int(self._fresh.sum()))
         return self._give(self._first, self._sequence, self._words, self._fresh)
