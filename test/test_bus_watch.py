@@ -147,7 +147,7 @@ def looks(sent: Callable[[float], int], seconds: float = 12.0) -> list[tuple[flo
         while heartbeats.of(32).heartbeats < sent(now):
             heartbeats.feed(0x720, b'\x05')
         traffic.look(now, False, pad, BusSeen(0), 0.1, DELAY)
-        seen.append((now, traffic.senders.are_two))
+        seen.append((now, traffic.are_two))
     return seen
 
 

@@ -84,7 +84,7 @@ class NodeMonitor:
     def untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
         """Its TPDOs, or DOMAIN, whose values in ``frame``, acquired then, may mean something else."""
         carriers, ages = self.node.layout.carriers, frame.tpdo_ages
-        if not self.is_trusted or self.traffic.senders.are_two:
+        if not self.is_trusted or self.traffic.are_two:
             return carriers
         if ages is None:
             return () if acquired >= self.trusted_from else carriers
@@ -95,7 +95,7 @@ class NodeMonitor:
         """The bus was opened: from now on the node should send, and has to be configured."""
         self._since = now
         self._configured = None
-        self.traffic.senders.restart(now)
+        self.traffic.restart(now)
         self.attempts.reset()
 
     def configured(self, setup: Setup, now: float, heartbeat_time: float | None) -> None:
@@ -126,11 +126,11 @@ class NodeMonitor:
         if bus.syncs != self._syncs:
             self._syncs = bus.syncs
             self._sync_at = now
-        were_two = self.traffic.senders.are_two
+        were_two = self.traffic.are_two
         is_known = self._heartbeat_writes == self._monitor.heartbeat_writes[self.node.node_id] and (
             self.is_trusted or were_two)  # a device that has started again may have another one
         self.traffic.look(now, is_active, pad, bus, self._heartbeat_time if is_known else None, self._data_timeout)
-        if were_two and not self.traffic.senders.are_two:
+        if were_two and not self.traffic.are_two:
             self._configured = None  # which of both has taken what was written is not known
         self.fault = self._detected(now, is_active)
         if self.fault.is_fault:
@@ -186,7 +186,7 @@ class NodeMonitor:
 
     def _detected(self, now: float, is_active: bool) -> NodeFault:
         is_silent = self._is_silent(now)
-        if self.traffic.senders.are_two:
+        if self.traffic.are_two:
             return NodeFault.TWO_SENDERS
         if not self.is_trusted and is_silent:
             return NodeFault.SILENT

@@ -100,7 +100,7 @@ class NodeRecovery:
         except InterruptedSetupError:
             pass
         except TwoDevicesError as error:
-            monitor.traffic.senders.see(time.monotonic())
+            monitor.traffic.see_two(time.monotonic())
             if monitor.retry_reminder.is_due(type(error).__name__, time.monotonic()):
                 logger.error('%s', error, extra={'fact': error})
         except (DeviceError, BusError) as error:

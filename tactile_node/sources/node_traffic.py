@@ -91,63 +91,6 @@ class HeartbeatWatch(CountWindow):
         return now - begun >= window and guarded == guarded_then and heartbeats - heartbeats_then > expected
 
 
-TWO_SENDERS_HOLD = 0.5  # s beyond the time in which what is left of the second device would be seen
-
-
-class SenderWatch:
-    """Two heartbeats in one heartbeat time, or more TPDOs of one COB-ID than SYNCs, are of two devices.
-
-    They count as two until neither has been seen for as long as it takes to see it.
-    """
-
-    def __init__(self) -> None:
-        self._heartbeats = HeartbeatWatch()
-        self._tpdos = SurplusTpdos()
-        self._seen: float | None = None  # when they were seen last
-        self._hold = TWO_SENDERS_HOLD
-        self.surplus: tuple[int, ...] = ()  #: places of the TPDOs that are received too often
-
-    @property
-    def are_two(self) -> bool:
-        return self._seen is not None
-
-    def see(self, now: float) -> None:
-        """Both were seen in another way."""
-        self._seen = now
-
-    def restart(self, now: float) -> None:
-        """The bus was opened again: what was seen before is held, but nothing is compared with it."""
-        self.pause()
-        self._seen = None if self._seen is None else now
-
-    def pause(self) -> None:
-        """What comes now is no measure."""
-        self._heartbeats.restart()
-        self.pause_tpdos()
-
-    def pause_tpdos(self) -> None:
-        """There is no SYNC now."""
-        self._tpdos.restart()
-
-    def look_at_heartbeats(self, now: float, heartbeats: int, guarded: int, period: float | None,
-                           delay: float) -> None:
-        """See HeartbeatWatch; ``period`` None or 0: not known, or none."""
-        self._hold = TWO_SENDERS_HOLD + 3 * delay + 6 * (period or 0.0)
-        if not period:
-            self._heartbeats.restart()
-        if period and self._heartbeats.is_doubled(now, heartbeats, guarded, period, delay):
-            self._seen = now
-        elif self._seen is not None and now - self._seen > self._hold:
-            self._seen = None
-            self.surplus = ()
-
-    def look_at_tpdos(self, now: float, syncs: int, received: Sequence[int], delay: float) -> None:
-        """See SurplusTpdos."""
-        surplus = self._tpdos.update(now, syncs, received, delay)
-        if surplus:
-            self._seen, self.surplus = now, surplus
-
-
 class BusSeen(NamedTuple):
     """What a bus has brought so far, beside taxels."""
 
@@ -157,24 +100,42 @@ class BusSeen(NamedTuple):
     ran_again: float = 0.0  #: when it did after a stall: what was sent until then may not have been read yet [s]
 
 
+TWO_SENDERS_HOLD = 0.5  # s beyond the time in which what is left of the second device would be seen
+
+
 class NodeTraffic:
-    """Used by one thread at a time; ``missing``, ``surplus`` and ``senders.are_two`` may be read by any."""
+    """Used by one thread at a time; ``missing``, ``surplus`` and ``are_two`` may be read by any.
+
+    Two heartbeats in one heartbeat time, or more TPDOs of one COB-ID than SYNCs, are of two devices. They count as two
+    until neither has been seen for as long as it takes to see it.
+    """
 
     def __init__(self, node: CanopenNode, heard: HeardNode):
         self._node = node
         self._heard = heard
         self._tpdos = tuple(SentTpdo(tpdo.number, tpdo.cob_id.of(node.node_id)) for tpdo in node.layout.tpdos)
         self.tpdos = MissingTpdos()
-        self.senders = SenderWatch()
+        self._heartbeats = HeartbeatWatch()
+        self._surplus = SurplusTpdos()
+        self._two_seen: float | None = None  # when two devices were seen last
         self._signs = 0  # heartbeats and TPDOs, by the last look
         self._signs_at = 0.0
         self._measured_from = 0.0  # what comes earlier may be a backlog
         self.missing: tuple[SentTpdo, ...] = ()  #: that bring no taxels, while others do
+        self.surplus: tuple[SentTpdo, ...] = ()  #: that are received more often than SYNC
 
     @property
-    def surplus(self) -> tuple[SentTpdo, ...]:
-        """TPDOs that are received more often than SYNC."""
-        return tuple(self._tpdos[place] for place in self.senders.surplus)
+    def are_two(self) -> bool:
+        return self._two_seen is not None
+
+    def see_two(self, now: float) -> None:
+        """Two devices were seen in another way."""
+        self._two_seen = now
+
+    def restart(self, now: float) -> None:
+        """The bus was opened again: what was seen before is held, but nothing is compared with it."""
+        self._forget_counts()
+        self._two_seen = None if self._two_seen is None else now
 
     def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen, heartbeat_time: float | None,
              delay: float) -> None:
@@ -185,15 +146,33 @@ class NodeTraffic:
         counts = self._heard.heartbeats, self._heard.guarded
         is_measure = not bus.is_overloaded and not self._is_backlog(
             now, counts[0] + sum(received), delay + 2 * (heartbeat_time or 0.0))
-        self.missing = tuple(self._tpdos[place] for place in missing) if is_measure else ()
+        self.missing = self._named(missing) if is_measure else ()
         if not is_measure:
-            self.senders.pause()
+            self._forget_counts()
             return
-        self.senders.look_at_heartbeats(now, *counts, heartbeat_time, delay)
-        if sends:
-            self.senders.look_at_tpdos(now, pad.syncs + bus.foreign_syncs, received, delay)
-        else:
-            self.senders.pause_tpdos()
+        self._look_at_heartbeats(now, *counts, heartbeat_time or 0.0, delay)
+        if not sends:
+            self._surplus.restart()
+        elif surplus := self._surplus.update(now, pad.syncs + bus.foreign_syncs, received, delay):
+            self._two_seen, self.surplus = now, self._named(surplus)
+
+    def _named(self, places: tuple[int, ...]) -> tuple[SentTpdo, ...]:
+        return tuple(self._tpdos[place] for place in places)
+
+    def _forget_counts(self) -> None:
+        """What comes now is no measure."""
+        self._heartbeats.restart()
+        self._surplus.restart()
+
+    def _look_at_heartbeats(self, now: float, heartbeats: int, guarded: int, period: float, delay: float) -> None:
+        """See HeartbeatWatch; ``period`` 0: not known, or none."""
+        if not period:
+            self._heartbeats.restart()
+        if period and self._heartbeats.is_doubled(now, heartbeats, guarded, period, delay):
+            self._two_seen = now
+        elif self._two_seen is not None and now - self._two_seen > TWO_SENDERS_HOLD + 3 * delay + 6 * period:
+            self._two_seen = None
+            self.surplus = ()
 
     def _is_backlog(self, now: float, signs: int, silence: float) -> bool:
         """Whether what came up to ``now`` may have waited in device or adapter, after no sign for ``silence`` [s]."""

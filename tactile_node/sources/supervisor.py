@@ -1,9 +1,8 @@
 """Supervises a skin bus: detects the faults of bus and nodes, recovers from them, and logs what it waits for.
 
-Two levels. A *bus* that fails (adapter gone, network down, bus-off) is closed and opened again, with all that
-belongs to it: BusRecovery. A *node* that has started again, is silent, not OPERATIONAL or without taxels is configured
-and started again, while SYNC and the other pads continue: NodeRecovery. Between two attempts of either kind the pause
-doubles.
+Two levels. A *bus* that fails (adapter gone, network down, bus-off) is closed and opened until it works, with all that
+belongs to it. A *node* that has started again, is silent, not OPERATIONAL or without taxels is configured and started
+again, while SYNC and the other pads continue: NodeRecovery. Between two attempts of either kind the pause doubles.
 """
 
 import logging
@@ -16,13 +15,14 @@ from tactile_node.assembly.health import BusHealth, Failure
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.skin_bus import SkinBus
-from tactile_node.errors import BusError
+from tactile_node.bus.threads import Reminder
+from tactile_node.errors import BusError, LogError
 from tactile_node.skin.pads import LivePad
 from tactile_node.skin.taxel_codec import without_values
-from tactile_node.sources.bus_recovery import BusRecovery
 from tactile_node.sources.bus_watch import BusWatch
 from tactile_node.sources.node_monitor import NodeMonitor
 from tactile_node.sources.node_recovery import NodeRecovery
+from tactile_node.sources.outage import Backoff, OutageClock
 from tactile_node.taxel_frame import TaxelFrame
 
 logger = logging.getLogger(__name__)
@@ -54,9 +54,12 @@ class Supervisor:
         self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
         self._monitors = [monitor for monitors in self._by_pad.values() for monitor in monitors]
         self._node_recovery = NodeRecovery(self._bus, self._monitors, recover)
-        self._bus_recovery = BusRecovery(self._bus, self.monitor, self._monitors, settings.sync_period,
-                                         is_active=lambda: self._is_active)
         self._watch = BusWatch(settings, pads, self.monitor, self._bus.traffic.put, data_timeout=timeouts[1])
+        self._outage: OutageClock[Failure] = OutageClock()  # of the bus
+        self._backoff = Backoff()
+        self._reminder = Reminder()
+        self._received_then = 0  # CAN frames, when the bus was opened again
+        self._silent_since: float | None = None  # no SYNC, so no sequence numbers, since then
         self._is_configured = False
         self._is_active = False
         self._thread: threading.Thread | None = None
@@ -64,7 +67,7 @@ class Supervisor:
     @property
     def failure(self) -> Failure | None:
         """Why nothing is received, None while the bus works."""
-        return self._bus_recovery.outage.current or self._bus.failure
+        return self._outage.current or self._bus.failure
 
     def open(self) -> None:
         with self._turn:
@@ -83,7 +86,7 @@ class Supervisor:
 
     def start(self) -> None:
         with self._turn:
-            if self._bus_recovery.outage.is_running:
+            if self._outage.is_running:
                 raise BusError('CAN bus', expected='one that works', got=failure_text(self.failure),
                                remedy='It is opened again until it works; start once it does.')
             self._bus.start(without=[monitor.node.node_id for monitor in self._monitors if not monitor.is_trusted])
@@ -108,7 +111,7 @@ class Supervisor:
         self._bus.close()
 
     def age(self, stamp: float) -> float:
-        return self._bus.age(stamp)
+        return self._bus.traffic.clock.age(stamp)
 
     def auto_zero(self, pad: str) -> int:
         return self._bus.devices.auto_zero(pad)
@@ -133,7 +136,7 @@ class Supervisor:
             failure=self.failure, is_active=self._is_active,
             nodes={name: tuple(monitor.health(now) for monitor in monitors)
                    for name, monitors in self._by_pad.items()},
-            outages=self._bus_recovery.outage.outages(now), load=self._watch.load.load,
+            outages=self._outage.outages(now), load=self._watch.load.load,
             is_error_passive=bus_monitor.is_error_passive, error_counters=bus_monitor.error_counters,
             foreign_commands=bus_monitor.foreign_commands, last_command=bus_monitor.last_command,
             sync=self._watch.sync.state, overload=self._watch.overload.kind, stalls=self._watch.overload.stalls)
@@ -144,7 +147,8 @@ class Supervisor:
 
     def _begin(self) -> None:
         now = time.monotonic()
-        self._bus_recovery.restart(now)
+        self._outage.end(now)
+        self._silent_since = None
         self._watch.overload.restart()
         for monitor in self._monitors:
             monitor.outage.end(now)
@@ -174,8 +178,8 @@ class Supervisor:
             self._watch.look_at_traffic(time.monotonic())
             if not self._is_configured:
                 return time.monotonic()
-            if self._recover and self._bus_recovery.is_needed:
-                self._bus_recovery.attend()
+            if self._recover and (self._bus.failure is not None or self._outage.is_running):
+                self._attend_to_bus()
                 self._watch.overload.restart()
             if self._bus.failure is None:
                 begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.traffic.syncs_sent
@@ -190,11 +194,44 @@ class Supervisor:
 
     def _bus_failed(self, failure: Failure) -> None:
         """On any thread: log it once and let the supervisor act."""
-        self._bus_recovery.failed(failure)
+        if not self._outage.is_running:
+            logger.error('CAN bus has failed: %s. It is closed and opened again until it works.',
+                         failure_text(failure), extra={'fact': failure.fault})
         self._wake.set()
 
+    def _attend_to_bus(self) -> None:
+        now, failure = time.monotonic(), self._bus.failure
+        if failure is None:
+            if self.monitor.can_frames > self._received_then:
+                logger.info('CAN bus works again after %.2f s.', self._outage.end(now))
+                self._backoff.reset()
+            return
+        self._outage.begin(now, failure)
+        for monitor in self._monitors:
+            monitor.outage.begin(now, failure)
+        if self._backoff.is_due(now):
+            self._reopen()
+            self._backoff.attempted(time.monotonic())
+
+    def _reopen(self) -> None:
+        """Bus, reception and queue are made again; the counts continue."""
+        self._bus.disconnect()
+        self._silent_since = self._silent_since or time.monotonic()
+        try:
+            self._bus.open()
+            self._received_then = self.monitor.can_frames
+            if self._is_active:
+                self._bus.resume(int((time.monotonic() - self._silent_since) / self._settings.sync_period))
+                self._silent_since = None
+        except (BusError, LogError) as error:
+            if self._reminder.is_due(str(error), time.monotonic()):
+                logger.error('Waiting for the CAN bus: %s', error, extra={'fact': error})
+            return
+        for monitor in self._monitors:
+            monitor.expect(time.monotonic())
+
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
-        acquired = time.monotonic() - self._bus.age(frame.stamp)
+        acquired = time.monotonic() - self.age(frame.stamp)
         for monitor in self._by_pad[name]:
             if untrusted := monitor.untrusted(frame, acquired):
                 monitor.distrusted += 1
