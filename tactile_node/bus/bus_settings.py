@@ -1,8 +1,6 @@
 """How a bus is reached and run."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 DEFAULT_INTERFACE = 'socketcan'
 DEFAULT_CHANNEL = 'can0'
@@ -11,7 +9,7 @@ DEFAULT_BITRATE = 1_000_000  #: [bit/s]
 
 @dataclass(frozen=True)
 class BusSettings:
-    """How to reach the bus; ``options`` go to python-can's Bus as they are."""
+    """How to reach the bus, and how its pads are read."""
 
     interface: str
     channel: str
@@ -27,4 +25,3 @@ class BusSettings:
     drop_incomplete: bool = False  #: withhold and count a sweep that lacks TPDOs; else it is given with NaN
     record: str = ''  #: log file for everything on the bus, own frames included
     record_largest: int = 0  #: bytes from which on the recording's next file begins; 0: one file
-    options: Mapping[str, Any] = field(default_factory=dict)

@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import can
 
@@ -30,19 +30,15 @@ class Batch(NamedTuple):
     came: tuple[float, float] | None = None
 
 
-@runtime_checkable
-class BatchBus(Protocol):
-    """A bus that gives all at once that it has received."""
-
-    def recv_all(self, timeout: float) -> Batch:
-        """Return the messages that wait, at least one unless none comes within ``timeout`` [s]."""
-
-
 class Reception:
-    """Calls ``on_batch(batch)``, never an empty one, and ``on_error(exception)``, on its own thread, until stopped."""
+    """Reads ``bus``, by its ``recv_all`` where it has one: BulkSlcanBus.
+
+    Calls ``on_batch(batch)``, never an empty one, and ``on_error(exception)``, on its own thread, until stopped.
+    """
 
     def __init__(self, bus: can.BusABC, on_batch: Callable[[Batch], None], on_error: Callable[[Exception], None]):
         self._bus = bus
+        self._recv_all: Callable[[float], Batch] | None = getattr(bus, 'recv_all', None)
         self._on_batch = on_batch
         self._on_error = on_error
         self._recent: deque[float] = deque(maxlen=BUSY_FRAMES)  # when the last messages were read
@@ -77,8 +73,8 @@ class Reception:
         return len(self._recent) == BUSY_FRAMES and now - self._recent[0] < 0.8e-3
 
     def _read(self) -> Batch:
-        if isinstance(self._bus, BatchBus):
-            return self._bus.recv_all(RECEIVE_TIMEOUT)
+        if self._recv_all is not None:
+            return self._recv_all(RECEIVE_TIMEOUT)
         error, self._error = self._error, None
         if error is not None:
             raise error

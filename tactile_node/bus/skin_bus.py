@@ -30,7 +30,6 @@ from tactile_node.skin.pads import CanopenNode, LivePad, check_pads, live_pads
 logger = logging.getLogger(__name__)
 
 
-
 class SkinBus:
     """One CAN bus and its pads; FrameSource has the order of calls. A Supervisor recovers it.
 
@@ -56,8 +55,8 @@ class SkinBus:
                               one_clock=not settings.produce_sync or is_host_stamped,
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
         self.traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
-                                queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped,
-                                sync_period=settings.sync_period)
+                               queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped,
+                               sync_period=settings.sync_period)
         self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
@@ -77,7 +76,7 @@ class SkinBus:
             return
         settings = self._settings
         channel = settings.channel if self._port is None else self._port.channel()
-        bus = open_bus(settings.interface, channel, settings.bitrate, settings.options)
+        bus = open_bus(settings.interface, channel, settings.bitrate, {})
         if self._port is not None:
             self._port.opened()
         record = self._open_record(bus)
@@ -105,10 +104,6 @@ class SkinBus:
         if node.node_id in self._polls:
             self._polls[node.node_id].by_block = as_set.by_block
         return None if as_set.heartbeat_ms is None else 1e-3 * as_set.heartbeat_ms
-
-    def age(self, stamp: float) -> float:
-        """Time since what was stamped ``stamp`` was on the bus [s], by the steady clock."""
-        return self.traffic.clock.age(stamp)
 
     def start(self, without: Collection[int] = ()) -> None:
         """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL.

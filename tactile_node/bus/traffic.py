@@ -1,10 +1,12 @@
 """The CAN frames of one bus on their way to the assembler: stamped, counted, put into its queue."""
 
 import logging
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
 from math import ceil, inf
+from queue import SimpleQueue
 
 import can
 
@@ -15,7 +17,6 @@ from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, OnFailure
 from tactile_node.bus.reception import Batch
 from tactile_node.bus.stamp_clock import StampClock
-from tactile_node.bus.threads import CallQueue
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
 
@@ -58,12 +59,15 @@ class SyncPause:
 
 logger = logging.getLogger(__name__)
 
+Call = tuple[Callable[..., object], tuple[object, ...]]
+
 NO_DATA = -1  #: in place of the COB-ID of what is no data frame with an 11-bit identifier
 
 
 class Traffic:
     """Puts what is received, and what is sent and concerns the assembler, into the queue of ``router``'s thread.
 
+    That thread makes the calls in their order, between ``begin`` and ``end``.
     ``polled``: node-IDs whose SDO requests the assembler needs to know.
     """
 
@@ -74,7 +78,8 @@ class Traffic:
         self._on_failure = on_failure
         self._polled = polled
         self._queue_limit = queue_limit
-        self._calls = CallQueue('assembler')
+        self._queue: SimpleQueue[Call | None] = SimpleQueue()
+        self._thread: threading.Thread | None = None
         self.clock = StampClock(is_host_stamped)
         self._jumps_reported = 0
         self.no_data_frames: Counter[str] = Counter()  #: received, that are no data frames, by kind
@@ -87,24 +92,28 @@ class Traffic:
         self._read_at = 0.0  # by the steady clock, the last batch
 
     def begin(self) -> None:
-        """Start the assembler's thread; what waited for it is forgotten."""
+        """Start the assembler's thread; what waited for it is forgotten, also by one that still hangs in a call."""
         self._put = self._fed = 0
         self._is_gap = True
-        self._calls.begin()
+        self._queue = SimpleQueue()
+        self._thread = threading.Thread(target=self._work, args=(self._queue,), name='assembler', daemon=True)
+        self._thread.start()
 
     def end(self, timeout: float) -> None:
         """End it, after the calls put so far; waits at most ``timeout`` [s]."""
-        self._calls.end(timeout)
+        self._queue.put(None)
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(timeout)
 
     def restart(self) -> None:
         """Sequence numbers begin at 0, and stamps follow the wall clock."""
         self.clock.restart()
         self.pause.restart()
-        self._calls.put(self._router.restart)
+        self.put(self._router.restart)
 
     def put(self, call: Callable[..., object], *args: object) -> None:
-        """Make a call of the router on its thread, after what was received before."""
-        self._calls.put(call, *args)
+        """Make a call on the assembler's thread, after what was received before. From any thread; returns at once."""
+        self._queue.put((call, args))
 
     def received(self, batch: Batch) -> None:
         """On the thread of the reception: copy, enqueue, return."""
@@ -121,11 +130,16 @@ class Traffic:
                 frames.append((NO_DATA, b'', came))
         if self._put - self._fed + len(frames) <= self._queue_limit:
             self._put += len(frames)
-            self._calls.put(self._feed, frames, self._came(batch), self._most_free(batch))
+            self.put(self._feed, frames, self._came(batch), self._most_free(batch))
             self._is_gap = False
         else:
             self.overruns += len(frames)
             self._is_gap = True
+
+    def _work(self, queue: 'SimpleQueue[Call | None]') -> None:
+        while (item := queue.get()) is not None and queue is self._queue:
+            call, args = item
+            call(*args)
 
     def _came(self, batch: Batch) -> tuple[float, float] | None:
         """Between which stamps the frames of ``batch`` came; None where each has the stamp at which it came."""
@@ -170,7 +184,7 @@ class Traffic:
         """An own frame is about to be sent: it counts for the load; the assembler needs the polls' SDO requests."""
         self._monitor.feed_own(len(data))
         if can_id - SDO_REQUEST in self._polled:
-            self._calls.put(self._router.feed, can_id, bytes(data), self.clock.now())
+            self.put(self._router.feed, can_id, bytes(data), self.clock.now())
 
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
         """The SYNC is put into the queue before it is on the bus: no TPDO can overtake it. Raises BusError."""
@@ -181,7 +195,7 @@ class Traffic:
             self._report_jump()
         self.syncs_sent += 1
         network.send_message(can_id, b'', stamp=stamp - self.clock.ahead,
-                             announce=lambda: self._calls.put(self._router.sync, stamp))
+                             announce=lambda: self.put(self._router.sync, stamp))
 
     def _report_jump(self) -> None:
         self._jumps_reported = self.clock.jumps
