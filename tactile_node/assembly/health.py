@@ -34,6 +34,7 @@ class NodeFault(Fault):
     TPDO_MISSING = 11, 'some of its TPDOs bring no taxels'
     TWO_SENDERS = 12, 'two devices send under its node-ID or its COB-IDs'
 
+
 @unique
 class BusFault(Fault):
     """Why a bus or a log gives no taxels; the codes are those of SkinStatus.msg."""
@@ -60,6 +61,7 @@ class SyncFault(Fault):
     SECOND_PRODUCER = 2, 'another device sends SYNC, too'
     OTHER_PERIOD = 3, 'SYNC comes with another period than sync_period'
 
+
 @unique
 class Overload(Fault):
     """Why this process is too slow; the codes are those of SkinStatus.msg."""
@@ -69,6 +71,7 @@ class Overload(Fault):
     STALLED = 2, 'it did not run for a while'
     BEHIND = 3, 'CAN frames wait too long until they are processed'
     DROPPED = 4, 'CAN frames are lost because too many wait'
+
 
 class SyncState(NamedTuple):
     """SYNC as it is received."""

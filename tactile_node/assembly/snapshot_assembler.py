@@ -115,8 +115,7 @@ class SnapshotAssembler(PadAssembler):
 
     def _is_too_old(self) -> np.ndarray:
         """Whether the TPDO of each rank has not come for too long."""
-        too_old: np.ndarray = self._newest - self._stamps > self._event.max_age
-        return too_old
+        return np.greater(self._newest - self._stamps, self._event.max_age)
 
     def _give_new(self) -> Frames:
         """Give a snapshot, if anything is new."""

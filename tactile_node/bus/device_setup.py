@@ -2,20 +2,19 @@
 
 import logging
 import time
-from collections.abc import Callable, Collection
-from contextlib import suppress
-from typing import NamedTuple, NoReturn
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
+from typing import NamedTuple, NoReturn, TypeVar
 
 from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 
 from tactile_node.bus.domain_polling import check_domain
-from tactile_node.bus.own_sdo import DeviceObjects
 from tactile_node.bus.threads import Reminder
 from tactile_node.cia301 import objects
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.errors import DeviceAbsentError, DeviceError
+from tactile_node.errors import DeviceAbsentError, DeviceError, InterruptedSetupError
 from tactile_node.skin.eds_rules import Identity, identity_of
 from tactile_node.skin.layout import TpdoLayout
 from tactile_node.skin.pads import CanopenNode
@@ -26,6 +25,7 @@ logger = logging.getLogger(__name__)
 SENDING_TIMES = {objects.TRANSMISSION_TYPE: (1, 'transmission type'), objects.INHIBIT_TIME: (2, 'inhibit time'),
                  objects.EVENT_TIMER: (2, 'event timer')}
 
+Answer = TypeVar('Answer')
 MappingEntries = list[int] | None  # what a mapping record holds; None: an MPDO with source addressing
 
 
@@ -36,13 +36,20 @@ class DeviceAsSet(NamedTuple):
     heartbeat_ms: int | None = None  #: its heartbeat time; 0: it sends none, None: not known
 
 
-class DeviceSetup(DeviceObjects):
-    """The steps of one node's device; each raises DeviceError when the device does not comply."""
+class DeviceSetup:
+    """The steps of one node's device; a request without an answer is repeated ``retries`` times.
+
+    Each raises DeviceError when the device does not comply, DeviceAbsentError where it does not answer, BusError; and
+    InterruptedSetupError in place of the next request when ``is_interrupted()``.
+    """
 
     def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats, retries: int,
                  is_interrupted: Callable[[], bool] = lambda: False):
-        super().__init__(sdo, node.label, retries, is_interrupted)
+        self._sdo = sdo
         self._node = node
+        self._label = node.label
+        self._tries = 1 + retries
+        self._is_interrupted = is_interrupted
         self._heartbeats = heartbeats
 
     def run(self, boot_timeout: float, heartbeat_ms: int) -> DeviceAsSet:
@@ -216,6 +223,56 @@ class DeviceSetup(DeviceObjects):
         raise DeviceError(f'{self._label}, {what}', expected=f'{expected}, as just written',
                           got=f'{got} read back',
                           remedy="Adapt the layout to the device's own mapping: it does not take another.")
+
+    def _read(self, index: int, sub: int) -> int:
+        """Read an unsigned number."""
+        with self._refusal('be read', index, sub):
+            return self._upload(index, sub)
+
+    def _read_if_any(self, index: int, sub: int) -> int | None:
+        """Read an unsigned number; None where the device refuses it."""
+        with suppress(SdoAbortedError):
+            return self._upload(index, sub)
+        return None
+
+    def _write(self, index: int, sub: int, value: int, size: int) -> None:
+        with self._refusal(f'be set to 0x{value:X}', index, sub):
+            self._download(index, sub, value.to_bytes(size, 'little'))
+
+    def _upload(self, index: int, sub: int) -> int:
+        return int.from_bytes(self._retried('read', index, sub, lambda: self._sdo.upload(index, sub)), 'little')
+
+    def _download(self, index: int, sub: int, data: bytes) -> None:
+        self._retried('write', index, sub, lambda: self._sdo.download(index, sub, data))
+
+    def _retried(self, verb: str, index: int, sub: int, request: Callable[[], Answer]) -> Answer:
+        """What ``request`` returns; it is repeated when there is no answer. Raises DeviceAbsentError."""
+        silence: SdoCommunicationError | None = None
+        for _ in range(self._tries):
+            self._check_interrupt()
+            try:
+                return request()
+            except SdoCommunicationError as error:
+                silence = error
+        timeout = self._tries * self._sdo.RESPONSE_TIMEOUT
+        raise DeviceAbsentError(f'{self._label}, object 0x{index:04X} sub {sub}', got=str(silence),
+                                expected=f'an answer to a {verb} within {timeout:g} s',
+                                remedy='Check the wiring and whether the device is on; a slow one needs a larger '
+                                'sdo_timeout.') from silence
+
+    def _check_interrupt(self) -> None:
+        if self._is_interrupted():
+            raise InterruptedSetupError(self._label, expected='that it is configured', got='a driver that stops',
+                                        remedy='Start the driver again.')
+
+    @contextmanager
+    def _refusal(self, what: str, index: int, sub: int) -> Iterator[None]:
+        try:
+            yield
+        except SdoAbortedError as error:
+            raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
+                              got=f'SDO abort: {error}',
+                              remedy="Compare the layout with the device's manual and EDS.") from error
 
 
 def _mapping_text(entries: MappingEntries) -> str:

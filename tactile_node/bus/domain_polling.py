@@ -16,7 +16,6 @@ from tactile_node.skin.layout import DomainLayout
 logger = logging.getLogger(__name__)
 
 
-
 def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
     """Read the object. Raises BusError and canopen's SdoAbortedError and SdoCommunicationError."""
     try:

@@ -5,7 +5,6 @@ deactivate = pre-operational; cleanup = close.
 """
 
 import logging
-import math
 import sys
 import threading
 from collections.abc import Callable, Mapping
@@ -59,8 +58,7 @@ class DriverNode(LifecycleNode):
         declare(self, DriverSettings, READ_AT_CONFIGURE)
         self.add_on_set_parameters_callback(self._on_parameters)
         self._settings: DriverSettings | None = None  # as configure has read them
-        self._source: FrameSource | None = None
-        self._age: Callable[[float], float] = lambda stamp: math.inf  # of a frame; the last source's
+        self.source: FrameSource | None = None  #: the bus or the log, None while unconfigured
         self._pads: dict[str, PadOutput] = {}
         self._hand_over = hand_over or HandOver()
         self._owned: list[Callable[[], object]] = []  # releases all that configure has made, last first
@@ -99,11 +97,6 @@ class DriverNode(LifecycleNode):
         except RuntimeError:  # RCLError of Jazzy: a lifecycle manager has configured the node meanwhile
             return False
         return True
-
-    @property
-    def source(self) -> FrameSource | None:
-        """The bus or the log, None while unconfigured."""
-        return self._source
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         result = self._steps.attempt(self._configure)
@@ -147,10 +140,11 @@ class DriverNode(LifecycleNode):
         pads = driver_pads(settings)
         responses = skin_responses(pads, settings)
         conditioned = conditioned_pads(pads, settings, responses)
+        source = make_source(settings, pads, self._publish, self._make_clock(settings))
         outputs = {}
         for pad, frame_id in zip(pads, pad_frames(settings, pads)):
             outputs[pad.name] = output = PadOutput(
-                self, pad, frame_id, conditioned[pad.name], settings, self._hand_over,
+                self, pad, frame_id, conditioned[pad.name], settings, self._hand_over, source.age,
                 layer=responses[pad.name].layer if pad.name in responses else None)
             self._owned.append(output.destroy)
             if settings.replay and settings.lossless and not output.is_answered:
@@ -159,14 +153,12 @@ class DriverNode(LifecycleNode):
         saving = FaultService(self, settings.faulty_taxels_file, self._faults)
         frame_period = max(pad.layout.frame_period(settings.sync_period) for pad in pads)
         self._state.begin(f'{settings.interface} {settings.channel}', frame_period)
-        source = make_source(settings, pads, self._publish, self._make_clock(settings))
-        self._age = source.age
         self._tare.begin(Zeroing(pads={name: pad.tared for name, pad in conditioned.items()},
                                  limit=self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
-                                 frame_period=frame_period, auto_zero=source.auto_zero, boots=source.boots))
+                                 frame_period=frame_period, source=source))
         self._owned += [saving.destroy, self._tare.end, source.close, self._hand_over.release]
         source.open()
-        self._source = source
+        self.source = source
         source.configure()
 
     def _start(self) -> None:
@@ -175,9 +167,9 @@ class DriverNode(LifecycleNode):
         self._tare.expect()
 
     def _configured_source(self) -> FrameSource:
-        if self._source is None:
+        if self.source is None:
             raise RuntimeError('the driver is not configured')
-        return self._source
+        return self.source
 
     def _make_clock(self, settings: DriverSettings) -> Callable[[float], None] | None:
         """Return what shows the time of a log on /clock, where that is wanted. Raises ConfigurationError for a bus."""
@@ -202,12 +194,12 @@ class DriverNode(LifecycleNode):
                    {name: pad.unit for name, pad in self._pads.items()}, settings)
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        if self._source is not None:
-            self._source.adjust(settings.drop_incomplete, settings.heartbeat_timeout)
+        if self.source is not None:
+            self.source.adjust(settings.drop_incomplete, settings.heartbeat_timeout)
         return SetParametersResult(successful=True)
 
     def _publish(self, pad: str, frame: TaxelFrame) -> None:
-        self._pads[pad].publish(frame, self._age)
+        self._pads[pad].publish(frame)
 
     def _tare_limit(self, units: Mapping[str, str]) -> Callable[[str], float]:
         """Return what gives the limit of a pad, by its name, at the time of the call."""
@@ -217,7 +209,7 @@ class DriverNode(LifecycleNode):
         return {name: pad.conditioned.faults for name, pad in self._pads.items()}
 
     def _driver_state(self) -> DriverState:
-        return DriverState(self._lifecycle, self._source, self._steps.error,
+        return DriverState(self._lifecycle, self.source, self._steps.error,
                            {name: pad.condition for name, pad in self._pads.items()})
 
     def _publish_after(self, result: TransitionCallbackReturn, goal: PrimaryState) -> TransitionCallbackReturn:
@@ -233,7 +225,7 @@ class DriverNode(LifecycleNode):
 
     def _release(self) -> None:
         self._settings = None
-        self._source = None
+        self.source = None
         while self._owned:
             self._owned.pop()()
         self._pads = {}

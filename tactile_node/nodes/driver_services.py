@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.conditioning.tare import Tare as Measured
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, save_faults
@@ -24,15 +25,13 @@ class Zeroing(NamedTuple):
     """What a tare works on.
 
     ``limit``: a pad's name -> what a taxel may read at most [unit] to count as not pressed; ConfigurationError
-    where it has no zero. ``auto_zero``, ``boots``: a pad's name -> its devices zero themselves, have booted; see
-    FrameSource.
+    where it has no zero. ``source`` reaches the devices that zero themselves.
     """
 
     pads: Mapping[str, TaredPad]  #: by name
     limit: Callable[[str], float]
     frame_period: float  #: s
-    auto_zero: Callable[[str], int]
-    boots: Callable[[str], int]
+    source: FrameSource
 
 
 class TareService:
@@ -140,7 +139,8 @@ def _tared(zeroing: Zeroing, name: str, count: int, request: Tare.Request, respo
                                remedy='Ask for fewer frames, or for one pad after another.')
     if not request.on_device:
         return _noted(name, pad.tare(*given), response)
-    channels, found = pad.tare_after(lambda: zeroing.auto_zero(name), lambda: zeroing.boots(name), *given)
+    source = zeroing.source
+    channels, found = pad.tare_after(lambda: source.auto_zero(name), lambda: source.boots(name), *given)
     return _noted(name, found, response, f'{channels} channels zeroed on the device, then ')
 
 

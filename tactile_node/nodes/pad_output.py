@@ -21,17 +21,19 @@ LOOK_PERIOD = 1.0  # s between two looks for other publishers
 
 
 class PadOutput:
-    """Conditions the frames of ``pad`` and sends them on; ``layer``: of a calibrated skin.
+    """Conditions the frames of ``pad`` and sends them on; ``layer``: of a calibrated skin; ``age``: see FrameSource.
 
     A lossless one waits until each is answered, where all stages up to the shape are of this process.
     """
 
     def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad,
-                 settings: DriverSettings, hand_over: HandOver, layer: Layer | None = None):
+                 settings: DriverSettings, hand_over: HandOver, age: Callable[[float], float],
+                 layer: Layer | None = None):
         self.conditioned = conditioned
         self.unit = pad.layout.value.unit
         self._taxels = Taxels(pad.layout.pitch, self.unit, layer)
         self._frame_id = frame_id
+        self._age = age
         self._node = node
         self._output = StageOutput(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, hand_over)
         self._hand_over = hand_over
@@ -44,10 +46,9 @@ class PadOutput:
     def condition(self) -> PadCondition:
         return self.conditioned.condition._replace(other_publishers=self._other_publishers())
 
-    def publish(self, frame: TaxelFrame, age: Callable[[float], float]) -> None:
-        """``age``: the stamp of a frame -> the time since its acquisition [s], by the steady clock."""
+    def publish(self, frame: TaxelFrame) -> None:
         conditioned = PadFrame.of(self.conditioned.feed(frame), self._taxels, self._frame_id)
-        self._output.send(conditioned, acquired=time.monotonic() - age(frame.stamp))
+        self._output.send(conditioned, acquired=time.monotonic() - self._age(frame.stamp))
         if self._waits:
             self._hand_over.wait_until_answered()
 

@@ -120,14 +120,12 @@ def _star(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     # The edge from a point (1, at pi/5 from the middle of the sector) to the inner corner in its middle.
     u, v = towards * np.cos(angle), np.abs(towards * np.sin(angle))
     point = np.cos(np.pi / 5), np.sin(np.pi / 5)
-    inside: np.ndarray = 0.95 * inner * point[1] - u * point[1] + v * (point[0] - inner) >= 0
-    return inside
+    return np.greater_equal(0.95 * inner * point[1] - u * point[1] + v * (point[0] - inner), 0)
 
 
 def _hexagon(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     angle = np.arctan2(y, x) % (np.pi / 3) - np.pi / 6
-    inside: np.ndarray = np.hypot(x, y) * np.cos(angle) <= 0.8
-    return inside
+    return np.less_equal(np.hypot(x, y) * np.cos(angle), 0.8)
 
 
 NAMED: Mapping[str, Drawing] = MappingProxyType({

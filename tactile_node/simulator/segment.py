@@ -80,8 +80,6 @@ def call_guarded(call: Callable[..., None], *args: object) -> None:
         logger.exception('a participant of the simulated wire')
 
 
-
-
 class LiveSegment(Segment):
     """Runs from ``start`` to ``stop`` in a thread. Times are those of time.monotonic.
 

@@ -96,44 +96,32 @@ class PeriodicFrame(PeriodicMessageTask):
         self._is_stopped = True
 
 
-
-class WireGateway:
+class WireGateway(LiveSegment):
     """What the host sends on ``bus`` takes its place on the wire; what devices send is handed over as it ends.
 
     ``on_failure`` is called with the error when the bus takes no frame.
     """
 
     def __init__(self, bus: can.BusABC, settings: WireSettings, on_failure: Callable[[Exception], None]):
+        super().__init__(Wire(settings.bitrate), self._send_to_host, lambda: getattr(bus, 'lost', 0),
+                         settings.batch, is_shared=not isinstance(bus, SlcanPty))
         self._bus = bus
         self._settings = settings
         self._on_failure = on_failure
         self._to_wall_clock = time.time() - time.monotonic()
-        self._segment = LiveSegment(Wire(settings.bitrate), self._hand_over, lambda: getattr(bus, 'lost', 0),
-                                    settings.batch, is_shared=not isinstance(bus, SlcanPty))
-        self._segment.start()
+        self.start()
 
     def network(self, node_id: int) -> WireNetwork:
         """A device's place on the wire."""
-        return WireNetwork(self._segment, self._settings, node_id, self._to_wall_clock)
+        return WireNetwork(self, self._settings, node_id, self._to_wall_clock)
 
     def received(self, batch: Batch) -> None:
         """The host has sent these frames."""
         for message in batch.messages:
             if not message.is_error_frame and not message.is_fd:
-                self._segment.send(frame_of(message))
+                self.send(frame_of(message))
 
-    def report(self) -> WireReport:
-        """Return the report of the time since the one before."""
-        return self._segment.report()
-
-    def wait_until_idle(self) -> None:
-        """Return when the wire has carried what waits, unless it is kept busy."""
-        self._segment.wait_until_idle(timeout=1.0)
-
-    def stop(self) -> None:
-        self._segment.stop()
-
-    def _hand_over(self, frames: Sequence[Frame]) -> None:
+    def _send_to_host(self, frames: Sequence[Frame]) -> None:
         try:
             if isinstance(self._bus, SlcanPty):
                 self._bus.send_all(frames)
@@ -187,7 +175,7 @@ class SkinSimulator:
             device = self.devices[node.node_id] = self._device(node, self._network)
             device.boot()
         if self._gateway is not None:
-            self._gateway.wait_until_idle()  # boot-ups are over, as without a wire
+            self._gateway.wait_until_idle(timeout=1.0)  # boot-ups are over, as without a wire
 
     def _device(self, node: CanopenNode, shared: BusNetwork) -> SimulatedDevice:
         source = self._sources[node.pad]
