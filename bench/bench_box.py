@@ -19,8 +19,9 @@ from bench.recognition import mechanics
 from tactile_node import contact_box, find_contact
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.simulator.figures import Skin, named_silhouette, pressure_frame, random_figure, silhouette_of
-from tactile_node.simulator.world import Purpose, generator, random_contact
+from tactile_node.simulator.world import random_contact
 from training.ground_truth.layer import measured, sample, stress_field
+from training.ground_truth.seeds import Purpose, generator
 
 AREAS = (12, 25, 50, 100)
 SEED = 67_000_000

@@ -23,9 +23,10 @@ from tactile_node.learning.presses import PressFinder
 from tactile_node.learning.response_fit import Disc, FoundResponse, calibrate
 from tactile_node.learning.touches import Touch, TouchFrame
 from tactile_node.pose.fit import fit_shape
-from tactile_node.simulator.world import Contact, Purpose, generator
+from tactile_node.simulator.world import Contact
 from training.ground_truth.indenters import flat_punch
 from training.ground_truth.mechanics import Solution, solve
+from training.ground_truth.seeds import Purpose, generator
 
 SEED = 70_000_000
 DEPTHS = (0.35, 0.8)  #: of the taxels [pitches]

@@ -27,8 +27,9 @@ from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, Recognition, Shape
 from tactile_node.shape.recognitions import RecognitionFusion
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.field import NOMINAL_ON_OFF, Conditions, field_frame
+from training.ground_truth.seeds import Purpose, generator
 
 PRESSURE = Conditions(tilt=0.2, blur=0.5, noise=0.01)
 AREAS, TPDO, SURE = (12, 100), 8, 0.9

@@ -28,7 +28,8 @@ from tactile_node.pose.moments import contact_moments
 from tactile_node.pose.outlines import OUTLINES
 from tactile_node.rate import Rate
 from tactile_node.shape.recognition import Shape
-from tactile_node.simulator.world import CLASSES, Purpose, generator
+from tactile_node.simulator.world import CLASSES
+from training.ground_truth.seeds import Purpose, generator
 
 AREA = 50
 AREAS = (12, 20, 35, 50, 100)

@@ -36,7 +36,7 @@ from bench.recognition.sections import (
 )
 from tactile_node import Recogniser
 from tactile_node.package_files import config_path
-from tactile_node.simulator.world import Purpose
+from training.ground_truth.seeds import Purpose
 
 
 class Clock:

@@ -41,9 +41,10 @@ from tactile_node.simulator.figures import (
     pressure_frame,
     random_figure,
 )
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, random_contact
 from training.ground_truth.indenters import Indenter
 from training.ground_truth.layer import measured, sample, stress_field
+from training.ground_truth.seeds import Purpose, generator
 
 SEED, TOUCHES, AREA, PAD = 77_000, 30, 50.0, 16
 LOADS = (0, 0, 0.3, 0.8, 1, 1, 1, 1, 0.7, 0.2, 0)  #: of the frames of one touch

@@ -31,8 +31,8 @@ from tactile_node.pose.model_error import (
 from tactile_node.pose.outlines import OUTLINES, outline_of
 from tactile_node.pose.profiles import DOMES, Indenter
 from tactile_node.shape.recognition import Shape
-from tactile_node.simulator.world import Purpose, generator
 from training.ground_truth.mechanics import Solution
+from training.ground_truth.seeds import Purpose, generator
 from training.mechanics import solution_pool
 
 SEED = 950_000

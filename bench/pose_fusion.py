@@ -13,7 +13,8 @@ from tactile_node.shape.methods import METHODS, make_recogniser
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.recognitions import FusionSettings, RecognitionFusion
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, random_contact
+from training.ground_truth.seeds import Purpose, generator
 
 PERIOD = 0.01   # [s]
 FRAMES = 60     # of each of two shapes, one straight after the other

@@ -18,9 +18,9 @@ from tactile_node.pose.fit import ShapeFit, fit_evidence, fit_shape
 from tactile_node.pose.outlines import OUTLINES
 from tactile_node.rate import Rate
 from tactile_node.shape.recognition import Shape
-from tactile_node.simulator.world import Purpose, generator
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution
+from training.ground_truth.seeds import Purpose, generator
 
 AREAS = (25, 50, 100)
 BIAS, SPREAD, CENTRE, ANGLE = 3.0, 3.0, 0.03, 0.5  #: required of flat punches [%, %, pitches, degrees]

@@ -4,7 +4,8 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.helmholtz.rotation import with_rotated
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_pattern
+from tactile_node.simulator.world import CLASSES
+from training.ground_truth.seeds import Purpose, generator, random_pattern
 
 L_OF_THREE = np.array([[True, False], [True, True]])
 

@@ -10,7 +10,7 @@ from tactile_node.learning.teach import teach
 from tactile_node.learning.touches import find_touches
 from tactile_node.package_files import config_path
 from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
-from tactile_node.simulator.world import Purpose, generator
+from training.ground_truth.seeds import Purpose, generator
 
 PAD, FINE = 16, 6
 LOADS = 0, 0.3, 1, 1, 1, 1, 0.2, 0

@@ -10,7 +10,8 @@ from tactile_node.pose.least_squares import BLOCKS_AROUND, MOST_BLOCKS, in_block
 from tactile_node.pose.skin_model import KERNEL_DEPTHS, KERNEL_REACH, kernel, taps_at
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, random_contact
+from training.ground_truth.seeds import Purpose, generator
 
 
 @pytest.mark.parametrize(('extent', 'size'), [(1, 1), (32, 1), (33, 2), (64, 2), (65, 3), (1024, 32)])

@@ -18,10 +18,10 @@ from tactile_node.learning.touches import Touch, TouchFrame, Unused
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.profiles import Layer
 from tactile_node.shape.recognition import Shape
-from tactile_node.simulator.world import Purpose, generator
 from training.ground_truth.indenters import ball
 from training.ground_truth.layer import sample, stress_field
 from training.ground_truth.mechanics import solve
+from training.ground_truth.seeds import Purpose, generator
 
 RADIUS = 0.0104  #: of the known disc [m]
 OTHERS = {'square': (0.0150,), 'rectangle': (0.0180, 0.0110)}  #: pressed after the calibration

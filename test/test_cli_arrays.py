@@ -14,7 +14,8 @@ from tactile_node.cli.main import main
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import Purpose, generator, random_contact
+from tactile_node.simulator.world import random_contact
+from training.ground_truth.seeds import Purpose, generator
 
 
 @pytest.fixture

@@ -7,7 +7,8 @@ import tactile_node as tn
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.library.contacts import Recogniser
 from tactile_node.simulator.figures import Skin, named_silhouette, pressure_frame, random_figure
-from tactile_node.simulator.world import Contact, Purpose, generator
+from tactile_node.simulator.world import Contact
+from training.ground_truth.seeds import Purpose, generator
 
 SKIN = Skin(blur=0.4, noise=0.005)
 PITCH = 0.004

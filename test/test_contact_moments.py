@@ -11,7 +11,8 @@ from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.pose.moments import contact_moments
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, random_contact
+from training.ground_truth.seeds import Purpose, generator
 
 PITCH = 0.002
 VALUES = np.array([[0, 1000.0, 0], [0, 3000.0, 0], [0, 0, 500.0]])

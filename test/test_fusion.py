@@ -8,7 +8,7 @@ import pytest
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
 from tactile_node.shape.recognitions import FusionSettings, RecognitionFusion
-from tactile_node.simulator.world import Purpose, generator
+from training.ground_truth.seeds import Purpose, generator
 
 PERIOD = 0.01
 SQUARE = {Shape.SQUARE: 0.6, Shape.CIRCLE: 0.3, Shape.UNKNOWN: 0.1}

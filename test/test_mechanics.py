@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, random_contact
 from training.ground_truth.contact_solver import press
 from training.ground_truth.half_space import displacement_influence, stress_influence
 from training.ground_truth.indenters import ball, cone, cylinder, flat_punch
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import solve
+from training.ground_truth.seeds import Purpose, generator
 from training.mechanics import random_solution, solution_pool
 
 

@@ -12,8 +12,9 @@ from tactile_node.pose.skin_model import Model, PressureModel
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.ground_truth.raster import coverage
+from training.ground_truth.seeds import Purpose, generator
 
 WINDOW = Window(0, 0, 20, 20)
 PITCH = 0.002

@@ -19,8 +19,9 @@ from tactile_node.shape.patch import SIDE, join_pieces, joined, make_patch
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser
 from tactile_node.shape.recognition import DEFAULT_METHOD, LEARNED, VOLF, Shape, UnknownReason
 from tactile_node.shape.volf import VolfClassifier
-from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, field_frame
+from training.ground_truth.seeds import Purpose, generator
 
 
 def describe(patch):

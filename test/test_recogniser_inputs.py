@@ -10,7 +10,8 @@ from tactile_node.shape.likeness import COUNT
 from tactile_node.shape.patch import SIDE, joined
 from tactile_node.shape.recognition import Shape, UnknownReason
 from tactile_node.simulator.figures import coverage
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, random_contact
+from training.ground_truth.seeds import Purpose, generator
 
 
 @pytest.fixture(scope='module')

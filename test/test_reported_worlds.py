@@ -7,8 +7,9 @@ from scipy import ndimage
 from bench.recognition import blemish, foreign, nothing, several
 from bench.recognition.figures import Rate, p_value_behind
 from tactile_node.shape.recognition import Shape
-from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.ground_truth.overlap import best_overlap
+from training.ground_truth.seeds import Purpose, generator
 
 
 def random_stream(seed):

@@ -12,8 +12,9 @@ from bench.reproduction.methods import confusion, lost_in_plane
 from bench.reproduction.sampling import Wanted, count_inside, draw, plane_features
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.shape.volf import plane_feature
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_pattern
+from tactile_node.simulator.world import CLASSES
 from training.curve_fitting import COLUMNS
+from training.ground_truth.seeds import Purpose, generator, random_pattern
 
 
 def test_the_first_wrong_decision_bears_the_loss():

@@ -22,7 +22,8 @@ from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.moments import contact_moments
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, random_contact
+from training.ground_truth.seeds import Purpose, generator
 
 CREEP, REST = 0.5e-3, 0.05e-3  # m/s
 FRACTION = 0.1  # resolution of a fit [pitches]

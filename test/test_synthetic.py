@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tactile_node.simulator.figures import Skin, pressure_frame
-from tactile_node.simulator.world import CLASSES, Contact, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, Contact, random_contact
+from training.ground_truth.seeds import Purpose, generator
 
 
 def polygon_area(vertices):

@@ -9,12 +9,13 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.invariants import describe_all
 from tactile_node.shape.patch import joined, make_patch
-from tactile_node.simulator.world import Purpose, generator, random_contact
+from tactile_node.simulator.world import random_contact
 from training.batch import draw_forms
 from training.blemishes import BLEMISHES
 from training.drawn_by import claim
 from training.families import FAMILIES
 from training.forms import labels_of, make_forms
+from training.ground_truth.seeds import Purpose, generator
 from training.held_out import HELD_OUT
 from training.hidden import draw_hidden
 from training.noise import draw_noise

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from tactile_node.shape.recogniser import KINDS
-from tactile_node.simulator.world import Purpose, generator
 from training.drawn_by import claim
+from training.ground_truth.seeds import Purpose, generator
 from training.pools import Part, draw_parts, read_parts
 from training.samples import LEVEL_STEPS, UNKNOWN
 

@@ -9,10 +9,10 @@ from scipy.optimize import minimize_scalar
 
 from tactile_node.shape.patch import joined
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration
-from tactile_node.simulator.world import Purpose, generator
 from training.batch import draw_many
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution
+from training.ground_truth.seeds import Purpose, generator
 from training.mechanics import DEPTH, ON_OFF_PRESSURE, solution_pool
 from training.model import Model
 from training.real_arrays import draw_real

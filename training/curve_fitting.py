@@ -17,7 +17,8 @@ from tactile_node.shape.volf import (
     by_curves,
     plane_feature,
 )
-from tactile_node.simulator.world import CLASSES, random_pattern
+from tactile_node.simulator.world import CLASSES
+from training.ground_truth.seeds import random_pattern
 
 AREAS = (13.0, 300.0)  #: training areas, log-uniform [taxels]
 COLUMNS = (('value', 'N'), ('dif', 'alpha9'), ('min', 'P05'), ('min', 'info_norm5'),

@@ -13,8 +13,8 @@ from tqdm import tqdm
 
 from tactile_node.output_file import output_file
 from tactile_node.shape.volf import ANSWERS, TAXEL_BANDS, VolfClassifier
-from tactile_node.simulator.world import Purpose, generator
 from training.curve_fitting import AREAS, COLUMNS, READINGS, Samples, draw_samples, fit_classifier, recognised
+from training.ground_truth.seeds import Purpose, generator
 
 LEAST_PATTERNS = 500
 HEADER = '''\

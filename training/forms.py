@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.simulator.world import Purpose, generator
 from training.blemishes import BLEMISHES
 from training.families import FAMILIES
 from training.ground_truth.overlap import overlaps
+from training.ground_truth.seeds import Purpose, generator
 from training.samples import LABELS, UNKNOWN
 from training.shapes import Figure
 

@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, random_contact
 from training.ground_truth.indenters import Indenter, ball, cone, cylinder, flat_punch
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution, solve
+from training.ground_truth.seeds import Purpose, generator
 from training.samples import LABELS
 from training.solutions import read_solutions, source_digest, write_solutions
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.shape.patch import joined
-from tactile_node.simulator.world import Purpose, generator
 from training.batch import MEMORY, TRIANGLES, draw_forms, draw_many
 from training.forms import ALL, Forms, stored_forms
+from training.ground_truth.seeds import Purpose, generator
 from training.hidden import draw_hidden
 from training.mechanics import draw_mechanics, solution_pool
 from training.noise import draw_noise

@@ -10,11 +10,12 @@ import numpy as np
 
 from tactile_node.shape.patch import joined
 from tactile_node.shape.recogniser import KINDS, ShapeRecogniser
-from tactile_node.simulator.world import Contact, Purpose, generator
+from tactile_node.simulator.world import Contact
 from training.batch import draw_forms
 from training.calibration import mechanics_samples
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_frame
 from training.forms import ALL, Forms, stored_forms
+from training.ground_truth.seeds import Purpose, generator
 from training.held_out import HELD_OUT
 from training.noise import draw_noise
 from training.patches import samples_of

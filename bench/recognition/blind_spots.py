@@ -15,7 +15,7 @@ from bench.recognition.page import KIND, Table
 from bench.recognition.spots import Cell, cells, frame
 from tactile_node import find_contact
 from tactile_node.shape.recogniser import OUTPUTS
-from tactile_node.simulator.world import Purpose
+from training.ground_truth.seeds import Purpose
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402

@@ -14,11 +14,12 @@ from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.shape.invariants import describe_all
 from tactile_node.shape.patch import joined, make_patch
-from tactile_node.simulator.world import CLASSES, Purpose, generator
+from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_frame
+from training.ground_truth.seeds import Purpose, generator
 from training.samples import LABELS, LEVEL_STEPS, UNKNOWN, Samples
 
 DATA = Path(__file__).resolve().parents[2] / 'test/data'

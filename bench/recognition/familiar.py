@@ -12,7 +12,8 @@ from bench.recognition.page import KIND, Table
 from bench.recognition.stamp import Stamp, pressed
 from tactile_node import Shape, find_contact
 from tactile_node.shape.recogniser import OUTPUTS
-from tactile_node.simulator.world import CLASSES, Purpose
+from tactile_node.simulator.world import CLASSES
+from training.ground_truth.seeds import Purpose
 
 FOREIGN_AREAS = (12, 20, 40, 50, 100, 200)
 BLEMISH_AREAS = (40, 100, 200)

@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.shape.recogniser import OUTPUTS
-from tactile_node.simulator.world import CLASSES, Purpose, generator, random_contact
+from tactile_node.simulator.world import CLASSES, random_contact
 from training.ground_truth.indenters import Indenter, ball, cone, cylinder, flat_punch
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution, solve
+from training.ground_truth.seeds import Purpose, generator
 
 SEEDS = 50_000_000  #: the seeds of this report start here, above those of the other cases
 CELLS = 64          #: in the square root of the nominal contact area

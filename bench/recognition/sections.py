@@ -10,7 +10,7 @@ from bench.recognition.contest import OURS, Contest, Result
 from bench.recognition.idle import IDLE
 from bench.recognition.page import KIND, Table
 from tactile_node import Recogniser
-from tactile_node.simulator.world import Purpose
+from training.ground_truth.seeds import Purpose
 
 AREAS, FIELD_AREAS = (9, 12, 15, 20, 25, 35, 50, 75, 100), (20, 50, 100)
 NOTHING_SEEDS = 900_000

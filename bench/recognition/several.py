@@ -11,7 +11,7 @@ from bench.recognition.figures import Rate
 from bench.recognition.page import Table
 from tactile_node import Recogniser, find_contact
 from tactile_node.contact.pattern import of_contact
-from tactile_node.simulator.world import Purpose
+from training.ground_truth.seeds import Purpose
 
 SEEDS = 950_000
 NUMBERS, AREAS, GAPS = (2, 3), (25, 50, 100), (4.0, 8.0)  #: punches on a pad, taxels of each, pitches between them

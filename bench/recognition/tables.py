@@ -9,7 +9,7 @@ from bench.recognition.page import KIND, Table
 from tactile_node import Recogniser
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.shape.recognition import Shape
-from tactile_node.simulator.world import Purpose
+from training.ground_truth.seeds import Purpose
 
 MOST_LOST = {12: 0.01, 25: 0.005, 50: 0.002, 100: 0.001}  #: to unknown, by area
 BARS = {12: 0.97, 25: 0.985, 50: 0.995, 100: 0.998}       #: of flat punches, by area

@@ -21,8 +21,8 @@ from bench.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.helmholtz.features import Group
 from tactile_node.rate import Rate
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
-from tactile_node.simulator.world import Purpose, generator
 from training.curve_fitting import AREAS, READINGS, Samples, answers, fit_classifier
+from training.ground_truth.seeds import Purpose, generator
 
 VANISHING = 25  #: area at which the angles that lose taxels are looked for
 WORLDS_BY_AREA = tuple(world for world in WORLDS if world != INSIDE_WORLD)

@@ -13,8 +13,8 @@ from bench.reproduction.methods import SIZES, Method, best_fit, lost_in_plane, m
 from bench.reproduction.sampling import INSIDE, Drawn, Wanted
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
-from tactile_node.simulator.world import Purpose
 from training.curve_fitting import AREAS, COLUMNS, Samples, answers
+from training.ground_truth.seeds import Purpose
 
 WORLD = 'equilateral triangles'
 TRIANGLE = Shape.ISOSCELES_TRIANGLE

@@ -13,8 +13,8 @@ from tactile_node.helmholtz.features import Group
 from tactile_node.helmholtz.taxel_list import Stencil
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
-from tactile_node.simulator.world import Purpose, generator
 from training.curve_fitting import COLUMNS, Samples
+from training.ground_truth.seeds import Purpose, generator
 
 BATCH = 250  #: patterns a process draws at a time
 INSIDE = ('value', 'inside')  #: the number of inside taxels (the paper's Fig. 1 and section 7)

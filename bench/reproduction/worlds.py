@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.simulator.world import CLASSES, PAD, Contact, random_pattern
+from tactile_node.simulator.world import CLASSES, PAD, Contact
+from training.ground_truth.seeds import random_pattern
 
 
 class Fixed(NamedTuple):

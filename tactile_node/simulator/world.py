@@ -8,28 +8,11 @@ isosceles triangle, apex angle uniform 40-75 degrees. Size is set by the area in
 """
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
 from tactile_node.pose.outlines import OUTLINES, Outline, depth_inside, outline_of
 from tactile_node.shape.recognition import SHAPES
-
-
-class Purpose(IntEnum):
-    """Each purpose has its own stream for every seed; numbers are fixed for ever."""
-
-    TRAINING = 1
-    VALIDATION = 2
-    EVALUATION = 3
-    DEMO = 4
-    TEST = 5
-
-
-def generator(purpose: Purpose, seed: int) -> np.random.Generator:
-    """Return the generator of ``purpose`` and ``seed``; two different pairs never share a stream."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(purpose),)))
-
 
 CLASSES = tuple(shape.value for shape in SHAPES)  #: what touches
 PAD = 36  #: rows and columns of the benchmark's pad
@@ -105,12 +88,6 @@ def random_contact(rng: np.random.Generator, shape: str, area: float,
     dimensions = _dimensions(rng, shape, area)
     x, y = rng.uniform(-0.5, 0.5, 2) + ((cols - 1) / 2, (rows - 1) / 2)
     return Contact(shape, dimensions, x=float(x), y=float(y), angle=float(rng.uniform(0, 2 * np.pi)))
-
-
-def random_pattern(rng: np.random.Generator, shape: str, area: float) -> np.ndarray:
-    """Draw the on/off pattern of a contact in general position, on a pad large enough for it."""
-    room = max(PAD, int(np.ceil(4 * np.sqrt(area))) + 4)
-    return random_contact(rng, shape, area, rows=room, cols=room).pattern(room, room)
 
 
 def _dimensions(rng: np.random.Generator, shape: str, area: float) -> tuple[float, ...]:
