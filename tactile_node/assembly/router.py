@@ -32,8 +32,8 @@ class Router:
                  one_clock: bool = True, drop_incomplete: bool = False, bitrate: int = SLOW_BITRATE):
         self._assemblers = {pad.name: _assembler(pad, one_clock) for pad in pads}
         self.drop_incomplete(drop_incomplete)
-        self._owners = {can_id: (name, assembler.feed, assembler.service, isinstance(assembler, FrameAssembler))
-                       for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
+        self._owners = {can_id: (name, assembler, isinstance(assembler, FrameAssembler))
+                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
         self.can_ids = frozenset(self._owners)  #: COB-IDs of the pads' taxels
         self._bus = FreeBus(bitrate)
@@ -89,18 +89,18 @@ class Router:
     def feed(self, can_id: int, data: bytes, stamp: float, after: float | None = None) -> None:
         """A data frame with an 11-bit identifier. It came ``after`` this stamp, where its own does not say when."""
         if self._bus.proves(stamp if after is None else after):
-            for assembler in self._synchronous:
-                assembler.settle()
+            for synchronous in self._synchronous:
+                synchronous.settle()
         owner = self._owners.get(can_id)
-        if owner is None or not owner[-1]:
-            self._bus.occupy(stamp)
-        else:
+        if owner is not None and owner[-1]:
             self._bus.take(stamp)
+        else:
+            self._bus.occupy(stamp)
         if owner is not None:
-            name, feed, service, has_sync = owner
-            self._counts[service] += 1
+            name, assembler, has_sync = owner
+            self._counts[assembler.service] += 1
             if self.is_running or has_sync:  # without SYNC, what comes while not active is no sample
-                self._hand_over(name, feed(can_id, data, stamp))
+                self._hand_over(name, assembler.feed(can_id, data, stamp))
         elif can_id == self._sync_id:
             self._counts['sync'] += 1
             if self._foreign_sync and self.is_running:

@@ -2,8 +2,8 @@
 
 import logging
 import time
-from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection
+from contextlib import suppress
 from typing import NamedTuple, NoReturn, TypeVar
 
 from canopen import SdoAbortedError, SdoCommunicationError
@@ -11,6 +11,7 @@ from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 
 from tactile_node.bus.domain_polling import check_domain
+from tactile_node.bus.own_sdo import explain_refusal
 from tactile_node.bus.threads import Reminder
 from tactile_node.cia301 import objects
 from tactile_node.cia301.heartbeat import Heartbeats
@@ -226,7 +227,7 @@ class DeviceSetup:
 
     def _read(self, index: int, sub: int) -> int:
         """Read an unsigned number."""
-        with self._refusal('be read', index, sub):
+        with explain_refusal(self._where(index, sub), 'be read'):
             return self._upload(index, sub)
 
     def _read_if_any(self, index: int, sub: int) -> int | None:
@@ -236,7 +237,7 @@ class DeviceSetup:
         return None
 
     def _write(self, index: int, sub: int, value: int, size: int) -> None:
-        with self._refusal(f'be set to 0x{value:X}', index, sub):
+        with explain_refusal(self._where(index, sub), f'be set to 0x{value:X}'):
             self._download(index, sub, value.to_bytes(size, 'little'))
 
     def _upload(self, index: int, sub: int) -> int:
@@ -255,7 +256,7 @@ class DeviceSetup:
             except SdoCommunicationError as error:
                 silence = error
         timeout = self._tries * self._sdo.RESPONSE_TIMEOUT
-        raise DeviceAbsentError(f'{self._label}, object 0x{index:04X} sub {sub}', got=str(silence),
+        raise DeviceAbsentError(self._where(index, sub), got=str(silence),
                                 expected=f'an answer to a {verb} within {timeout:g} s',
                                 remedy='Check the wiring and whether the device is on; a slow one needs a larger '
                                 'sdo_timeout.') from silence
@@ -265,14 +266,8 @@ class DeviceSetup:
             raise InterruptedSetupError(self._label, expected='that it is configured', got='a driver that stops',
                                         remedy='Start the driver again.')
 
-    @contextmanager
-    def _refusal(self, what: str, index: int, sub: int) -> Iterator[None]:
-        try:
-            yield
-        except SdoAbortedError as error:
-            raise DeviceError(f'{self._label}, object 0x{index:04X} sub {sub}', expected=f'that it can {what}',
-                              got=f'SDO abort: {error}',
-                              remedy="Compare the layout with the device's manual and EDS.") from error
+    def _where(self, index: int, sub: int) -> str:
+        return f'{self._label}, object 0x{index:04X} sub {sub}'
 
 
 def _mapping_text(entries: MappingEntries) -> str:

@@ -15,7 +15,7 @@ from tactile_node.errors import DeviceAbsentError, DeviceError
 
 def read_object(sdo: SdoClient, address: ObjectAddress) -> bytes:
     """Return the bytes of one object. Raises DeviceError."""
-    with _refusals(sdo, address, 'be read'):
+    with _explain_failures(sdo, address, 'be read'):
         with sdo.open(address.index, address.sub, 'rb', buffering=0) as upload:
             announced, data = upload.size, bytes(upload.read())
     if announced is not None and announced != len(data):
@@ -26,17 +26,25 @@ def read_object(sdo: SdoClient, address: ObjectAddress) -> bytes:
 
 def write_object(sdo: SdoClient, address: ObjectAddress, data: bytes) -> None:
     """Write ``data``. Raises DeviceError where the device does not confirm it."""
-    with _refusals(sdo, address, f'be set to the bytes {data[:8].hex()}{"..." if len(data) > 8 else ""}'):
+    with _explain_failures(sdo, address, f'be set to the bytes {data[:8].hex()}{"..." if len(data) > 8 else ""}'):
         sdo.download(address.index, address.sub, data)
 
 
 @contextmanager
-def _refusals(sdo: SdoClient, address: ObjectAddress, what: str) -> Iterator[None]:
+def explain_refusal(where: str, what: str) -> Iterator[None]:
+    """Raise the DeviceError of an abort in the block, in which ``what`` is to be done."""
     try:
         yield
     except SdoAbortedError as error:
-        raise DeviceError(_where(sdo, address), expected=f'that it can {what}', got=f'SDO abort: {error}',
-                          remedy="Compare with the device's manual and EDS.") from error
+        raise DeviceError(where, expected=f'that it can {what}', got=f'SDO abort: {error}',
+                          remedy="Compare layout and request with the device's manual and EDS.") from error
+
+
+@contextmanager
+def _explain_failures(sdo: SdoClient, address: ObjectAddress, what: str) -> Iterator[None]:
+    try:
+        with explain_refusal(_where(sdo, address), what):
+            yield
     except SdoCommunicationError as error:
         raise DeviceAbsentError(_where(sdo, address), expected=f'an answer by SDO within {sdo.RESPONSE_TIMEOUT:g} s',
                                 got=str(error), remedy='Check power, wiring, bit rate and node-ID; a slow device '

@@ -15,11 +15,11 @@ from tactile_node.cli.options import add_number
 from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
-from tactile_node.skin.eds_rules import eds_problems
+from tactile_node.skin.eds_rules import eds_checks
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.layout_draft import FILL_IN
 from tactile_node.skin.layout_file import read_layout
-from tactile_node.skin.layout_rules import layout_problems
+from tactile_node.skin.layout_rules import collect_errors, layout_checks
 from tactile_node.yaml_section import line_of
 
 EDS_NODE_ID = 32           #: that the EDS is read for
@@ -74,10 +74,10 @@ def check_layout(layout_name: str, eds: str, use: Use) -> CheckedLayout:
         layout = read_layout(layout_name)
     except ConfigurationError as error:
         return CheckedLayout(None, [(error, _line(layout_name, error))], [])
-    errors = layout_problems(layout)
+    errors = collect_errors(layout_checks(layout))
     eds = eds or layout.source.rsplit('.', 1)[0] + '.eds'
     try:
-        errors += eds_problems(load_eds(eds, EDS_NODE_ID), layout, eds)
+        errors += collect_errors(eds_checks(load_eds(eds, EDS_NODE_ID), layout, eds))
     except ConfigurationError as error:
         errors.append(error)
     return CheckedLayout(layout, [(error, _line(layout_name, error)) for error in errors], _warnings(layout, use))

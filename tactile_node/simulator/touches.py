@@ -3,7 +3,6 @@
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
 
 import numpy as np
 from scipy import ndimage
@@ -18,14 +17,11 @@ RAMP = 0.1  # s of pressing and of letting go
 TOUCH_AREAS = (40.0, 60.0, 80.0)  # taxels
 
 
-Pressed = TypeVar('Pressed', bound=Touching)
-
-
 @dataclass(frozen=True)
-class SimulatedTouch(Generic[Pressed]):
+class SimulatedTouch:
     """One object pressed on one pad from ``begin`` to ``end`` [s since the skin became operational]."""
 
-    contact: Pressed
+    contact: Touching
     begin: float
     end: float
 

@@ -2,10 +2,9 @@
 
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from configparser import DuplicateOptionError, DuplicateSectionError, RawConfigParser
 from configparser import Error as ParserError
-from functools import cached_property
 from io import StringIO
 from pathlib import Path
 from typing import NamedTuple, NoReturn
@@ -165,10 +164,20 @@ class Entry(NamedTuple):
 
 
 class EdsText:
-    """The sections and keys of the EDS named ``eds``, in any case; without any where the file cannot be read."""
+    """The sections and keys of the EDS named ``eds``, which canopen has read, in any case, with their lines."""
 
     def __init__(self, eds: str):
         self.eds = eds
+        self._entries: dict[tuple[str, str], Entry] = {}
+        section = ''
+        for number, line in enumerate(read_eds(config_path(eds)).splitlines(), 1):
+            stripped = line.split(';', 1)[0].strip()
+            if stripped.startswith('[') and stripped.endswith(']'):
+                section = stripped[1:-1].lower()
+                self._entries[section, ''] = Entry(number, '')
+            elif '=' in stripped:
+                key, value = stripped.split('=', 1)
+                self._entries[section, key.strip().lower()] = Entry(number, value.strip())
 
     def entry(self, section: str, key: str = '') -> Entry | None:
         """Return the entry of ``key``, or of the section's title; None where there is none."""
@@ -184,21 +193,3 @@ class EdsText:
         entry = self.entry(section, key) or self.entry(section)
         return (f'section [{section}]' + (f', key "{key}"' if key and self.entry(section, key) else '')
                 + (f', line {entry.line}' if entry else ''))
-
-    @cached_property
-    def _entries(self) -> Mapping[tuple[str, str], Entry]:
-        found: dict[tuple[str, str], Entry] = {}
-        try:
-            lines = read_eds(config_path(self.eds)).splitlines()
-        except (OSError, ConfigurationError):
-            return found
-        section = ''
-        for number, line in enumerate(lines, 1):
-            stripped = line.split(';', 1)[0].strip()
-            if stripped.startswith('[') and stripped.endswith(']'):
-                section = stripped[1:-1].lower()
-                found[section, ''] = Entry(number, '')
-            elif '=' in stripped:
-                key, value = stripped.split('=', 1)
-                found[section, key.strip().lower()] = Entry(number, value.strip())
-        return found

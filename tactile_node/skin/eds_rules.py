@@ -16,7 +16,6 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.skin.eds import EdsText, refuse_eds
 from tactile_node.skin.layout import DomainLayout, MappedObject, SkinLayout, TpdoLayout
 from tactile_node.skin.layout_draft import variable_of
-from tactile_node.skin.layout_rules import collect_errors
 
 
 class Identity(NamedTuple):
@@ -82,17 +81,12 @@ MAPPING_BITS = {0: 8} | dict.fromkeys(range(1, objects.MAX_PDO_BITS + 1), 32)
 
 def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> None:
     """Raise ConfigurationError where ``layout`` and the EDS named ``eds`` disagree, or the EDS cannot be used."""
-    for check in _checks(dictionary, layout, eds):
+    for check in eds_checks(dictionary, layout, eds):
         check()
 
 
-def eds_problems(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> list[ConfigurationError]:
-    """Return all in which ``layout`` and the EDS named ``eds`` disagree: the first problem of each object and TPDO."""
-    return collect_errors(_checks(dictionary, layout, eds))
-
-
-def _checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> Iterator[Callable[[], object]]:
-    """Give the rules, each as a call that raises ConfigurationError."""
+def eds_checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> Iterator[Callable[[], object]]:
+    """Give the rules, each as a call that raises ConfigurationError: the first problem of an object, or of a TPDO."""
     text = EdsText(eds)
     yield partial(identity_of, dictionary, eds)
     yield partial(_check_value, dictionary, objects.PRODUCER_HEARTBEAT_TIME, 16, text)

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 from tactile_node.cia301.objects import MAX_PDO_BITS, SYNC, reserved_for
 from tactile_node.errors import ConfigurationError
-from tactile_node.skin.layout import DomainLayout, EventDriven, SkinLayout, TaxelField, TpdoLayout
+from tactile_node.skin.layout import DomainLayout, EventDriven, SkinLayout, TpdoLayout
 
 
 def collect_errors(checks: Iterable[Callable[[], object]]) -> list[ConfigurationError]:
@@ -24,13 +24,8 @@ def collect_errors(checks: Iterable[Callable[[], object]]) -> list[Configuration
 PITCHES = 0.0003, 0.025  #: skins on the market have, with room [m]
 
 
-def layout_problems(layout: SkinLayout) -> list[ConfigurationError]:
-    """Return what is wrong with ``layout``: the first problem of each rule and TPDO."""
-    return collect_errors(layout_checks(layout))
-
-
 def layout_checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:
-    """Give the rules, each as a call that raises ConfigurationError."""
+    """Give the rules, each as a call that raises ConfigurationError: the first problem of a rule, or of a TPDO."""
     yield partial(_check_pitch, layout)
     if layout.event_driven is not None:
         yield partial(_check_event_driven, layout, layout.event_driven)
@@ -159,28 +154,21 @@ def _check_inside(layout: SkinLayout, key: str, row: int, col: int) -> None:
 
 
 def _check_unique_taxels(layout: SkinLayout) -> None:
-    seen: dict[tuple[int, int], int] = {}
-    for position, field in _fields(layout):
-        first = seen.setdefault((field.row, field.col), position)
-        if first != position or sum(f[:2] == field[:2] for f in layout.tpdos[position].taxels) > 1:
-            _refuse(layout, f'{layout.tpdos[position].key}.taxels', expected='every taxel named once',
-                    got=f'taxel ({field.row}, {field.col}) also in {layout.tpdos[first].key}',
-                    remedy='Remove one of the two.')
-
-
-def _fields(layout: SkinLayout) -> Iterator[tuple[int, TaxelField]]:
-    return ((position, field) for position, tpdo in enumerate(layout.tpdos) for field in tpdo.taxels)
+    keys: dict[tuple[int, int], str] = {}
+    for key, row, col in [(tpdo.key, field.row, field.col) for tpdo in layout.tpdos for field in tpdo.taxels]:
+        if (first := keys.get((row, col))) is not None:
+            _refuse(layout, f'{key}.taxels', expected='every taxel named once',
+                    got=f'taxel ({row}, {col}) also in {first}', remedy='Remove one of the two.')
+        keys[row, col] = key
 
 
 def _distinct_pdos(layout: SkinLayout) -> list[TpdoLayout]:
     """Return the TPDOs; of frames that are one multiplexed PDO only the first."""
-    return [tpdo for i, tpdo in enumerate(layout.tpdos)
-            if not tpdo.is_multiplexed or not any(_is_same_pdo(tpdo, one) for one in layout.tpdos[:i])]
-
-
-def _is_same_pdo(one: TpdoLayout, other: TpdoLayout) -> bool:
-    kinds = [(tpdo.node, tpdo.number, tpdo.cob_id, tpdo.is_mpdo, tpdo.is_multiplexed) for tpdo in (one, other)]
-    return kinds[0] == kinds[1] and (one.is_mpdo or one.mapping == other.mapping)
+    first: dict[object, TpdoLayout] = {}
+    for rank, tpdo in enumerate(layout.tpdos):
+        mapping = None if tpdo.is_mpdo else tpdo.mapping
+        first.setdefault((tpdo.node, tpdo.number, tpdo.cob_id, mapping) if tpdo.is_multiplexed else rank, tpdo)
+    return list(first.values())
 
 
 def _check_prefixes(layout: SkinLayout) -> None:
