@@ -14,8 +14,9 @@ from bench.recognition import mechanics
 from tactile_node import find_contact
 from tactile_node.learning.response import SkinResponse
 from tactile_node.pose.evidence import gather
-from tactile_node.pose.fit import ShapeFit, fit_evidence, fit_shape
+from tactile_node.pose.fit import Part, ShapeFit, fit_shape, in_metres
 from tactile_node.pose.outlines import OUTLINES
+from tactile_node.pose.search import search
 from tactile_node.rate import Rate
 from tactile_node.shape.recognition import Shape
 from training.ground_truth.layer import measured, sample, stress_field
@@ -81,7 +82,8 @@ class Row(NamedTuple):
 
 def outlined(solution: Solution) -> Outlined:
     """Return the shape that covers the contact set best; its cells are small, so that an on/off fit is exact."""
-    fit = fit_evidence(gather(solution.contact, solution.contact), Shape(solution.label), solution.cell)
+    part = Part(gather(solution.contact, solution.contact))
+    fit = in_metres(search(part.evidence, Shape(solution.label)), part, solution.cell)
     parameters = fit.parameters.copy()
     parameters[:2] += solution.origin
     return Outlined(parameters, fit.handedness)

@@ -16,7 +16,8 @@ def are_on_off(values: np.ndarray) -> bool:
     (True, False)
     """
     highest = np.fmax.reduce(values, axis=None, initial=0.0)
-    return bool(((values == 0) | (values == highest) | np.isnan(values)).all())
+    count = np.count_nonzero((values == 0) | (values == highest))
+    return bool(count == values.size or count + np.count_nonzero(np.isnan(values)) == values.size)
 
 
 #: Thresholds of arrays without a unit, as fractions of the full scale.

@@ -64,7 +64,8 @@ class GuardedSubscription(Generic[Message]):
         self._arrival: Arrival | None = None  # of the newest message that was used
         self._sequence: int | None = None
         self._stamp = 0.0  # of the same message [s, the sender's clock]
-        self._publishers = 0  # when it was last asked of which type they are
+        self._publishers = 0  # of the topic, for the messages under work
+        self._typed_publishers = 0  # when it was last asked of which type they are
         self._other_types: tuple[str, ...] = ()
         self._skipped = 0
         self._overtaken = 0
@@ -107,7 +108,13 @@ class GuardedSubscription(Generic[Message]):
             self._subscription = None
 
     def _on_message(self, message: Message) -> None:
+        self._count_publishers()
         self._work_on([each for each in (message, *self._waiting()) if self._is_usable(each)], self._callback)
+
+    def _count_publishers(self) -> None:
+        """Ask the graph once, for all messages that wait."""
+        if self._kind_is_of_chain:
+            self._publishers = self._node.count_publishers(self.topic)
 
     def _work_on(self, usable: Sequence[Any], callback: Callable[[Any], None]) -> None:
         """Call ``callback`` with the last of what can be used; the others are left out for it."""
@@ -161,9 +168,9 @@ class GuardedSubscription(Generic[Message]):
         """Ask for the types when the publishers may be others: their number has changed, or the sequence breaks off."""
         if not self._is_of_chain(message):
             return None
-        publishers = self._node.count_publishers(self.topic)
-        if publishers != self._publishers or self._sequence is None or message.sequence != self._sequence + 1:
-            self._publishers = publishers
+        is_next = self._sequence is not None and message.sequence == self._sequence + 1
+        if self._publishers != self._typed_publishers or not is_next:
+            self._typed_publishers = self._publishers
             self._other_types = publishers_of_other_type(self._node, self.topic)
         return RejectReason.OTHER_TYPE if self._other_types else None
 

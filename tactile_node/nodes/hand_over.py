@@ -202,12 +202,14 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         return super().health
 
     def _on_message(self, message: Message) -> None:
+        self._count_publishers()
         news = [each for each in (message, *self._waiting()) if _key(each) not in self._own]
         self._work_on([each for each in news if self._is_usable(each)], self._callback)
 
     def _listen(self) -> None:
         """Subscribe to the topic while anyone publishes it but the stage of this process that hands over."""
-        others = self.node.count_publishers(self.topic) - self._is_fed
+        self._count_publishers()
+        others = self._publishers - self._is_fed
         if self._is_fed and others <= 0:
             self.destroy()
         elif self._subscription is None and (others > 0 or not self._is_fed):

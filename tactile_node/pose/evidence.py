@@ -72,12 +72,14 @@ def _window(mask: np.ndarray) -> Window:
 
 def _seen_through(window: Window, taxels: np.ndarray, beyond: float) -> np.ndarray:
     """The window's part of ``taxels``, with the value ``beyond`` where there are none."""
-    seen, missing = [], []
-    for first, count, length in zip(window[:2], window[2:], taxels.shape):
-        seen.append(slice(max(first, 0), first + count))
-        missing.append((max(-first, 0), max(first + count - length, 0)))
-    part = taxels[tuple(seen)]
-    return np.pad(part, missing, constant_values=beyond) if any(map(any, missing)) else part
+    row, col, rows, cols = window
+    part = taxels[max(row, 0):row + rows, max(col, 0):col + cols]
+    if part.shape == (rows, cols):
+        return part
+    whole = np.full((rows, cols), beyond, taxels.dtype)
+    below, right = max(-row, 0), max(-col, 0)
+    whole[below:below + part.shape[0], right:right + part.shape[1]] = part
+    return whole
 
 
 def upper_median(values: np.ndarray) -> float:
@@ -88,6 +90,9 @@ def upper_median(values: np.ndarray) -> float:
 
 def holes(mask: np.ndarray) -> np.ndarray | None:
     """Return what ``mask`` encloses, None for nothing (the usual case)."""
+    begins = mask[:, 1:] & ~mask[:, :-1]
+    if (np.add.reduce(begins, 1, int) + mask[:, 0]).max() < 2:  # of a row without a gap no taxel is enclosed
+        return None
     between = ~mask
     for axis in (0, 1):  # quick: what is enclosed has taxels of the mask on all four sides
         between &= np.logical_or.accumulate(mask, axis) & np.flip(

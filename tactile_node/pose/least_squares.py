@@ -80,6 +80,43 @@ def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
     return parameters
 
 
+class Place(NamedTuple):
+    """Where a model is computed; near it the model is taken as linear."""
+
+    parameters: np.ndarray
+    prediction: Prediction
+
+    def shown_at(self, parameters: np.ndarray) -> Prediction:
+        """Return what the taxels show at ``parameters`` near by."""
+        values = self.prediction.values + (parameters - self.parameters) @ self.prediction.jacobian
+        return self.prediction._replace(values=values)
+
+
+NEAR_OUTLINE, NEAR_EXTRAS = 0.05, 0.1  #: from a place [pitches, radians; of the model's extras]
+
+
+def is_near(model: Model, parameters: np.ndarray, place: np.ndarray) -> bool:
+    """Return whether the model, linear about ``place``, is good at ``parameters``."""
+    away, outline = np.abs(parameters - place), len(model.outline.parameters)
+    return bool(away[:outline].max() < NEAR_OUTLINE and away[outline:].max(initial=0.0) < NEAR_EXTRAS)
+
+
+def solved(problem: Problem, at: Place) -> Solution:
+    """Return the minimum of ``problem`` with its model linear about ``at``."""
+    jacobian = at.prediction.jacobian
+    weighted = jacobian * problem.weights
+    information = weighted @ jacobian.T
+    information.reshape(-1)[::len(information) + 1] += problem.precision
+    slope = weighted @ (problem.values - at.prediction.values) + problem.precision * (problem.expected - at.parameters)
+    step: np.ndarray = dposv(information, slope)[1]
+    step *= min(1.0, LONGEST_STEP / max(np.abs(step).max(), 1e-12))
+    parameters = _bounded(problem.model, at.parameters + step)
+    prediction = at.shown_at(parameters)
+    misfit = problem.weights @ (problem.values - prediction.values)**2
+    cost = misfit + problem.precision @ (parameters - problem.expected)**2
+    return Solution(parameters, prediction, information, float(misfit), float(cost))
+
+
 MOST_BLOCKS = 32    #: blocks across a contact at most [taxels of a fit]
 BLOCKS_AROUND = 3  #: the contact
 LEAST_SEEN = 0.5   #: share of a block's taxels: with fewer valid ones it has no value

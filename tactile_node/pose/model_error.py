@@ -88,7 +88,8 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
     deviation = share * spread_at(area) * (EDGE_FACTOR if at_edge else 1.0) * np.array(error.deviation)
     least = np.concatenate(([LEAST_PLACE] * 2, [LEAST_ANGLE] * bool(outline.symmetry),
                             [LEAST_LENGTH] * len(outline.dimensions)))
-    systematic = to_pad @ np.diag(deviation ** 2) @ to_pad.T + np.diag(least ** 2)
+    systematic = (to_pad * deviation ** 2) @ to_pad.T
+    systematic.reshape(-1)[::len(least) + 1] += least ** 2
     found = parameters - to_pad @ bias
     count = len(outline.dimensions)
     found[-count:] = np.maximum(found[-count:], LEAST_DIMENSION)
@@ -131,7 +132,7 @@ def scales_of(outline: Outline, handedness: int, parameters: np.ndarray, radius:
 
 def area_and_radius(corners: np.ndarray) -> tuple[float, float]:
     """Return the area and 2 area / perimeter: the radius of the inscribed circle, except for rectangles."""
-    following = np.roll(corners, -1, axis=0)
+    following = np.concatenate((corners[1:], corners[:1]))
     area = abs((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()) / 2
     return float(area), float(2 * area / np.hypot(*(following - corners).T).sum())
 

@@ -78,7 +78,7 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     total = of_contact.sum()
     share = of_contact / total if total > 0 else np.full(len(rows), np.nan)
     centre = (float(share @ cols), float(share @ rows))
-    near, deviation = _deviations(values, mask, of_contact, noise=noise)
+    near, deviation = _deviations(values, mask, of_contact, noise=np.asarray(noise, float))
     of_unit = {'Pa': pitch**2, 'N': 1.0, '1': np.nan}[unit]  # newtons
     is_bound = visibility.outline_hidden or visibility.inside_hidden or visibility.saturated_in_contact > 0
     return ContactMoments(
@@ -114,7 +114,7 @@ def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
 
 
 def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
-                noise: float | np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+                noise: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
     """Return the taxels of contact and ring (rows, cols), and the standard deviation of what each adds to the sums.
 
     Beside the noise of its value: a taxel near its threshold is in the contact in one frame and not in the next. With
@@ -122,19 +122,19 @@ def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
     of the ring enter it at or above both. A filled taxel is as uncertain as the values of the contact differ, an
     invalid one in the ring as whether it is pressed.
     """
-    level = np.maximum(np.where(np.isfinite(values), values, 0.0), 0)
-    own = np.broadcast_to(np.asarray(noise, float), mask.shape)
-    filled = mask & ~np.isfinite(values)
-    ring = grown(mask) & ~mask
-    ends = level[mask & ~filled].min(initial=np.inf), level[ring].max(initial=0.0)
-    margin = np.where(mask, level - min(ends), max(ends) - level)
+    near = np.nonzero(grown(mask))
+    inside, read, own = mask[near], values[near], noise[near] if noise.ndim else noise
+    known = np.isfinite(read)
+    level = np.where(known, np.maximum(read, 0), 0.0)
+    ends = level[inside & known].min(initial=np.inf), level[~inside].max(initial=0.0)
+    margin = np.where(inside, level - min(ends), max(ends) - level)
     with np.errstate(divide='ignore', invalid='ignore'):
         other = ndtr(-margin / own)  # how probable the other side of the threshold is
-    variance = np.where(mask, own**2, 0.0) + np.where(own > 0, other * (1 - other) * level**2, own)
-    variance[filled] += of_contact.var()
-    variance[ring & ~np.isfinite(values)] += of_contact.mean()**2 / 4  # it may belong to the contact, or not
-    near = np.nonzero(mask | ring)
-    return near, np.sqrt(variance[near])
+    variance = np.where(inside, own**2, 0.0) + np.where(own > 0, other * (1 - other) * level**2, own)
+    if np.count_nonzero(known) < known.size:
+        variance[inside & ~known] += of_contact.var()
+        variance[~(inside | known)] += of_contact.mean()**2 / 4  # it may belong to the contact, or not
+    return near, np.sqrt(variance)
 
 
 def _centre_sd(deviation: np.ndarray, offset: np.ndarray, total: float) -> float:

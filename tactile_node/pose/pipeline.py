@@ -13,7 +13,7 @@ from tactile_node.contact.pattern import ContactPattern, PatternExtractor, of_co
 from tactile_node.contact.press import SMALLEST_CONTACT, PressThresholds
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.pose.box import ContactBox, contact_box
-from tactile_node.pose.fit import ShapeFit, fit_contact
+from tactile_node.pose.fit import Finder, FitFollower, ShapeFit, fit_contact
 from tactile_node.pose.moments import ContactMoments, contact_moments
 from tactile_node.pose.profiles import Layer
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
@@ -57,11 +57,15 @@ class FoundContact(NamedTuple):
         visibility = visibility_of(pattern, self.smallest_contact)._replace(pad_seen=self.visibility.pad_seen)
         return self._replace(pattern=pattern, visibility=visibility)
 
-    def fit(self, shape: ShapeClass) -> ShapeFit | None:
-        """Return pose and size as a ``shape``; None where that has no outline, and without a contact."""
+    def fit(self, shape: ShapeClass, find: Finder | None = None) -> ShapeFit | None:
+        """Return pose and size as a ``shape``; None where that has no outline, and without a contact.
+
+        ``find``: of a `FitFollower`; None: whatever the frames before have shown.
+        """
         if not self.pattern.mask.any():
             return None
-        return fit_contact(self.pattern, shape, self.taxels.pitch, self.taxels.layer, self.visibility)
+        return fit_contact(self.pattern, shape, self.taxels.pitch, self.taxels.layer, self.visibility,
+                           find)
 
     @property
     def moments(self) -> ContactMoments:
@@ -101,6 +105,7 @@ class ContactPipeline:
         self._extractors: dict[str | None, PatternExtractor] = {}  # by the unit of the values
         self._fusion = None if fusion is None else RecognitionFusion(fusion)
         self._fits = fits
+        self._follower = FitFollower()
 
     def find(self, values: np.ndarray, taxels: Taxels, *, saturated: ArrayLike | None = None,
              unmapped: ArrayLike | None = None) -> FoundContact:
@@ -117,7 +122,10 @@ class ContactPipeline:
         """Return the shape of ``found``, which was acquired at ``stamp`` [s], fused with the frames before it."""
         found, frame = self.recognise_alone(found)
         fused = _alone(frame, stamp) if self._fusion is None else self._fusion.update(stamp, frame)
-        return self._described(found, frame, fused)
+        if fused.frames == 1:
+            self._follower.restart()
+        self._follower.stamp = stamp
+        return self._described(found, frame, fused, None if self._fusion is None else self._follower.find)
 
     def follow(self, values: np.ndarray, taxels: Taxels, stamp: float, *, saturated: ArrayLike | None = None,
                unmapped: ArrayLike | None = None) -> StreamedContact:
@@ -144,6 +152,7 @@ class ContactPipeline:
 
     def restart(self) -> None:
         """Forget what the frames before have shown of the shape, as when another object is known to be touched."""
+        self._follower.restart()
         if self._fusion is not None:
             self._fusion.reset()
 
@@ -153,8 +162,9 @@ class ContactPipeline:
             self._recogniser = make_recogniser()
         return self._recogniser
 
-    def _described(self, found: FoundContact, frame: Recognition, fused: FusedRecognition) -> StreamedContact:
-        fit = found.fit(fused.recognition.shape) if self._fits else None
+    def _described(self, found: FoundContact, frame: Recognition, fused: FusedRecognition,
+                   find: Finder | None = None) -> StreamedContact:
+        fit = found.fit(fused.recognition.shape, find) if self._fits else None
         return StreamedContact(found.pattern, frame, fused, fit, found)
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.contact.neighbours import grown, sum_around
+from tactile_node.contact.neighbours import framed, grown, sum_around
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import are_on_off
 from tactile_node.contact.visibility import Visibility, visibility_of
@@ -36,11 +36,11 @@ def rim_of(pattern: ContactPattern, visibility: Visibility | None = None) -> Rim
     the rim less certain.
     """
     graded = not are_on_off(pattern.values)
-    mask, seen = np.pad(pattern.mask, 1), np.pad(~(pattern.hidden | pattern.unmapped), 1)
+    mask, seen = framed(pattern.mask), framed(~(pattern.hidden | pattern.unmapped))
     ends = seen
     if pattern.hidden.any() and not (visibility or visibility_of(pattern)).outline_hidden:
-        ends = np.pad(~pattern.unmapped, 1)
-    values = np.pad(np.fmax(pattern.values, 0.0) if graded else pattern.mask.astype(float), 1)
+        ends = framed(~pattern.unmapped)
+    values = framed(np.fmax(pattern.values, 0.0) if graded else pattern.mask.astype(float))
     half = 0.5 * _level(values * mask)
     if graded:
         half *= _steepness(values, mask & seen)
@@ -55,7 +55,9 @@ def rim_of(pattern: ContactPattern, visibility: Visibility | None = None) -> Rim
     is_known = seen[outer] & seen[inner] & (fall > 0)
     share = np.where(is_known, (values[inner] - half[inner]) / np.where(is_known, fall, 1.0), 0.5)
     row, col = np.divmod(inner, cols)
-    places = np.stack((col - 1, row - 1), 1) + np.clip(share, -0.5, 1.0)[:, np.newaxis] * NEIGHBOUR_STEPS[step]
+    places = np.minimum(np.maximum(share, -0.5), 1.0)[:, np.newaxis] * NEIGHBOUR_STEPS[step]
+    places[:, 0] += col - 1
+    places[:, 1] += row - 1
     return Rim(places, ends & ~_are_near(outer, outer[~ends], cols),
                graded and not (pattern.saturated & pattern.mask).any())
 
@@ -66,7 +68,10 @@ def reach(rim: Rim, angles: np.ndarray) -> np.ndarray:
     The first index is the axis, the second the end: the lower one, the higher one.
     """
     along = _along(rim, angles)
-    return np.stack((along.min(0), along.max(0)), 1)
+    ends = np.empty((2, 2, len(angles)))
+    np.minimum.reduce(along, 0, out=ends[:, 0])
+    np.maximum.reduce(along, 0, out=ends[:, 1])
+    return ends
 
 
 def is_cut(rim: Rim, angle: float) -> np.ndarray:

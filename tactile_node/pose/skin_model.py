@@ -100,9 +100,13 @@ class Model:
     precision = np.empty(0)  #: 1 / variance of that
 
     def __init__(self, outline: Outline, window: Window):
-        self.outline, self._window = outline, window
+        self.outline, self.window = outline, window
         rows, cols = np.indices((window.rows, window.cols)).reshape(2, -1)
         self._places = np.stack((cols + window.col, rows + window.row)).astype(float)
+
+    def on(self, window: Window) -> 'Model':
+        """Return the same model of another ``window``."""
+        return Model(self.outline, window)
 
     def predict(self, parameters: np.ndarray) -> Prediction:
         """Return what the taxels of the window show."""
@@ -139,7 +143,7 @@ class PressureModel(Model):
 
     def __init__(self, outline: Outline, window: Window, centre: np.ndarray, profile: Profile = PUNCH):
         super().__init__(outline, window)
-        self.profile = profile
+        self.profile, self._centre = profile, centre
         if profile is not PUNCH:
             peak, deviation = self.PEAK_OF_DOME
             self.expected, self.precision = self.expected.copy(), self.precision.copy()
@@ -147,6 +151,9 @@ class PressureModel(Model):
         self._x = window.col + np.arange(window.cols) - centre[0]
         self._y = (window.row + np.arange(window.rows) - centre[1])[:, np.newaxis]
         self._row_distance, self._col_distance = _distances(window.rows), _distances(window.cols)
+
+    def on(self, window: Window) -> 'PressureModel':
+        return PressureModel(self.outline, window, self._centre, self.profile)
 
     def starts(self, guess: np.ndarray) -> list[np.ndarray]:
         """With the profile's pressure and, of a punch, with an even one: of few taxels both fit nearly as well.
@@ -165,7 +172,7 @@ class PressureModel(Model):
         weights = self.profile.weights
         of_change = weights[0] + peak * weights[1]
         sizes = self.profile.sizes[:, -len(self.outline.dimensions):]
-        covered, change = coverages(*self.outline.moving(geometry, sizes), self._window, weights, of_change)
+        covered, change = coverages(*self.outline.moving(geometry, sizes), self.window, weights, of_change)
         pressed, force = covered[0] + peak * covered[1], level + tilt_x * self._x + tilt_y * self._y
         count = len(parameters)
         sharp = np.empty((count, *pressed.shape))

@@ -29,7 +29,8 @@ def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:
     if _fills(mask, box_of(mask)):
         return True
     unseen = np.isnan(values)
-    wide = mask | (np.where(unseen, 0.0, values) >= PARTIAL_LEVEL * float(np.nanmean(values[mask])))
+    pressures = values[mask & ~unseen]
+    wide = mask | (np.where(unseen, 0.0, values) >= PARTIAL_LEVEL * float(pressures.mean()))
     labels = ndimage.label(wide, EIGHT_CONNECTED)[0]
     is_of_contact = np.bincount(labels[mask], minlength=int(labels.max()) + 1) > 0
     wide = is_of_contact[labels]
@@ -64,8 +65,8 @@ def _holes(rim: np.ndarray, at_edge: tuple[bool, bool, bool, bool]) -> np.ndarra
 def _hull(mask: np.ndarray) -> np.ndarray:
     """Return the taxels whose centres are in the hull of the centres of ``mask``."""
     row, col = np.nonzero(mask)
-    along = np.stack((col, row), 1) @ HULL_AXES
+    along = np.array((col, row)).T @ HULL_AXES
     row, col = np.indices(mask.shape).reshape(2, -1)
-    every = np.stack((col, row), 1) @ HULL_AXES
+    every = np.array((col, row)).T @ HULL_AXES
     within: np.ndarray = ((every >= along.min(0) - HULL_ROUNDING) & (every <= along.max(0) + HULL_ROUNDING)).all(1)
     return within.reshape(mask.shape)

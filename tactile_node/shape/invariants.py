@@ -42,7 +42,7 @@ DIRECTION_BEFORE = np.arange(-1, DIRECTIONS - 1)
 
 def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> np.ndarray:
     """Return the numbers of K patches, (K, COUNT), of (K, SIDE, SIDE) levels and unseen, (K,) scales."""
-    weight = np.clip(levels, 0, 1.5).astype(float)
+    weight = np.minimum(np.maximum(levels, 0), 1.5).astype(float)
     down, across = weight.sum(2), weight.sum(1)
     total = down.sum(1)
     y, x = (CELL_PLACES - (profile @ CELL_PLACES / total)[:, None] for profile in (down, across))
@@ -97,7 +97,7 @@ def _hull_moments(support: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.n
     """How much of the hull is covered, and the moments of the hull filled, its rim shaded over a cell."""
     towards = support[:, :, None, None] + 0.5 - DIRECTION_VECTORS[0, :, None, None] * y[:, None, :, None]
     depth = (towards - DIRECTION_VECTORS[1, :, None, None] * x[:, None, None, :]).min(1)
-    filled = np.clip(depth, 0, 1)
+    filled = np.minimum(np.maximum(depth, 0), 1)
     down, across = filled.sum(2), filled.sum(1)
     area = down.sum(1)
     y, x = (place - ((profile * place).sum(1) / area)[:, None] for profile, place in ((down, y), (across, x)))

@@ -35,11 +35,11 @@ def likeness(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray
     square = (x * x)[:, None, :] + (y * y)[:, :, None]
     depth[:, 3] = (DISC_RADIUS * root).astype(np.float32)[:, None, None] - np.sqrt(square)
     depth += HALF_CELL
-    shapes = np.clip(depth, 0, 1, out=depth).reshape(len(weight), 4, -1)
+    shapes = np.minimum(np.maximum(depth, 0, out=depth), 1, out=depth).reshape(len(weight), 4, -1)
     level = np.minimum(weight, 1).astype(np.float32).reshape(len(weight), 1, -1)
     common = np.minimum(level, shapes).sum(2)
     overlap = common / (level.sum(2) + shapes.sum(2) - common)
-    return np.column_stack((overlap, np.abs(third)))
+    return np.concatenate((overlap, np.abs(third)[:, None]), 1)
 
 
 def _sides(moments: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -57,7 +57,7 @@ def _sides(moments: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarra
              + 3 * to_x * to_y ** 2 * moments[:, 2, 1] + to_y ** 3 * moments[:, 3, 0])
     fourth = np.angle(6 * moments[:, 2, 2] - moments[:, 0, 4] - moments[:, 4, 0]
                       + 4j * (moments[:, 3, 1] - moments[:, 1, 3])) / 4
-    angles = np.stack((along, fourth), 1)[..., None] + SIDE_ANGLES
+    angles = np.array((along, fourth)).T[..., None] + SIDE_ANGLES
     white = np.sqrt(long * short)[:, None]
     towards = white * np.exp(-1j * (np.angle(third)[:, None] / 3 + CORNER_ANGLES))
     nx = np.concatenate((np.cos(angles), (towards * to_x[:, None]).real[:, None]), 1)

@@ -28,7 +28,7 @@ class Network(NamedTuple):
         """Return what the last layer sees, (K, last width), and after it the standard geometry, (K, COUNT), float32."""
         for kernel, bias, taps in zip(self.kernels, self.biases, TAPS):
             images = _convolved(images, kernel, bias, taps)
-        standard = np.clip((geometry - self.middle) / self.spread, -5, 5)
+        standard = np.minimum(np.maximum((geometry - self.middle) / self.spread, -5), 5)
         flow = np.concatenate((images.reshape(len(images), -1), standard), 1, dtype=np.float32)
         for weight, bias in list(zip(self.kernels, self.biases))[len(TAPS):-1]:
             flow = np.maximum(flow @ weight + bias, 0)

@@ -146,10 +146,12 @@ class ShapeRecogniser:
 
     def embedding(self, patches: Sequence[Patch]) -> tuple[np.ndarray, np.ndarray]:
         """Return what the heads of taught shapes see of patches all graded or all not, and the log of their taxels."""
-        levels, unseen = np.stack([patch.level for patch in patches]), np.stack([patch.unseen for patch in patches])
+        levels, unseen = np.array([patch.level for patch in patches]), np.array([patch.unseen for patch in patches])
         geometry = describe_all(levels, unseen, np.array([patch.scale for patch in patches]))
         network = self._networks[KINDS[patches[0].graded]]
-        return network.embedding(np.stack((levels, unseen), -1), geometry), geometry[:, 0]
+        images = np.empty((*levels.shape, 2), np.float32)
+        images[..., 0], images[..., 1] = levels, unseen
+        return network.embedding(images, geometry), geometry[:, 0]
 
     def known(self, kind: str, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
         """Return the probabilities of OUTPUTS, (K, 6), as without taught shapes."""

@@ -140,7 +140,8 @@ def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
 def _is_hum(pattern: ContactPattern) -> bool:
     """Return whether the contact is a band of whole rows or columns on a pad whose other rows or columns move, too."""
     turned = (pattern.values, pattern.mask), (pattern.values.T, pattern.mask.T)
-    return any(mask.any(0).mean() >= BAND_WIDTH and _is_band_of_hum(values, mask) for values, mask in turned)
+    return any(np.count_nonzero(mask.any(0)) >= BAND_WIDTH * mask.shape[1] and _is_band_of_hum(values, mask)
+               for values, mask in turned)
 
 
 def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
@@ -148,15 +149,19 @@ def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
 
     Along a bar the readings vary by the gain of its taxels and by its ends, and beyond its flanks the pad rests.
     """
-    seen, band = np.isfinite(values).any(1), np.asarray(mask.any(1))
-    values, band = values[seen], band[seen]
-    if band.all() or not band.any():
+    finite, band = np.isfinite(values), np.asarray(mask.any(1))
+    is_whole = np.count_nonzero(finite) == finite.size
+    if not is_whole:
+        seen = finite.any(1)
+        values, band = values[seen], band[seen]
+    of_band = np.count_nonzero(band)
+    if not 0 < of_band < band.size:
         return False
-    spread = np.nanstd(values, axis=1)
-    noise = float(np.median(spread[~band]))
-    if not (spread[band] ** 2).mean() < (EVENNESS * noise) ** 2:
+    spread = values.std(1) if is_whole else np.nanstd(values, axis=1)
+    noise = float(_medians(spread[~band]))
+    if not np.square(spread[band]).sum() / of_band < (EVENNESS * noise) ** 2:
         return False
-    levels = np.nanmedian(values, axis=1)
+    levels = _medians(values) if is_whole else np.nanmedian(values, axis=1)
     peak = int(levels.argmax())
     least = max(ROW_RISE * float(np.ptp(levels)), ROW_NOISE * noise / values.shape[1] ** 0.5)
     return any(bool((side - np.minimum.accumulate(side) > least).any()) for side in (levels[peak:], levels[peak::-1]))
@@ -174,6 +179,13 @@ def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, rest: 
         return False
     along = lines[used] - rest
     return bool(along.sum() > most * count and _median(along) > most)  # the sum is the quicker
+
+
+def _medians(values: np.ndarray) -> np.ndarray:
+    """Return the medians along the last axis; numpy's own take six times as long."""
+    ordered, count = np.sort(values, -1), values.shape[-1]
+    medians: np.ndarray = (ordered[..., (count - 1) // 2] + ordered[..., count // 2]) / 2
+    return medians
 
 
 def _median(values: np.ndarray) -> float:

@@ -1,0 +1,189 @@
+"""The likeliest outline of one shape: searched for from several starts, or followed from the frame before."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.pose.candidate import (
+    Candidate,
+    coarse,
+    fine,
+    is_no_punch,
+    loading_of,
+    may_be_dome,
+    reweighted,
+    with_likely_peak,
+)
+from tactile_node.pose.evidence import Evidence
+from tactile_node.pose.first_guess import guesses, moments_of
+from tactile_node.pose.least_squares import Place, is_near, solved
+from tactile_node.pose.model_error import corrected, covariance_scale, weights_after
+from tactile_node.pose.outlines import OUTLINES, Outline
+from tactile_node.pose.profiles import DOMES, Layer
+from tactile_node.shape.recognition import Shape
+
+CORNER_MARGIN = 0.15  #: corners of a triangle are tried when their angles, or log lengths, are so close
+CORNER_MARGIN_ON_OFF = 0.35
+AMBIGUOUS_MISFIT = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
+EDGE_AMBIGUITY = 20.0        #: factor of that at the pad's edge: what lies beyond is a guess
+PUNCH_RATIO = 1.4       #: a punch is not refined beside a dome whose sum of squares is lower by this factor
+HOPELESS_MISFIT = 500.0      #: a fit that is worse by more after the first pass is not refined
+FOLLOWING_STEPS = 3  #: a contact that rests needs one
+WORSE_RATIO, LEAST_RESIDUAL = 1.4, 0.03  #: a residual that has grown by more, above the least, asks for a new search
+
+
+class Estimate(NamedTuple):
+    """Outline in pitches, canonical: the long side first, of equivalent angles the one nearest 0."""
+
+    parameters: np.ndarray
+    covariance: np.ndarray
+    handedness: int
+    symmetry: int
+
+
+class Found(NamedTuple):
+    """The likeliest outline of a shape."""
+
+    shape: Shape
+    candidate: Candidate
+    place: Place        #: where its model was computed last
+    estimate: Estimate
+    others: np.ndarray  #: part of the covariance that is of other outlines, nearly as likely
+    residual: float     #: root mean square of value - model, fraction of the contact's level
+    searched_residual: float  #: that of the search
+    on_off: bool
+    at_edge: bool
+
+
+def search(evidence: Evidence, shape: Shape, layer: Layer | None = None) -> Found:
+    """Find the outline of ``shape``, one of the five, in ``evidence``; ``layer`` [pitches]."""
+    candidates = _coarse_fits(evidence, shape, layer)
+    best = min(candidates, key=_misfit)
+    weights = weights_after(shape, best.solution.prediction, evidence)
+    candidates = [with_likely_peak(reweighted(candidate, weights)) for candidate in candidates]
+    within = min(map(_misfit, candidates)) + HOPELESS_MISFIT
+    candidates = sorted((fine(candidate) for candidate in candidates if _misfit(candidate) < within), key=_misfit)
+    estimate, others = _together(shape, evidence, candidates)
+    best, residual = candidates[0], _residual(evidence, candidates[0])
+    return Found(shape, best, Place(*best.solution[:2]), estimate, others, residual, residual, evidence.on_off,
+                 evidence.at_edge)
+
+
+def follow(evidence: Evidence, before: Found) -> Found | None:
+    """Go on from what was found in the frame ``before``; None where that does not lead to an outline as good.
+
+    While the outline stays near the place where the model was computed last, it is linear in the parameters there. What
+    the other starts of the search have shown holds on.
+    """
+    if evidence.on_off != before.on_off or evidence.at_edge != before.at_edge:
+        return None
+    problem, at, start = before.candidate.problem, before.place, before.candidate.solution.parameters
+    if problem.model.window != evidence.window:
+        model = problem.model.on(evidence.window)
+        problem, at = problem._replace(model=model), Place(start, model.predict(start))
+    weights = weights_after(before.shape, at.shown_at(start), evidence)
+    expected = before.candidate.problem.expected.copy()
+    outline = slice(len(problem.model.outline.parameters))
+    expected[outline] = start[outline]  # where it was is as good a guess as its moments
+    problem = problem._replace(values=evidence.values, weights=weights, expected=expected)
+    for _ in range(FOLLOWING_STEPS):
+        solution = solved(problem, at)
+        if is_near(problem.model, solution.parameters, at.parameters):
+            break
+        at = Place(solution.parameters, problem.model.predict(solution.parameters))
+    else:
+        return None
+    candidate = Candidate(problem, solution, before.candidate.handedness)
+    residual = _residual(evidence, candidate)
+    if residual > WORSE_RATIO * max(before.searched_residual, LEAST_RESIDUAL):
+        return None
+    estimate = _estimate(before.shape, evidence, candidate, solution.information)
+    estimate = estimate._replace(covariance=estimate.covariance + before.others, symmetry=before.estimate.symmetry)
+    return before._replace(candidate=candidate, place=at, estimate=estimate, residual=residual)
+
+
+def _residual(evidence: Evidence, found: Candidate) -> float:
+    residual = (evidence.values - found.solution.prediction.values)[evidence.used]
+    return float(np.sqrt(residual @ residual / max(len(residual), 1)))
+
+
+def _coarse_fits(evidence: Evidence, shape: Shape, layer: Layer | None) -> list[Candidate]:
+    """From every start, and as a dome where it may be one; ``layer`` in pitches."""
+    y, x = np.indices(evidence.solid.shape).reshape(2, -1)
+    moments = moments_of(x + evidence.window.col, y + evidence.window.row, evidence.solid.reshape(-1))
+    margin = np.inf if evidence.at_edge else CORNER_MARGIN_ON_OFF if evidence.on_off else CORNER_MARGIN
+    starts = guesses(shape, moments, margin)
+    punches = [coarse(evidence, shape, guess, layer=layer) for guess in starts]
+    if not may_be_dome(evidence, shape, punches[0]):
+        return punches
+    domes = [coarse(evidence, shape, starts[0], dome, layer) for dome in DOMES[shape]]
+    if is_no_punch(shape, punches[0]):
+        return domes
+    # Weights would take a tip for outliers; what is left looks like an even pressure on too small an outline
+    least = min(map(_misfit, domes))
+    return [punch for punch in punches if _misfit(punch) < PUNCH_RATIO * least] + domes
+
+
+def _misfit(candidate: Candidate) -> float:
+    """What candidates are compared by: their priors differ."""
+    return candidate.solution.misfit
+
+
+def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> tuple[Estimate, np.ndarray]:
+    """The best candidate, and by how much the others, as far as they are likely too, widen its covariance."""
+    last = (reweighted(each, weights_after(shape, each.solution.prediction, evidence)) for each in candidates)
+    estimates = [_estimate(shape, evidence, each, weighted.solution.information)
+                 for each, weighted in zip(candidates, last)]
+    best, costs = estimates[0], np.array([_misfit(candidate) for candidate in candidates])
+    if evidence.at_edge and not evidence.on_off:
+        costs /= EDGE_AMBIGUITY
+    if shape is Shape.ISOSCELES_TRIANGLE and any(
+            cost - costs[0] < AMBIGUOUS_MISFIT and abs(_nearest_zero(other.parameters[2] - best.parameters[2], 1)) > 1
+            for cost, other in zip(costs[1:], estimates[1:])):
+        best = best._replace(symmetry=3)
+    shares = np.exp((costs[0] - costs) / 2)
+    covariance, apart_from_best = np.zeros((2, *best.covariance.shape))
+    for share, estimate in zip(shares / shares.sum(), estimates):
+        apart = estimate.parameters - best.parameters
+        if best.symmetry:
+            apart[2] = _nearest_zero(apart[2], best.symmetry)
+        spread = np.outer(apart, apart)
+        covariance += share * (estimate.covariance + spread)
+        apart_from_best += share * spread
+    return best._replace(covariance=covariance), apart_from_best
+
+
+def _estimate(shape: Shape, evidence: Evidence, found: Candidate, information: np.ndarray) -> Estimate:
+    count = len(found.problem.model.outline.parameters)
+    covariance = np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence)
+    fitted = found.solution.parameters[:count]
+    loading = loading_of(found)
+    if loading is not None and not loading.is_punch:  # a dome's first length is along its axis
+        fitted, covariance = corrected(shape, found.handedness, fitted, covariance, loading, evidence.at_edge)
+    parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
+    if loading is not None and loading.is_punch:
+        parameters, covariance = corrected(shape, handedness, parameters, covariance, loading, evidence.at_edge)
+        parameters, handedness, covariance = _canonical(shape, handedness, parameters, covariance)
+    return Estimate(parameters, covariance, handedness, OUTLINES[shape].symmetry)
+
+
+def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,
+               covariance: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
+    """The long side first; of the equivalent angles the one nearest 0."""
+    outline: Outline = OUTLINES[shape]
+    if not outline.symmetry:
+        return parameters, handedness, covariance
+    parameters = parameters.copy()
+    if shape in (Shape.RECTANGLE, Shape.RIGHT_TRIANGLE) and parameters[4] > parameters[3]:
+        swap = [0, 1, 2, 4, 3]
+        parameters, covariance = parameters[swap], covariance[np.ix_(swap, swap)]
+        parameters[2] += handedness * np.pi / 2
+        handedness = -handedness if shape is Shape.RIGHT_TRIANGLE else handedness
+    parameters[2] = _nearest_zero(parameters[2], outline.symmetry)
+    return parameters, handedness, covariance
+
+
+def _nearest_zero(angle: float, symmetry: int) -> float:
+    """Return the one of all equivalent angles that is in (-π/symmetry, π/symmetry]."""
+    period = 2 * np.pi / symmetry
+    return -((period / 2 - angle) % period - period / 2)
