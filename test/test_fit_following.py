@@ -1,0 +1,176 @@
+"""A fit that goes on from the frame before, against a search in each frame, on contacts computed by contact mechanics.
+
+The truth is the solver's contact set, which slides, turns, grows, is pressed harder, loses taxels, and jumps.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from tactile_node import find_contact
+from tactile_node.pose import fit as fitting
+from tactile_node.pose.fit import FitFollower, fit_shape
+from tactile_node.shape.recognition import Shape
+from tactile_node.simulator.world import Contact
+from training.ground_truth.indenters import flat_punch
+from training.ground_truth.layer import measured, sample, stress_field
+from training.ground_truth.mechanics import solve
+
+PUNCHES = {
+    'circle': (0.564,), 'square': (1.0,), 'rectangle': (1.4, 0.714), 'right_triangle': (1.73, 1.155, 1.0),
+    'isosceles_triangle': (1.41, 1.41)}
+PERIOD, FRAMES, SIDE, MIDDLE, DEPTH = 0.02, 40, 32, 14.0, 0.6
+INSIDE = 5.99  #: chi squared of two places, 95 %
+
+
+class Moment(NamedTuple):
+    """How the contact is pressed in one frame; lengths in pitches."""
+
+    x: float = 0.0  #: from the middle of the pad
+    y: float = 0.0
+    angle: float = 0.4
+    area: float = 60.0
+    load: float = 1.0
+    dead: float = 0.0
+    line: int = -1  #: a row without values
+
+
+def path(change: Callable[[int], Moment]) -> list[Moment]:
+    return [change(number) for number in range(FRAMES)]
+
+
+WAYS = {
+    'rests': path(lambda i: Moment()),
+    'slides by 0.2 pitch a frame': path(lambda i: Moment(x=0.2 * i - 4, y=0.1 * i - 2)),
+    'slides by 0.5 pitch a frame': path(lambda i: Moment(x=0.5 * (i % 20) - 5, y=0.1)),
+    'turns by 2 degrees a frame': path(lambda i: Moment(angle=0.4 + 0.035 * i)),
+    'grows': path(lambda i: Moment(area=40 + i)),
+    'is pressed harder': path(lambda i: Moment(load=0.1 + 0.9 * i / FRAMES)),
+    'loses and regains taxels': path(lambda i: Moment(dead=0.03 * (i // 5 % 2), line=14 if i % 7 == 3 else -1)),
+    'jumps': path(lambda i: Moment(x=3.0 * (i >= 20), angle=0.4 + 0.6 * (i >= 20))),
+    'is pressed over the edge': path(lambda i: Moment(x=-6 - 0.2 * i)),
+}
+
+
+@cache
+def pressed(shape: str, area: float):
+    """The stress field, and the middle of the contact set in its frame [pitches]."""
+    solution = solve(flat_punch(Contact(shape, PUNCHES[shape], 0.0, 0.0), 0.03, 0.12), (0.05, 0.03))
+    rows, cols = np.nonzero(solution.contact)
+    middle = np.array(solution.origin) + np.array((cols.mean(), rows.mean())) * solution.cell
+    return stress_field(solution, area, DEPTH), np.sqrt(area) * middle
+
+
+class Followed(NamedTuple):
+    """Distances from the true centre (n, 2), and whether the 95 % region holds it (n,)."""
+
+    apart: np.ndarray
+    inside: np.ndarray
+
+
+def fits_of(shape: str, moments: list[Moment], follower: FitFollower | None) -> Followed:
+    rng, apart, inside = np.random.default_rng(20261125), [], []
+    for number, moment in enumerate(moments):
+        field, middle = pressed(shape, moment.area)
+        stress = sample(field, MIDDLE + moment.x, MIDDLE + moment.y, moment.angle, SIDE, SIDE)
+        frame = moment.load * measured(stress, 0.4, rng, noise=0.01 / moment.load, dead=moment.dead)
+        if moment.line >= 0:
+            frame[moment.line] = np.nan
+        contact = find_contact(frame, unit=None)
+        if follower is not None:
+            follower.stamp = number * PERIOD
+        fit = fit_shape(contact.values, contact.mask, Shape(shape), find=follower and follower.find)
+        cos, sin = np.cos(moment.angle), np.sin(moment.angle)
+        true = np.array((MIDDLE + moment.x + cos * middle[0] - sin * middle[1],
+                         MIDDLE + moment.y + sin * middle[0] + cos * middle[1]))
+        apart.append(np.array(fit.centre) - true)
+        inside.append(apart[-1] @ np.linalg.solve(fit.covariance[:2, :2], apart[-1]) < INSIDE)
+    return Followed(np.array(apart), np.array(inside))
+
+
+def apart(fits: Followed) -> np.ndarray:
+    """Distances from the true centre [pitches]."""
+    return np.hypot(*fits.apart.T)
+
+
+@cache
+def both(shape: str, way: str) -> tuple[Followed, Followed]:
+    return fits_of(shape, WAYS[way], None), fits_of(shape, WAYS[way], FitFollower())
+
+
+@pytest.mark.parametrize('way', WAYS)
+@pytest.mark.parametrize('shape', PUNCHES)
+def test_a_fit_that_goes_on_is_as_near_to_the_truth_as_a_search(shape, way):
+    searched, followed = both(shape, way)
+    assert np.median(apart(followed)) <= np.median(apart(searched)) + 0.03
+    assert apart(followed).max() <= apart(searched).max() + 0.2
+
+
+@pytest.mark.parametrize('way', WAYS)
+@pytest.mark.parametrize('shape', PUNCHES)
+def test_it_is_no_surer_than_it_is_right(shape, way):
+    searched, followed = both(shape, way)
+    assert followed.inside.mean() >= min(searched.inside.mean(), 0.95) - 1 / FRAMES
+
+
+@pytest.mark.parametrize('shape', PUNCHES)
+def test_it_does_not_lag_behind_a_slide(shape):
+    """0.5 pitch a frame: 50 mm/s at 50 Hz on taxels 2 mm apart."""
+    searched, followed = both(shape, 'slides by 0.5 pitch a frame')
+    assert abs((followed.apart - searched.apart)[:, 0].mean()) < 0.03
+
+
+@pytest.fixture
+def searches(monkeypatch) -> list[Shape]:
+    """The shape of each search."""
+    found: list[Shape] = []
+    search = fitting.search
+
+    def counted(evidence, shape, layer=None):
+        found.append(shape)
+        return search(evidence, shape, layer)
+    monkeypatch.setattr(fitting, 'search', counted)
+    return found
+
+
+def test_a_contact_that_rests_is_searched_for_every_half_second(searches):
+    fits_of('square', WAYS['rests'], FitFollower())
+    assert len(searches) == 1 + int(FRAMES * PERIOD / fitting.SEARCH_PERIOD)
+
+
+def test_a_contact_that_jumps_is_searched_for_at_once(searches):
+    moments = [Moment(), Moment(), Moment(x=5.0), Moment(x=5.0)]
+    followed = fits_of('square', moments, FitFollower())
+    assert len(searches) == 2 and apart(followed).max() < 0.1
+
+
+def test_stamps_that_go_back_begin_again(searches):
+    follower, values = FitFollower(), np.pad(np.ones((4, 4)), 3) * 1e4
+    for follower.stamp in (5.0, 5.02, 1.0):
+        fit_shape(values, values > 0, Shape.SQUARE, find=follower.find)
+    assert len(searches) == 2
+
+
+def test_another_contact_begins_again(searches):
+    follower, values = FitFollower(), np.pad(np.ones((4, 4)), 3) * 1e4
+    for _ in range(2):
+        fit_shape(values, values > 0, Shape.SQUARE, find=follower.find)
+        follower.restart()
+    assert len(searches) == 2
+
+
+@pytest.mark.parametrize('shape', ['square', 'rectangle', 'right_triangle'])
+def test_on_off_taxels_are_followed_as_near(shape):
+    contact = Contact(shape, tuple(7 * each for each in PUNCHES[shape][:2]) + PUNCHES[shape][2:], MIDDLE, MIDDLE, 0.4)
+    follower, apart = FitFollower(), []
+    for number in range(FRAMES):
+        moved = replace(contact, x=MIDDLE + 0.1 * number, y=MIDDLE - 0.05 * number)
+        pattern, follower.stamp = moved.pattern(SIDE, SIDE), number * PERIOD
+        fits = [fit_shape(pattern, pattern, Shape(shape), find=find) for find in (None, follower.find)]
+        apart.append([np.hypot(fit.centre[0] - moved.x, fit.centre[1] - moved.y) for fit in fits])
+    searched, followed = np.array(apart).T
+    assert np.median(followed) <= np.median(searched) + 0.05 and followed.max() <= searched.max() + 0.2
