@@ -14,7 +14,7 @@ from test_can_commands import run
 from test_logs import play
 from test_recording_files import numbered, numbers
 from test_report_page import check_alone, reported
-from test_topic_bag import TAXELS, mcap_file, store, taxel_array
+from test_topic_bag import TAXELS, frames_in, mcap_file, store, taxel_array
 
 from tactile_node.cli import replay
 from tactile_node.errors import ConfigurationError, LogError
@@ -127,7 +127,7 @@ def test_damage_costs_the_taxel_frames_of_its_chunk_alone(tmp_path, compression)
     path = topic_bag(tmp_path / 'x.mcap', compression=compression)
     path.write_bytes(flipped(path.read_bytes(), 3))
     reader = TopicBagReader(path)
-    assert [each.frame.sequence for each in reader.frames()] == without(3, count=60, each=10)
+    assert [each.sequence for each in frames_in(reader)] == without(3, count=60, each=10)
     assert dict(reader.unread) == {DamageKind.CHUNK: 1}
     damage, = reader.damages
     assert (damage.kind, damage.chunks, damage.begin, damage.end) == (DamageKind.CHUNK, 1, BEGIN + 29, BEGIN + 40)

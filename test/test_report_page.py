@@ -12,7 +12,7 @@ from test_topic_bag import TAXELS, bag, mcap_file, store, taxel_array
 from tactile_node.cli.main import main
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_records import message_count
-from tactile_node.logs.topic_bag import DIAGNOSTICS, SHAPE
+from tactile_node.logs.topic_bag import DIAGNOSTICS
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.findings import Remark, findings
@@ -104,8 +104,8 @@ def test_the_page_of_nothing_says_so(tmp_path):
 
 def test_a_bag_of_taxel_arrays(tmp_path):
     folder = bag(tmp_path / 'bag', [('/left/taxels', message) for message in frames()],
-                 topics=(('/left/taxels', TAXELS), ('/left/shape', SHAPE)))
-    assert message_count(folder, (TAXELS,)) == 30 and message_count(folder, (SHAPE,)) == 0
+                 topics=(('/left/taxels', TAXELS), ('/left/shape', 'tactile_skin/msg/ContactShape')))
+    assert message_count(folder, (TAXELS,)) == 30 and message_count(folder, ('tactile_skin/msg/ContactShape',)) == 0
     report = reported(folder)
     pad, = report.pads
     assert (pad.name, pad.frames, pad.incomplete, pad.lost_frames) == ('left', 30, 15, 1)

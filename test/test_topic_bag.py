@@ -13,9 +13,9 @@ from tactile_node.logs.bag_log import CAN_TYPE
 from tactile_node.logs.damage import DamageKind
 from tactile_node.logs.topic_bag import (
     DIAGNOSTICS,
-    SHAPE,
     TAXELS,
     TopicBagReader,
+    frame_of,
     holds_can_frames,
     holds_taxels,
 )
@@ -113,28 +113,30 @@ def test_a_bag_gives_frames_with_the_pads_geometry(tmp_path, plugin, compressed)
     file, = (file for file in folder.iterdir() if file.suffix in ('.mcap', '.db3'))
     for path in (folder, file):
         reader = TopicBagReader(path)
-        frames = list(reader.frames())
+        messages = list(reader.messages([TAXELS]))
         assert reader.pads == ('left',) and not reader.unread
-        assert [(each.pad, each.frame.sequence, each.frame.stamp, each.recorded) for each in frames] == [
-            ('left', k, EPOCH + k + 0.25, EPOCH + 100 + k) for k in range(3)]
-        assert tuple(frames[0].geometry) == (2, 3, pytest.approx(0.004), 'Pa', 'left_pad', pytest.approx(0.001),
-                                             pytest.approx(0.2))
-        frame = frames[0].frame
+        assert [(each.topic, frame_of(each.content).sequence, frame_of(each.content).stamp, each.recorded)
+                for each in messages] == [('/left/taxels', k, EPOCH + k + 0.25, EPOCH + 100 + k) for k in range(3)]
+        assert messages[0].content.pitch == pytest.approx(0.004) and messages[0].content.unit == 'Pa'
+        frame = frame_of(messages[0].content)
         np.testing.assert_array_equal(frame.values, [[1, 2, NAN], [4, 5, 6]])
         assert frame.status.tolist() == [[1, 1, TaxelStatus.STALE], [1, 1, TaxelStatus.SATURATED]]
         assert frame.missing_can_frames == 1 and frame.tpdo_ages is None
         assert not frame.values.flags.writeable
 
 
-def test_reading_may_begin_later_and_again(tmp_path):
+def frames_in(reader):
+    return [frame_of(message.content) for message in reader.messages([TAXELS])]
+
+
+def test_a_bag_may_be_read_again(tmp_path):
     reader = TopicBagReader(bag(tmp_path / 'bag', arrays(5)))
-    assert [each.frame.sequence for each in reader.frames(since=EPOCH + 103)] == [3, 4]
-    assert len(list(reader.frames())) == 5
+    assert len(frames_in(reader)) == len(frames_in(reader)) == 5
 
 
 def test_ages_of_a_snapshot_come_along(tmp_path):
     changed = {'tpdo_ages': np.array([0, 0.5], np.float32), 'taxel_tpdos': np.array([0, 0, 0, 1, 1, 1], np.uint16)}
-    frame = next(TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed))).frames()).frame
+    frame, = frames_in(TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed))))
     assert frame.tpdo_ages.of(1, 2) == 0.5 and frame.tpdo_ages.of(0, 0) == 0
 
 
@@ -154,8 +156,8 @@ uint8[] status
 uint32 missing_can_frames'''
     types = store(TaxelArray=text)
     message = taxel_array(types, 7, **{'gone': 'some words'})
-    frame, = TopicBagReader(bag(tmp_path / 'bag', [('/left/taxels', message)], plugin, types)).frames()
-    assert frame.frame.sequence == 7 and frame.frame.values[1, 2] == 6 and frame.geometry.layer_depth == 0
+    frame, = frames_in(TopicBagReader(bag(tmp_path / 'bag', [('/left/taxels', message)], plugin, types)))
+    assert frame.sequence == 7 and frame.values[1, 2] == 6 and frame.tpdo_ages is None
 
 
 def test_a_bag_without_definitions_is_read_by_ours(tmp_path):
@@ -165,7 +167,7 @@ def test_a_bag_without_definitions_is_read_by_ours(tmp_path):
     with sqlite3.connect(file) as base:
         base.execute('DROP TABLE message_definitions')
     base.close()
-    assert len(list(TopicBagReader(file).frames())) == 2
+    assert len(frames_in(TopicBagReader(file))) == 2
 
 
 def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
@@ -173,7 +175,7 @@ def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
     size = mcap_file(path, [taxel_array(store(), k) for k in range(4)], '/robot/left/taxels')
     path.write_bytes(path.read_bytes()[:size - 10])
     reader = TopicBagReader(path)
-    assert [each.frame.sequence for each in reader.frames()] == [0, 1, 2]
+    assert [each.sequence for each in frames_in(reader)] == [0, 1, 2]
     assert reader.pads == ('robot/left',) and dict(reader.unread) == {DamageKind.CUT_SHORT: 1} and reader.problem
 
 
@@ -185,7 +187,7 @@ def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
     {'layer_deviation': 0.0}, {'values': np.array([1, 2, np.inf, 4, 5, 6], np.float32)}])
 def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed):
     reader = TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed) + arrays(1)))
-    assert len(list(reader.frames())) == 1 and dict(reader.unread) == {DamageKind.INCONSISTENT: 1}
+    assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.INCONSISTENT: 1}
 
 
 def test_a_message_that_is_none_is_counted_not_given(tmp_path):
@@ -195,7 +197,7 @@ def test_a_message_that_is_none_is_counted_not_given(tmp_path):
     assert huge != whole
     broken = [('/left/taxels', data) for data in (b'', whole[:40], huge, b'\x28\xB5\x2F\xFDxx')]
     reader = TopicBagReader(bag(tmp_path / 'bag', broken + arrays(1)))
-    assert len(list(reader.frames())) == 1 and dict(reader.unread) == {DamageKind.UNDECODABLE: 4}
+    assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.UNDECODABLE: 4}
 
 
 def test_what_a_bag_holds_is_known_without_reading_it(tmp_path):
@@ -230,7 +232,8 @@ def test_other_messages_are_given_in_order_of_recording(tmp_path):
     status = kinds['diagnostic_msgs/msg/DiagnosticStatus'](1, 'skin: bus', 'slow', 'can0', [entry])
     diagnostics = kinds[DIAGNOSTICS](header, [status])
     folder = bag(tmp_path / 'bag', [*arrays(1), ('/diagnostics', diagnostics), *arrays(1)], types=types,
-                 topics=(('/left/taxels', TAXELS), ('/diagnostics', DIAGNOSTICS), ('/left/shape', SHAPE)))
-    found = list(TopicBagReader(folder).messages())
+                 topics=(('/left/taxels', TAXELS), ('/diagnostics', DIAGNOSTICS),
+                         ('/left/shape', 'tactile_skin/msg/ContactShape')))
+    found = list(TopicBagReader(folder).messages((TAXELS, DIAGNOSTICS)))
     assert [message.topic for message in found] == ['/left/taxels', '/diagnostics', '/left/taxels']
     assert found[1].content.status[0].values[0].value == '<b>0.4</b>' and found[1].recorded == EPOCH + 101

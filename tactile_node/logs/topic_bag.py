@@ -22,26 +22,8 @@ from tactile_node.skin.taxel_array import Time, check_taxel_array
 from tactile_node.taxel_frame import TaxelFrame, TpdoAges, read_only
 
 
-class PadGeometry(NamedTuple):
-    """What a TaxelArray says of its pad."""
-
-    rows: int
-    cols: int
-    pitch: float  #: [m]
-    unit: str     #: 'Pa', 'N' or '1'
-    frame_id: str
-    layer_depth: float = 0.0      #: how far the taxels are below the skin's surface [m]; 0: not known
-    layer_deviation: float = 0.0  #: standard deviation of its logarithm
-
-
 def seconds(stamp: Time) -> float:
     return stamp.sec + stamp.nanosec / SECOND
-
-
-def geometry_of(message) -> PadGeometry:
-    """Take a TaxelArray that has passed `check_taxel_array`; fields that the bag's definition lacks are not known."""
-    return PadGeometry(message.rows, message.cols, float(message.pitch), message.unit, message.header.frame_id,
-                       float(getattr(message, 'layer_depth', 0.0)), float(getattr(message, 'layer_deviation', 0.0)))
 
 
 def frame_of(message) -> TaxelFrame:
@@ -61,22 +43,12 @@ def _array(values, dtype: type) -> np.ndarray:
 
 
 PACKAGE = 'tactile_skin'
-TAXELS, SHAPE, STATUS = (f'{PACKAGE}/msg/{name}' for name in ('TaxelArray', 'ContactShape', 'SkinStatus'))
+TAXELS, STATUS = f'{PACKAGE}/msg/TaxelArray', f'{PACKAGE}/msg/SkinStatus'
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
-TYPES = TAXELS, SHAPE, STATUS, DIAGNOSTICS
-
-
-class PadFrame(NamedTuple):
-    """A TaxelArray of a bag."""
-
-    pad: str  #: its name: the topic without '/taxels'; with the namespace, if there is one: 'robot/left'
-    frame: TaxelFrame
-    geometry: PadGeometry
-    recorded: float  #: when it was recorded [s, Unix epoch]; ``frame.stamp`` is when it was acquired
 
 
 class BagMessage(NamedTuple):
-    """A message of one of TYPES, with the fields of its definition; arrays of numbers are NumPy's."""
+    """A message with the fields of its definition; arrays of numbers are NumPy's."""
 
     topic: str
     type: str
@@ -123,27 +95,12 @@ class TopicBagReader:
         """Names of the pads of which there are taxel arrays, sorted."""
         return tuple(sorted(pad_of(topic) for topic, kind in self.topics.items() if kind == TAXELS))
 
-    @property
-    def begin(self) -> float:
-        """When the first message was recorded [s, Unix epoch]."""
-        return begin_of(self.path) / SECOND
-
-    def frames(self, since: float = 0.0) -> Iterator[PadFrame]:
-        """Give the taxel frames of all pads, recorded at ``since`` [s, Unix epoch] or later, as they were recorded."""
-        for message in self.messages((TAXELS,), since):
-            yield PadFrame(pad_of(message.topic), frame_of(message.content), geometry_of(message.content),
-                           message.recorded)
-
-    def messages(self, types: Collection[str] = TYPES, since: float = 0.0, window: TimeWindow = WHOLE
-                 ) -> Iterator[BagMessage]:
-        """Give the messages of ``types``, some of TYPES; a TaxelArray only where its fields fit together.
-
-        Those recorded at ``since`` [s, Unix epoch] or later and within ``window``.
-        """
+    def messages(self, types: Collection[str], window: TimeWindow = WHOLE) -> Iterator[BagMessage]:
+        """Give the messages of ``types`` within ``window``; a TaxelArray only where its fields fit together."""
         self._behind = None
         self.unread, self.problem, self.damages = Counter(), '', []
-        begin, until = (0, None) if window == WHOLE else window.of(begin_of(self.path))
-        for recorded in records_of(self.path, self._damaged, max(begin, int(since * SECOND)), until):
+        bounds = (0, None) if window == WHOLE else window.of(begin_of(self.path))
+        for recorded in records_of(self.path, self._damaged, *bounds):
             if recorded.type in types:
                 yield from self._read(recorded)
 
@@ -165,8 +122,8 @@ class TopicBagReader:
 
     def _first_behind(self) -> float:
         """Return stamp - recorded of the first taxel array, for what comes before it; 0 where none follows."""
-        first = next((TopicBagReader(self.path).frames()), None)
-        return 0.0 if first is None else first.frame.stamp - first.recorded
+        first = next(TopicBagReader(self.path).messages((TAXELS,)), None)
+        return 0.0 if first is None else seconds(first.content.header.stamp) - first.recorded
 
     def _damaged(self, damage: Damage) -> None:
         self.damages.append(damage)

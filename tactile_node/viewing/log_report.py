@@ -25,7 +25,6 @@ from tactile_node.logs.topic_bag import (
     BagMessage,
     TopicBagReader,
     frame_of,
-    geometry_of,
     holds_can_frames,
     pad_of,
 )
@@ -196,10 +195,10 @@ class BagReporter:
             self._status.feed_diagnostics(message.stamp, message.content)
 
     def _taxels(self, message: BagMessage) -> None:
-        name, frame = pad_of(message.topic), frame_of(message.content)
+        name, taxels, frame = pad_of(message.topic), message.content, frame_of(message.content)
         if name not in self._pads:
-            known = geometry_of(message.content)
-            self._pads[name] = PadRecord(name, known.rows, known.cols, known.pitch, known.unit, self._recogniser)
+            self._pads[name] = PadRecord(name, taxels.rows, taxels.cols, float(taxels.pitch), taxels.unit,
+                                         self._recogniser)
         self._begin, self._end = min(self._begin, frame.stamp), max(self._end, frame.stamp)
         self._pads[name].feed(frame)
 

@@ -12,7 +12,7 @@ import numpy as np
 from tactile_node.assembly.fault_text import failure_text
 from tactile_node.errors import ConfigurationError
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
-from tactile_node.logs.topic_bag import STATUS, TAXELS, TopicBagReader, frame_of, geometry_of, pad_of
+from tactile_node.logs.topic_bag import STATUS, TAXELS, TopicBagReader, frame_of, pad_of
 from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame, read_only
@@ -123,8 +123,8 @@ class BagRecording:
                 continue
             if pad_of(message.topic) not in self.pads:
                 continue
-            geometry = geometry_of(message.content)
-            others += not timeline.add(pad_of(message.topic), frame_of(message.content), geometry.pitch, geometry.unit)
+            taxels = message.content
+            others += not timeline.add(pad_of(message.topic), frame_of(taxels), float(taxels.pitch), taxels.unit)
         unread = [f'{count} {reason.name.lower()}' for reason, count in self._reader.unread.items()]
         unread += [f'{others} of another size than the first'] if others else []
         return f'not shown: {", ".join(unread)} (last: {self._reader.problem})' if unread else ''
