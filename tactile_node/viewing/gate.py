@@ -60,29 +60,31 @@ def refusal(status: HTTPStatus) -> bytes:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this machine can reach ``host``.
+    """Return whether only this machine can reach ``host``, which may have a port.
 
-    >>> is_loopback('localhost'), is_loopback('127.0.0.2'), is_loopback('0.0.0.0'), is_loopback('robot')
+    >>> is_loopback('localhost:80'), is_loopback('127.0.0.2'), is_loopback('0.0.0.0'), is_loopback('robot')
     (True, True, False, False)
     """
     try:
-        return host == 'localhost' or ipaddress.ip_address(host).is_loopback
+        name = urlsplit(f'//{host}').hostname or ''
+        return name == 'localhost' or ipaddress.ip_address(name).is_loopback
     except ValueError:
         return False
 
 
 def parse_request(head: bytes) -> Request | None:
     """Return the request of ``head``; None where it is none."""
-    lines = head.decode('latin-1').split('\r\n')
-    first = lines[0].split(' ')
-    if len(first) != 3:
+    first, *lines = head.decode('latin-1').split('\r\n')
+    pairs = [(name.lower(), value.strip()) for name, _, value in (line.partition(':') for line in lines if line)]
+    names = [name for name, _ in pairs]
+    try:
+        method, target, _ = first.split(' ')
+        request = Request(method, target, dict(pairs))
+        for url in (target, request.headers.get('origin', '')):
+            urlsplit(url)
+    except ValueError:
         return None
-    pairs = [line.partition(':') for line in lines[1:] if line]
-    names = [name.lower() for name, _, _ in pairs]
-    if any(names.count(name) > 1 for name in ('host', 'origin', 'upgrade')):
-        return None
-    request = Request(first[0], first[1], {name.lower(): value.strip() for name, _, value in pairs})
-    return request if _is_url(request.target) and _is_url(request.headers.get('origin', '')) else None
+    return None if any(names.count(name) > 1 for name in ('host', 'origin', 'upgrade')) else request
 
 
 def check_request(request: Request) -> HTTPStatus | None:
@@ -93,7 +95,7 @@ def check_request(request: Request) -> HTTPStatus | None:
     origin = request.headers.get('origin')
     if request.is_websocket and origin is not None and urlsplit(origin).netloc != host:
         return HTTPStatus.FORBIDDEN
-    return None if is_loopback(_hostname(host)) else HTTPStatus.FORBIDDEN
+    return None if is_loopback(host) else HTTPStatus.FORBIDDEN
 
 
 class Gate:
@@ -182,20 +184,3 @@ async def _closed(server: asyncio.Server) -> None:
     for task in tasks:
         task.cancel()
     await asyncio.gather(*tasks, return_exceptions=True)
-
-
-def _hostname(host: str) -> str:
-    try:
-        return urlsplit(f'//{host}').hostname or ''
-    except ValueError:
-        return ''
-
-
-def _is_url(text: str) -> bool:
-    try:
-        urlsplit(text)
-    except ValueError:
-        return False
-    return True
-
-
