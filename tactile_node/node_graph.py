@@ -32,13 +32,6 @@ class Side(Enum):
 
 NODE_NAMES = {Role.DRIVER: 'skin_driver', Role.PROCESSOR: 'processor', Role.CLASSIFIER: 'classifier',
               Role.GRASP: 'grasp'}
-#: The topics that come frame by frame: name relative to the pad, type. `pose` and `shapes` come too; `features`,
-#: `shapes` and what viewers draw are computed while something subscribes to them.
-PAD_TOPICS = {'taxels': 'tactile_skin/msg/TaxelArray', 'contact': 'tactile_skin/msg/Contact',
-              'features': 'tactile_skin/msg/ContactFeatures', 'shape': 'tactile_skin/msg/ContactShape'}
-VIEW_TOPICS = {'image': 'sensor_msgs/msg/Image', 'image_colour': 'sensor_msgs/msg/Image',
-               'markers': 'visualization_msgs/msg/MarkerArray', 'wrench': 'geometry_msgs/msg/WrenchStamped'}
-GRASP_TOPIC = {'grasp': 'tactile_skin/msg/Grasp'}
 PADS_OF_A_GRASP = 2
 ROS_NAME = re.compile('(/?[A-Za-z_][A-Za-z0-9_]*)(/[A-Za-z_][A-Za-z0-9_]*)*')
 
@@ -99,19 +92,6 @@ def roles_of(side: Side) -> tuple[Role, ...]:
     ['processor', 'classifier', 'grasp']
     """
     return tuple(role for role in Role if (role is Role.DRIVER) is (side is Side.BUS))
-
-
-def frame_topics(pads: Sequence[str], namespace: str = '') -> dict[str, str]:
-    """Return the full names of the topics that come frame by frame, with their types.
-
-    >>> [name.removeprefix('/pad/') for name in frame_topics(['pad'])]
-    ['taxels', 'contact', 'features', 'shape', 'image', 'image_colour', 'markers', 'wrench']
-    """
-    root = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
-    topics = {f'{root}/{pad}/{name}': kind for pad in pads for name, kind in (PAD_TOPICS | VIEW_TOPICS).items()}
-    if len(pads) == PADS_OF_A_GRASP:
-        topics |= {f'{root}/{name}': kind for name, kind in GRASP_TOPIC.items()}
-    return topics
 
 
 def _check_names(pads: Sequence[str], namespace: str) -> None:

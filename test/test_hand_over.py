@@ -11,8 +11,9 @@ import rclpy
 from hidden_skin import NODE_ID, write_log
 from rclpy.parameter import Parameter
 
+from examples.demo.topics import frame_topics
 from tactile_node.errors import ConfigurationError
-from tactile_node.node_graph import bus_nodes, frame_topics
+from tactile_node.node_graph import bus_nodes
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.processor_node import ProcessorNode

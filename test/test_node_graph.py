@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from examples.demo.topics import frame_topics
 from tactile_node.errors import ConfigurationError
-from tactile_node.node_graph import bus_nodes, frame_topics
+from tactile_node.node_graph import bus_nodes
 
 ROOT = Path(__file__).resolve().parents[1]
 GRIPPER = ('left', 'right')

@@ -24,7 +24,6 @@ from tactile_node.viewing.page_parts import (
     PageFacts,
     Scales,
     clock_difference,
-    grasp_html,
     macros,
     pads_html,
     status_html,
@@ -228,7 +227,7 @@ HELD = GraspFacts('two_sided', is_fresh=True, is_stable=True, acquired=0.0)
 
 
 def grasp_of(age, **changed):
-    return grasp_html(HELD._replace(acquired=time.monotonic() - age, **changed))
+    return macros().grasp(HELD._replace(**changed), age)
 
 
 def test_a_grasp_is_current_while_it_is_fresh_and_new():
@@ -251,7 +250,7 @@ def test_what_a_source_has_shown_is_forgotten_when_it_stops():
     store.put_grasp(HELD)
     store.clear()
     assert store.shown().grasp is None and store.shown().pads == {'left': None}
-    assert 'none comes' in grasp_html(store.shown().grasp)
+    assert 'none comes' in macros().grasp(store.shown().grasp, NAN)
 
 
 # --- the 3-D view

@@ -18,9 +18,9 @@ from ros_bench import RosBench
 from sensor_msgs.msg import Image
 from visualization_msgs.msg import Marker, MarkerArray
 
+from examples.demo.topics import frame_topics
 from tactile_node.colour_map import NO_VALUE, SATURATED, ColourScale, rgb_table
 from tactile_node.contact.pattern import PatternExtractor
-from tactile_node.node_graph import frame_topics
 from tactile_node.nodes import view_topics
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode

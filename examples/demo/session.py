@@ -1,5 +1,6 @@
 """One run of the demo: simulated skin, driver, processors, classifiers, recorder and watcher in one process."""
 
+import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -11,16 +12,17 @@ from rclpy.signals import SignalHandlerOptions
 
 from examples.demo.bag import BagRecorder
 from examples.demo.observation import Verdict, verdicts_of
+from examples.demo.topics import frame_topics
 from examples.demo.touches import GAP, TouchedPad, scripted_touches
 from examples.demo.watcher import Watcher
 from tactile_node.interruption import interruption
-from tactile_node.node_graph import Parameters, bus_nodes, frame_topics
+from tactile_node.node_graph import Parameters, bus_nodes
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import System
 from tactile_node.ros.qos import frames_qos
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pad
-from tactile_node.viewing.terminal import LivePictures
+from tactile_node.viewing.terminal import draw, side_by_side
 
 PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 64), 'sim16x16.yaml'
 CHANNEL = 'tactile_demo'
@@ -43,7 +45,7 @@ class DemoSession:
         self._simulator = SkinSimulator(pads, {name: self._timed(source) for name, source in sources.items()})
         self._folder = folder
         self._origin: float | None = None  # Unix time
-        self._pictures, self._stack = LivePictures(), ExitStack()
+        self._height, self._stack = 0, ExitStack()
 
     def __enter__(self) -> 'DemoSession':
         self._stop_requested = self._stack.enter_context(interruption())
@@ -79,10 +81,12 @@ class DemoSession:
                 raise KeyboardInterrupt
             views = self.watcher.views()
             if len(views) == len(PADS):
-                self._pictures.show(views, f'{now:4.1f} of {end:.1f} s, {len(self.watcher.seen[PADS[0]])} frames a pad')
-                if middles and now > middles[0]:
+                if sys.stdout.isatty():
+                    footer = f'{now:4.1f} of {end:.1f} s, {len(self.watcher.seen[PADS[0]])} frames a pad'
+                    self._height = draw(sys.stdout, [*side_by_side(views, True), footer], self._height)
+                elif middles and now > middles[0]:
                     middles.pop(0)
-                    self._pictures.keep(views)
+                    print(*side_by_side(views, False), '', sep='\n', flush=True)
             time.sleep(DRAW_PERIOD)
         self._system.driver.trigger_deactivate()
 

@@ -4,7 +4,6 @@ import math
 import time
 from collections import deque
 from functools import cache
-from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -100,7 +99,7 @@ def macros() -> Any:
     return environment().get_template('page.html', globals={
         'page_silence': PAGE_SILENCE, 'old': OLD_AGE, 'old_scene': OLD_SCENE_AGE, 'taken': TAKEN_PATH,
         'point_colours': POINT_COLOURS, 'said_of': said_of, 'hidden_text': hidden_text, 'words': words,
-        'heat_map': heat_map, 'fresh_for': fresh_for, 'grasp_html': grasp_html}).module
+        'heat_map': heat_map, 'fresh_for': fresh_for, 'silence': silence}).module
 
 
 def pads_html(pads: list[DrawnPad], number: int, is_recording: bool = False) -> str:
@@ -156,22 +155,9 @@ def _other_clock(behind: float) -> str:
             'replay, or the clocks differ')
 
 
-def grasp_html(grasp: GraspFacts | None) -> str:
-    """Return the state of the grasp, while it is known what it is now."""
-    if grasp is None:
-        return 'grasp: none comes from this source'
-    age, contact = time.monotonic() - grasp.acquired, escape(grasp.contact.replace('_', ' '))
-    if not age <= OLD_AGE:
-        reason = silence(age)
-    elif not grasp.is_fresh or grasp.contact in ('not_known', 'unseen'):
-        reason = contact if grasp.is_fresh else 'not fresh'
-    else:
-        return (f'grasp: <b class="tactile-live">{contact}, {"" if grasp.is_stable else "not "}stable, fresh</b>, '
-                f'{1e3 * age:.0f} ms old')
-    return f'grasp: <b class="tactile-old">NOT KNOWN</b>, {reason}'
-
-
 def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) -> str:
     """Return the line that says whether this is live, and the receipt of update ``number`` of ``page``."""
     fresh = PAGE_SILENCE if facts.player is not None else fresh_for(pads)
-    return str(macros().status(facts, pads, page, number, fresh, _other_clock(clock_difference(pads, time.time()))))
+    grasp_age = math.nan if facts.grasp is None else time.monotonic() - facts.grasp.acquired
+    return str(macros().status(facts, pads, page, number, fresh, grasp_age,
+                               _other_clock(clock_difference(pads, time.time()))))

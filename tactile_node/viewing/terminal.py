@@ -16,7 +16,7 @@ from tactile_node.viewing.templates import printable_text
 SHADES = ' .:-=+*#%@'
 XTERM_COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
 CLEAR_LINE = '\x1b[2K'
-CLEAR_BELOW = '\x1b[J'
+CLEAR_BELOW = '\x1b[J'  # what a taller picture has left
 PAD_GAP = '   '        #: between two pads
 LEAST_WIDTH = 38   #: of a pad [columns]: two fit into 80
 
@@ -65,31 +65,12 @@ def _width(view: PadView) -> int:
     return max(2 * view.taxels.shape[1], LEAST_WIDTH)
 
 
-class LivePictures:
-    """Redraws pictures in place where ``stream`` is a terminal; elsewhere prints only the pictures to keep."""
-
-    def __init__(self, stream: TextIO = sys.stdout):
-        self._stream = stream
-        self._live = stream.isatty()
-        self._height = 0
-
-    def show(self, views: Sequence[PadView], footer: str) -> None:
-        """Draw, over what was drawn before."""
-        if self._live:
-            self._write([*side_by_side(views, True), footer], back=self._height)
-
-    def keep(self, views: Sequence[PadView]) -> None:
-        """Print a picture that stays, where nothing can be redrawn."""
-        if not self._live:
-            self._write([*side_by_side(views, False), ''], back=0)
-
-    def _write(self, lines: list[str], back: int) -> None:
-        up = f'\x1b[{back}A' if back else ''
-        start = CLEAR_LINE if self._live else ''
-        below = CLEAR_BELOW if self._live else ''  # what a taller picture has left
-        self._stream.write(up + ''.join(f'{start}{line}\n' for line in lines) + below)
-        self._stream.flush()
-        self._height = len(lines)
+def draw(stream: TextIO, lines: Sequence[str], back: int) -> int:
+    """Draw ``lines`` over the ``back`` lines that were drawn before, of a terminal; return how many there are now."""
+    up = f'\x1b[{back}A' if back else ''
+    stream.write(up + ''.join(f'{CLEAR_LINE}{line}\n' for line in lines) + CLEAR_BELOW)
+    stream.flush()
+    return len(lines)
 
 
 def _cell(value: float, colour: bool) -> str:
@@ -109,20 +90,21 @@ def show_in_terminal(source: ViewSource, stop_requested: Event, stream: TextIO |
                      full_scale: float | None = None) -> None:
     """Show ``source`` until the event is set, or until a recording has been played to its end."""
     stream = sys.stdout if stream is None else stream
-    live, scales, pictures = stream.isatty(), Scales(full_scale), LivePictures(stream)
+    live, scales, height = stream.isatty(), Scales(full_scale), 0
     source.start()
     try:
         while not stop_requested.wait(PICTURE_PERIOD if live else LINE_PERIOD):
             shown = source.store.shown()
             drawn = scales.drawn_now(source, shown)
-            views = [_view(pad) for pad in drawn]
+            views, footer = [_view(pad) for pad in drawn], _footer(source, shown)
+            columns = shutil.get_terminal_size().columns
             if not live:
-                print(line_of(drawn, _footer(source, shown)), file=stream, flush=True)
-            elif width_of(views) > shutil.get_terminal_size().columns:
-                narrow = f'needs {width_of(views)} columns; {line_of(drawn, _footer(source, shown))}'
-                pictures.show([], narrow[:shutil.get_terminal_size().columns - 1])
+                print(line_of(drawn, footer), file=stream, flush=True)
+            elif width_of(views) > columns:
+                narrow = f'needs {width_of(views)} columns; {line_of(drawn, footer)}'
+                height = draw(stream, [narrow[:columns - 1]], height)
             else:
-                pictures.show(views, _footer(source, shown)[:shutil.get_terminal_size().columns - 1])
+                height = draw(stream, [*side_by_side(views, True), footer[:columns - 1]], height)
             if source.player is not None and source.player.is_complete and not source.player.is_playing:
                 return
     finally:
