@@ -4,7 +4,6 @@ The grippers are known from their makers' drawings; each expected number is comp
 """
 
 import time
-from collections import Counter
 from math import inf, isinf, isnan, nan
 
 import numpy as np
@@ -22,6 +21,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, Opening
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.ros.message_checks import RejectReason as R
+from tactile_node.ros.message_health import total
 from tactile_node.ros.opening_messages import opening_status
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.settings import GraspNodeSettings
@@ -145,7 +145,7 @@ def test_diagnostics_report_the_opening_and_what_was_dropped(gripper):
     (UNKNOWN_OPENING, 'no joint'), (Opening(nan, GapSource.TF, 2.0), '2.0 s old'),
     (Opening(nan, GapSource.TF, inf), 'stamps')])
 def test_the_diagnostic_has_the_reason(opening, words):
-    status = opening_status('/grasp', opening, Counter(), Counter(), 'no joint')
+    status = opening_status('/grasp', opening, total(()), total(()), 'no joint')
     assert status.level == DiagnosticStatus.STALE and words in status.message
 
 

@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -22,7 +22,6 @@ logger = logging.getLogger(__name__)
 class MessageHealth:
     """Publishes what ``node`` does with the messages of ``subscriptions``; it lasts as long as the node.
 
-    The stamp is of the node's clock: with use_sim_time and before the first /clock it is 0, and the messages continue.
     Stamps are compared with the clock of this host unless their time is simulated or that of a lossless replay.
     """
 
@@ -33,18 +32,15 @@ class MessageHealth:
         self._before = {subscription.topic: subscription.counts for subscription in subscriptions}
         self._at = time.monotonic()
         self._of_several: set[str] = set()  # topics that were reported
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
-        start_health_timer(node, self._publish)
+        publish_status(node, self._status)
 
-    def _publish(self) -> None:
+    def _status(self) -> DiagnosticStatus:
         now, at = {subscription.topic: subscription.health for subscription in self._subscriptions}, time.monotonic()
         status = health_status(self._node.get_fully_qualified_name(), now, self._before, at - self._at,
                                self._max_clock_offset)
         self._log_several(now)
         self._before, self._at = {topic: stream.counts for topic, stream in now.items()}, at
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(message)
+        return status
 
     def _log_several(self, now: dict[str, StreamHealth]) -> None:
         """Once for each topic, until it has one publisher again."""
@@ -56,6 +52,20 @@ class MessageHealth:
 
 
 HEALTH_PERIOD = 1.0  # s, REP-107
+
+
+def publish_status(node: Node, status: Callable[[], DiagnosticStatus]) -> None:
+    """Publish on /diagnostics what ``status`` returns, once a second as long as the node lasts.
+
+    The stamp is of the node's clock: with use_sim_time and before the first /clock it is 0, and the messages continue.
+    """
+    publisher = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
+
+    def publish() -> None:
+        message = DiagnosticArray(status=[status()])
+        message.header.stamp = node.get_clock().now().to_msg()
+        publisher.publish(message)
+    start_health_timer(node, publish)
 
 
 def start_health_timer(node: Node, publish: Callable[[], None], period: float = HEALTH_PERIOD) -> None:

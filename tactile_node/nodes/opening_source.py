@@ -3,27 +3,28 @@
 import logging
 import math
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 
 from tactile_node.bus.threads import Reminder
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import FrameTree
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, LatestGap, LinearGap, Opening, is_plausible, opening
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
-from tactile_node.nodes.node_health import start_health_timer
+from tactile_node.nodes.node_health import publish_status
 from tactile_node.ros.message_age import MeasurementTime, use_stamps
 from tactile_node.ros.message_checks import RejectReason
+from tactile_node.ros.message_health import total
 from tactile_node.ros.opening_messages import (
     check_joint_state,
     check_transforms,
@@ -31,7 +32,6 @@ from tactile_node.ros.opening_messages import (
     opening_status,
     sum_of_positions,
     tf_message_type,
-    total,
     transform,
     why_not_known,
 )
@@ -93,14 +93,13 @@ class MeasuredOpening:
         self._node, self._remedy = node, remedy
         self.subscriptions = subscriptions
         self._reminder = Reminder()
-        self._dropped: Counter[RejectReason] = Counter()
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
-        start_health_timer(node, self._report)
+        self._before = total(())
+        publish_status(node, self._status)
 
     def current(self, now: float) -> Opening:
         raise NotImplementedError
 
-    def _report(self) -> None:
+    def _status(self) -> DiagnosticStatus:
         now = time.monotonic()
         current, name = self.current(now), self._node.get_fully_qualified_name()
         if not math.isnan(current.gap):
@@ -108,11 +107,8 @@ class MeasuredOpening:
         elif self._reminder.is_due('unknown', now):
             logger.warning('%s: the opening of the gripper is not known: %s', name,
                            why_not_known(current, self._remedy))
-        dropped = total(subscription.counts for subscription in self.subscriptions)
-        message = DiagnosticArray(status=[opening_status(name, current, dropped, self._dropped, self._remedy)])
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._dropped = dropped
-        self._publisher.publish(message)
+        before, self._before = self._before, total(subscription.counts for subscription in self.subscriptions)
+        return opening_status(name, current, self._before, before, self._remedy)
 
 
 class JointStatesOpening(MeasuredOpening):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from tactile_node.assembly import counters
 from tactile_node.assembly.fault_text import command_text, failure_text, node_text, sync_text
@@ -16,6 +16,7 @@ from tactile_node.assembly.health import BusHealth, NodeHealth, Outages
 from tactile_node.cia301.objects import state_name
 from tactile_node.conditioning.conditioned_pad import PadCondition, faults_text
 from tactile_node.conditioning.tare import ZeroState
+from tactile_node.ros.message_health import status_of
 
 EVALUATED_PERIOD = 1.0  #: s over which a level is evaluated
 
@@ -94,9 +95,7 @@ class BusDiagnostics:
         return before
 
     def _status(self, part: str, finding: Finding, values: dict[str, object]) -> DiagnosticStatus:
-        return DiagnosticStatus(
-            level=finding.level, name=f'{self._node}: {part}', message=finding.message, hardware_id=self._hardware_id,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
+        return status_of(f'{self._node}: {part}', *finding, values, self._hardware_id)
 
 
 def unconfigured(health: BusHealth) -> tuple[Finding, ...]:
@@ -108,9 +107,7 @@ def unconfigured(health: BusHealth) -> tuple[Finding, ...]:
 
 def diagnostic_array(node: str, finding: Finding, health: BusHealth) -> DiagnosticArray:
     """Return the message of a driver without a bus."""
-    return DiagnosticArray(status=[DiagnosticStatus(
-        level=finding.level, name=f'{node}: bus', message=finding.message,
-        values=[KeyValue(key='fault', value=health.fault.name)])])
+    return DiagnosticArray(status=[status_of(f'{node}: bus', *finding, {'fault': health.fault.name})])
 
 
 def _nothing_yet(now: BusStatistics) -> BusStatistics:

@@ -40,6 +40,13 @@ class MessageCounts(NamedTuple):
     overtaken: int = 0  #: usable ones that a newer one came behind before the node got to them
 
 
+def total(counts: Iterable[MessageCounts]) -> MessageCounts:
+    """Return the counts of all subscriptions together."""
+    received, processed, dropped, skipped, overtaken = zip(MessageCounts(0, 0, {}), *counts)
+    return MessageCounts(sum(received), sum(processed), sum(map(Counter, dropped), Counter()), sum(skipped),
+                         sum(overtaken))
+
+
 class StreamHealth(NamedTuple):
     """One subscription now."""
 
@@ -58,19 +65,31 @@ def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[st
     more than ``max_clock_offset`` [s] apart from the clock of this host (inf: they are not compared); STALE: a topic
     has brought none; else OK.
     """
-    found = dict(_found(now, before, max_clock_offset))
-    processed = _sum(now, 'processed') - sum(counts.processed for counts in before.values())
-    text = '; '.join(found.values()) or f'{processed} messages, none dropped'
-    level = _level(found)
-    dropped = _dropped(stream.counts for stream in now.values())
+    counts, earlier = total(stream.counts for stream in now.values()), total(before.values())
+    found = dict(_found(now, before, counts, earlier, max_clock_offset))
+    processed = counts.processed - earlier.processed
     values = {'faults': ', '.join(fault.name for fault in found) or StreamFault.NONE.name,
-              'received': _sum(now, 'received'), 'processed': _sum(now, 'processed'),
-              'rate_hz': f'{processed / period:.1f}', 'age_s': _age(now), 'skipped': _sum(now, 'skipped'),
-              'overtaken': _sum(now, 'overtaken'),
+              'received': counts.received, 'processed': counts.processed, 'rate_hz': f'{processed / period:.1f}',
+              'age_s': _age(now), 'skipped': counts.skipped, 'overtaken': counts.overtaken,
               'publishers': max((len(stream.publishers) for stream in now.values()), default=0),
-              'stamps_offset_s': _stamps_offset(now, max_clock_offset),
-              **{f'dropped_{reason.key}': dropped[reason] for reason in RejectReason if reason}}
-    return DiagnosticStatus(level=level, name=node, message=text,
+              'stamps_offset_s': _stamps_offset(now, max_clock_offset), **dropped_values(counts)}
+    return status_of(node, _level(found), '; '.join(found.values()) or f'{processed} messages, none dropped', values)
+
+
+def dropped_values(counts: MessageCounts) -> dict[str, object]:
+    """Return how many messages were dropped by each reason, as values of a diagnostic."""
+    return {f'dropped_{reason.key}': counts.dropped.get(reason, 0) for reason in RejectReason if reason}
+
+
+def dropped_since(counts: MessageCounts, before: MessageCounts) -> str:
+    """Return how many messages were dropped since ``before``, by reason; '' for none."""
+    grown = Counter(counts.dropped) - Counter(before.dropped)
+    return ', '.join(f'{count} ({reason.key})' for reason, count in sorted(grown.items()))
+
+
+def status_of(name: str, level: bytes, message: str, values: Mapping[str, object],
+              hardware_id: str = '') -> DiagnosticStatus:
+    return DiagnosticStatus(level=level, name=name, message=message, hardware_id=hardware_id,
                             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
 
 
@@ -79,18 +98,14 @@ def topics_of_several(now: Mapping[str, StreamHealth]) -> dict[str, tuple[str, .
     return {topic: stream.publishers for topic, stream in now.items() if len(stream.publishers) > 1}
 
 
-def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
-           max_clock_offset: float) -> Iterable[tuple[StreamFault, str]]:
-    """Give each fault with its sentence."""
-    dropped = _dropped(stream.counts for stream in now.values()) - _dropped(before.values())
-    if dropped:
-        texts = ', '.join(f'{count} ({reason.key})' for reason, count in sorted(dropped.items()))
-        yield StreamFault.DROPPED, f'messages dropped: {texts}'
-    skipped = _sum(now, 'skipped') - sum(counts.skipped for counts in before.values())
-    if skipped:
-        yield StreamFault.SKIPPED, f'{skipped} frames skipped: they never arrived'
-    overtaken, received = (_sum(now, field) - sum(getattr(counts, field) for counts in before.values())
-                           for field in ('overtaken', 'received'))
+def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts], counts: MessageCounts,
+           earlier: MessageCounts, max_clock_offset: float) -> Iterable[tuple[StreamFault, str]]:
+    """Give each fault with its sentence; ``counts``, ``earlier``: of all topics together."""
+    if dropped := dropped_since(counts, earlier):
+        yield StreamFault.DROPPED, f'messages dropped: {dropped}'
+    if counts.skipped > earlier.skipped:
+        yield StreamFault.SKIPPED, f'{counts.skipped - earlier.skipped} frames skipped: they never arrived'
+    overtaken, received = counts.overtaken - earlier.overtaken, counts.received - earlier.received
     if overtaken > MOST_OVERTAKEN * received:
         yield StreamFault.OVERLOADED, f'overloaded: {overtaken} of {received} messages overtaken by newer ones'
     silent = [topic for topic, stream in now.items() if stream.counts.received == before[topic].received]
@@ -158,14 +173,3 @@ def _stamps_offset(now: Mapping[str, StreamHealth], max_clock_offset: float) -> 
     """Return the offset of the topic whose stamps are farthest from the clock of this host."""
     known = [stream.stamps_offset for stream in now.values() if not math.isnan(stream.stamps_offset)]
     return f'{max(known, key=abs):+.3f}' if known and max_clock_offset < math.inf else 'not known'
-
-
-def _sum(now: Mapping[str, StreamHealth], field: str) -> int:
-    return sum(getattr(stream.counts, field) for stream in now.values())
-
-
-def _dropped(counts: Iterable[MessageCounts]) -> Counter[RejectReason]:
-    total: Counter[RejectReason] = Counter()
-    for of_topic in counts:
-        total.update(of_topic.dropped)
-    return total

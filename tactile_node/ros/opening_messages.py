@@ -1,20 +1,19 @@
 """Messages of the opening of a gripper: what it is computed from, their checks, and its diagnostic."""
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from geometry_msgs.msg import Transform as TransformMessage
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import PadPose, Transform, rotation_matrix
 from tactile_node.grasp.opening import GapSource, LinearGap, Opening, is_plausible
-from tactile_node.ros.message_health import MessageCounts
+from tactile_node.ros.message_health import MessageCounts, dropped_since, dropped_values, status_of
 from tactile_node.skin.taxel_array import RejectReason, check_finite, check_time
 
 if TYPE_CHECKING:
@@ -97,11 +96,6 @@ def _transform(message: TransformStamped) -> RejectReason | None:
     return check_time(message.header.stamp)
 
 
-def total(counts: Iterable[MessageCounts]) -> Counter[RejectReason]:
-    """Return what was dropped of all subscriptions."""
-    return sum((Counter(each.dropped) for each in counts), Counter())
-
-
 def why_not_known(opening: Opening, remedy: str) -> str:
     """Return why the gap of ``opening`` is NaN; ``remedy``: what its source lacks without a value."""
     if opening.source is GapSource.NOT_KNOWN:
@@ -111,19 +105,18 @@ def why_not_known(opening: Opening, remedy: str) -> str:
     return f'its last value is {opening.age:.1f} s old; {remedy}'
 
 
-def opening_status(node: str, opening: Opening, dropped: Counter[RejectReason], before: Counter[RejectReason],
+def opening_status(node: str, opening: Opening, counts: MessageCounts, before: MessageCounts,
                    remedy: str) -> DiagnosticStatus:
-    """Return the status of the opening of ``node``; ``before``: what was dropped until the last status.
+    """Return the status of the opening of ``node``; ``counts``: of its messages, ``before``: at the last status.
 
     STALE: the opening is not known; WARN: it is, and messages were dropped since the last status; else OK.
     """
-    grown = ', '.join(f'{count} ({reason.key})' for reason, count in sorted((dropped - before).items()))
+    dropped = dropped_since(counts, before)
     is_known = not math.isnan(opening.gap)
     texts = [f'{1e3 * opening.gap:.1f} mm' if is_known else f'not known: {why_not_known(opening, remedy)}',
-             *([f'messages dropped: {grown}'] if grown else [])]
-    level = DiagnosticStatus.STALE if not is_known else DiagnosticStatus.WARN if grown else DiagnosticStatus.OK
+             *([f'messages dropped: {dropped}'] if dropped else [])]
+    level = DiagnosticStatus.STALE if not is_known else DiagnosticStatus.WARN if dropped else DiagnosticStatus.OK
     values = {'gap_m': f'{opening.gap:.4f}', 'source': opening.source.name.lower(),
               'age_s': f'{opening.age:.3f}' if opening.age < math.inf else 'not known',
-              **{f'dropped_{reason.key}': dropped[reason] for reason in RejectReason if reason}}
-    return DiagnosticStatus(level=level, name=f'{node}: opening', message='; '.join(texts),
-                            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
+              **dropped_values(counts)}
+    return status_of(f'{node}: opening', level, '; '.join(texts), values)
