@@ -55,8 +55,7 @@ def run(args: argparse.Namespace) -> int:
     check_writable(output, [args.recording], force=args.force)
     readings = _readings(args)
     found = find_presses(readings.frames, readings.saturated, readings.unit or None)
-    frames = sum(len(press.frames) for press in found.touches)
-    print(f'{len(found.touches)} presses, {frames} of their frames used{_unused(found)}')
+    print(f'{sum(len(press.frames) for press in found.touches)} frames used, of {found}')
     with count_progress('fitting', ' fits') as bar:
         calibration = calibrate(found.touches, known, readings.pitch, readings.unit, progress=bar.update)
     save_response(output, calibration.response, _head(args), _found_from(known, found, calibration))
@@ -112,13 +111,6 @@ def _of_log(args: argparse.Namespace) -> Readings:
 def _on_off(where: str) -> InputError:
     return InputError(where, expected='readings that grow with pressure', got='on/off taxels',
                       remedy='On/off taxels have no response to calibrate.')
-
-
-def _unused(found: Touches) -> str:
-    if not found.unused:
-        return ''
-    counts = (f'{count} {reason.name.lower()}' for reason, count in sorted(found.unused.items()))
-    return '; not used: ' + ', '.join(counts)
 
 
 def _summary(found: FoundResponse) -> str:

@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from typing import TypeVar
 
 from tqdm import tqdm
@@ -22,8 +21,6 @@ def show_progress(items: Iterable[Item], what: str, total: int, *, prints: bool,
     yield from tqdm(items, what, total, unit=unit, delay=BAR_DELAY, disable=hidden, leave=False, dynamic_ncols=True)
 
 
-@contextmanager
-def count_progress(what: str, unit: str, total: int | None = None) -> Iterator[tqdm]:
+def count_progress(what: str, unit: str, total: int | None = None) -> tqdm:
     """A bar whose ``update(n)`` counts ``n`` more; without ``total`` it shows count and rate alone."""
-    with tqdm(desc=what, total=total, unit=unit, delay=BAR_DELAY, disable=None, dynamic_ncols=True) as bar:
-        yield bar
+    return tqdm(desc=what, total=total, unit=unit, delay=BAR_DELAY, disable=None, dynamic_ncols=True)

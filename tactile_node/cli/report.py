@@ -5,8 +5,6 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from tqdm import tqdm
-
 from tactile_node.cli.options import (
     add_any_device_option,
     add_model_option,
@@ -20,6 +18,7 @@ from tactile_node.cli.options import (
     recogniser_of,
     window_of,
 )
+from tactile_node.cli.progress import count_progress
 from tactile_node.interruption import interruption
 from tactile_node.logs.bag_records import message_count
 from tactile_node.logs.series import files_of
@@ -53,7 +52,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     check_writable(args.output, _files(args.log), force=args.force)
     with interruption() as stop_requested, output_file(args.output) as stream, \
-            tqdm(total=_total(args.log), unit=' frames', disable=None, file=sys.stderr, leave=False) as bar:
+            count_progress(Path(args.log).name, ' frames', _total(args.log)) as bar:
         report = _reporter(args, bar.update).report(stop_requested)
         stream.write(page_of(report).encode())
     problems = [found.sentence for found in findings(report) if found.finding.is_problem]

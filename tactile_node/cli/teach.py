@@ -14,7 +14,6 @@ from importlib import import_module
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from tactile_node.cli.options import (
     add_any_device_option,
@@ -23,6 +22,7 @@ from tactile_node.cli.options import (
     add_output_option,
     add_skin_options,
 )
+from tactile_node.cli.progress import count_progress
 from tactile_node.cli.touch_sources import live_touches, touches_in
 from tactile_node.errors import InputError
 from tactile_node.learning.head_fit import load_background
@@ -37,7 +37,6 @@ from tactile_node.learning.teach import (
     confusion_picture,
     teach,
 )
-from tactile_node.learning.touches import Touches
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.package_files import config_path
 from tactile_node.shape.recogniser import KINDS, ShapeRecogniser, read_arrays
@@ -120,7 +119,7 @@ def _record(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
     else:
         log = str(Path(args.output).with_name(f'{name}_touches.log'))
         touches = live_touches(name, args.touches, args, log)
-    print(f'{name}: {len(touches.touches)} touches{_unused(touches)}')
+    print(f'{name}: {touches}')
     if len(touches.touches) < LEAST_TOUCHES:
         raise InputError(f'touches of {name}', expected=f'{LEAST_TOUCHES} or more, {DEFAULT_TOUCHES} as a rule',
                          got=str(len(touches.touches)), remedy='Record more; lift the object in between.')
@@ -134,13 +133,8 @@ def _record(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
 
 def _taught(recogniser: ShapeRecogniser, kind: str, shapes: Sequence[Examples]) -> Taught:
     background = load_background(kind)
-    with tqdm(total=STAGES, desc='teaching', disable=None, leave=False) as bar:
+    with count_progress('teaching', ' steps', STAGES) as bar:
         return teach(recogniser, background, shapes, progress=bar.update)
-
-
-def _unused(touches: Touches) -> str:
-    counts = (f'{count} {reason.name.lower()}' for reason, count in sorted(touches.unused.items()))
-    return f'; frames not used: {", ".join(counts)}' if touches.unused else ''
 
 
 def _summary(held_out: HeldOut, names: Sequence[str], kind: str) -> str:

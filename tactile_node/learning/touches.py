@@ -68,6 +68,10 @@ class Touches(NamedTuple):
     touches: list[Touch]
     unused: dict[Unused, int]
 
+    def __str__(self) -> str:
+        counts = ', '.join(f'{count} {reason.name.lower()}' for reason, count in sorted(self.unused.items()))
+        return f'{len(self.touches)} touches' + (f'; frames not used: {counts}' if counts else '')
+
 
 class TouchFinder:
     """Follows the frames of one pad; ``unit`` as in `find_contact`."""
