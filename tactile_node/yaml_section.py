@@ -11,7 +11,7 @@ import yaml
 from tactile_node.errors import ConfigurationError
 
 _NO_DEFAULT = object()
-LARGEST = 1e300     #: a whole number of YAML may be larger than any float
+LARGEST_NUMBER = 1e300     #: a whole number of YAML may be larger than any float
 MOST_BYTES = 1 << 19  #: size of a file: no pad that CAN carries needs more, and a longer one takes seconds to read
 SHOWN = 80          #: characters of a value in an error
 LONGEST_SHOWN = 128  #: bits of a whole number in an error
@@ -160,7 +160,7 @@ class Section:
     def number(self, key: str, default: Any = _NO_DEFAULT, *, positive: bool = False) -> float:
         """A finite number in SI units."""
         value = self.take(key, default)
-        good = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST
+        good = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST_NUMBER
         if not good or (positive and value <= 0):
             self.refuse(key, expected=f'a{" positive" if positive else ""} number', got=_kind(value),
                         remedy='Write it in SI units, 2 mm as 0.002.')

@@ -214,7 +214,7 @@ def test_an_archive_that_numpy_has_not_written_is_refused(tmp_path, make):
 
 def test_an_archive_is_refused_by_its_size_before_it_is_unpacked(tmp_path, monkeypatch):
     np.savez_compressed(tmp_path / 'x.npz', values=np.zeros((100, 16, 16)))
-    monkeypatch.setattr(frame_file, 'MOST_BYTES', 100 * 16 * 16 * 8)  # less than with the header
+    monkeypatch.setattr(frame_file, 'MOST_UNPACKED', 100 * 16 * 16 * 8)  # less than with the header
     monkeypatch.setattr(np, 'load', lambda *_, **__: pytest.fail('unpacked'))
     with pytest.raises(InputError):
         read_frames(str(tmp_path / 'x.npz'))

@@ -7,14 +7,14 @@ from tactile_node.errors import InputError
 from tactile_node.helmholtz.feature_groups import Group
 
 #: as written on the command line, in the order of the help
-GROUPS = {name.lower(): group for name, group in Group.__members__.items()}
+NAMED_GROUPS = {name.lower(): group for name, group in Group.__members__.items()}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     add_array_arguments(parser)
     parser.add_argument('--groups', type=groups, default=Group.ALL, metavar='GROUP,...',
-                        help=f'compute only these, besides N, P05 and P09: {", ".join(GROUPS)}. classifier: what the '
-                             "paper's planes need; default all")
+                        help=f'compute only these, besides N, P05 and P09: {", ".join(NAMED_GROUPS)}. classifier: what '
+                             "the paper's planes need; default all")
     parser.add_argument('--largest-contact', action='store_true',
                         help='describe the largest 8-connected contact only, as the processor node does; '
                              'without it all active taxels of a frame are one pattern')
@@ -27,10 +27,10 @@ def groups(text: str) -> Group:
     """'gravity,rotated' -> Group.GRAVITY | Group.ROTATED."""
     chosen = Group.NONE
     for name in text.split(','):
-        if name.strip() not in GROUPS:
-            raise InputError('--groups', expected=f'names out of {", ".join(GROUPS)}, comma-separated', got=repr(name),
-                             remedy='For example --groups gravity,rotated.')
-        chosen |= GROUPS[name.strip()]
+        if name.strip() not in NAMED_GROUPS:
+            raise InputError('--groups', expected=f'names out of {", ".join(NAMED_GROUPS)}, comma-separated',
+                             got=repr(name), remedy='For example --groups gravity,rotated.')
+        chosen |= NAMED_GROUPS[name.strip()]
     return chosen
 
 

@@ -72,9 +72,9 @@ def _bad(where: str, expected: str, got: str) -> InputError:
 FORMATS = {'.npy': 'npy', '.npz': 'npz', '.csv': 'csv', '.png': 'png'}
 MAGIC_OF_ARCHIVE = b'PK'
 #: of what has another suffix; the rest is text
-MAGIC = {b'\x93NUMPY': 'npy', MAGIC_OF_ARCHIVE: 'npz', b'\x89PNG': 'png'}
+FORMAT_MAGIC = {b'\x93NUMPY': 'npy', MAGIC_OF_ARCHIVE: 'npz', b'\x89PNG': 'png'}
 VALUES_NAME = 'values'  #: the array of an .npz that holds the frames
-MOST_BYTES = 2 << 30  #: of an archive, unpacked: 16 x 16 taxels at 50 Hz for 9 hours; a small file can claim any size
+MOST_UNPACKED = 2 << 30  #: [bytes] of an archive: 16 x 16 taxels at 50 Hz for 9 hours; a small file can claim any size
 ENCRYPTED_FLAG = 1  #: bit of the flags of a member (PKWARE APPNOTE 4.4.4)
 VALUED_STATUSES = TaxelStatus.VALID, TaxelStatus.SATURATED
 FILE_REMEDY = 'Give a .npy, .npz, .csv or .png file; `tactile classify --help` says what each holds.'
@@ -109,7 +109,8 @@ def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
     """
     content = _content(path)
     suffix = Path(path).suffix.lower()
-    kind = FORMATS.get(suffix) or next((kind for magic, kind in MAGIC.items() if content.startswith(magic)), 'csv')
+    by_content = (kind for magic, kind in FORMAT_MAGIC.items() if content.startswith(magic))
+    kind = FORMATS.get(suffix) or next(by_content, 'csv')
     if not content:
         raise _unusable(path, 'nothing')
     if kind == 'csv':
@@ -170,8 +171,8 @@ def _check_members(path: str, content: bytes) -> None:
     strange = [member.filename for member in members if not _is_of_numpy(member)]
     if strange:
         raise _unusable(path, f'the member {strange[0]!r}, which NumPy has not written')
-    if (size := sum(member.file_size for member in members)) > MOST_BYTES:
-        raise _unusable(path, f'{size / (1 << 30):.1f} GiB unpacked, more than {MOST_BYTES >> 30}')
+    if (size := sum(member.file_size for member in members)) > MOST_UNPACKED:
+        raise _unusable(path, f'{size / (1 << 30):.1f} GiB unpacked, more than {MOST_UNPACKED >> 30}')
 
 
 def _is_of_numpy(member: ZipInfo) -> bool:

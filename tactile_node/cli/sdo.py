@@ -34,7 +34,7 @@ from tactile_node.skin.object_value import (
     type_name,
 )
 
-ANSWER_TIMEOUT, STORE_TIMEOUT = 1.0, 10.0  #: s for an answer; flash memory is slow
+SDO_ANSWER_TIMEOUT, STORE_TIMEOUT = 1.0, 10.0  #: s for an answer; flash memory is slow
 LONGEST_TIMEOUT = 3600.0    #: s
 RECONFIGURES = ('this object decides which TPDOs the node sends: a driver that runs gives none of its values until it '
                 'has configured it again')
@@ -42,8 +42,8 @@ RECONFIGURES = ('this object decides which TPDOs the node sends: a driver that r
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(required=True, metavar='read|write|store|restore')
-    read = _action(actions, 'read', _read, ANSWER_TIMEOUT, 'print the value of an object')
-    write = _action(actions, 'write', _write, ANSWER_TIMEOUT, 'write the value of an object')
+    read = _action(actions, 'read', _read, SDO_ANSWER_TIMEOUT, 'print the value of an object')
+    write = _action(actions, 'write', _write, SDO_ANSWER_TIMEOUT, 'write the value of an object')
     for action in (read, write):
         action.add_argument('object', metavar='OBJECT', help='0x1018:1, or a name of the EDS')
         action.add_argument('--eds', default='', help='names and types of objects: a file, or a name in config/')

@@ -20,7 +20,7 @@ FALLEN_SHARE = 0.6    #: share of the taxels that rose in a contact have fallen 
 RELEASED_SHARE = 0.5  #: share of the taxels pressed at its height that may still be: edges come and go in a grasp
 APART = 3.0           #: taxels by which the centres of these contacts must differ, for a dead taxel
 ALIVE = 0.1           #: x limit: a taxel that reads so much has felt something
-DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
+SIDE_DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 JUMP_SHARE = 2.0            #: x limit: a change from one frame to the next that counts as a jump
 ALONE_SHARE = 0.5           #: x limit: a jump is alone when no neighbour changes by so much in the same frame
 FLICKER_TIME = 5.0    #: s over which lone jumps are counted
@@ -185,7 +185,7 @@ def _find_surrounded(mask: np.ndarray) -> np.ndarray:
 
     def at(down: int, right: int) -> np.ndarray:
         return padded[1 + down:1 + down + rows, 1 + right:1 + right + cols]
-    both = np.array([at(down, right) & at(-down, -right) for down, right in DIRECTIONS])
+    both = np.array([at(down, right) & at(-down, -right) for down, right in SIDE_DIRECTIONS])
     found = both.sum(0) >= 2
     found[[0, -1], :] |= both[0][[0, -1], :]
     found[:, [0, -1]] |= both[1][:, [0, -1]]

@@ -25,7 +25,7 @@ class Transform(NamedTuple):
         return Transform(self.rotation.T, -self.rotation.T @ self.translation)
 
 
-IDENTITY = Transform(np.eye(3), np.zeros(3))
+IDENTITY_TRANSFORM = Transform(np.eye(3), np.zeros(3))
 
 
 class Placement(NamedTuple):
@@ -60,7 +60,7 @@ class FrameTree:
     def _ancestors(self, frame: str) -> dict[str, Placement]:
         """Where the frame is in itself and in each ancestor up to the root; none where transforms form a circle."""
         found: dict[str, Placement] = {}
-        name, place = frame, Placement(IDENTITY, math.inf)
+        name, place = frame, Placement(IDENTITY_TRANSFORM, math.inf)
         while name not in found:
             found[name] = place
             if name not in self._edges:

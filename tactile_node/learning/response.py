@@ -9,7 +9,7 @@ from tactile_node.conditioning.gain import ResponseCurve, make_curve
 from tactile_node.errors import ConfigurationError
 from tactile_node.output_file import output_file
 from tactile_node.pose.profiles import Layer, check_layer
-from tactile_node.yaml_section import LARGEST, Section, load_mapping, shown
+from tactile_node.yaml_section import LARGEST_NUMBER, Section, load_mapping, shown
 
 RESPONSE_SUFFIX = '.response.yaml'  #: suffix of the file beside a layout
 WRITTEN_DIGITS = 6                 #: digits of what is written
@@ -56,7 +56,7 @@ def save_response(path: str | Path, response: SkinResponse, head: str, found_fro
 
 
 def _number(section: Section, key: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > LARGEST:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > LARGEST_NUMBER:
         section.refuse(key, expected='numbers', got=shown(value), remedy='Calibrate the skin again.')
     return float(value)
 

@@ -18,7 +18,7 @@ from tactile_node.shape.shapeless import is_shapeless
 
 TOUCH_FRAMES = 5   #: frames of a touch that are used
 CENTRE_MOVED = 1.0  #: centres so far apart are of two touches [pitches]
-MOST_HIDDEN = 0.1  #: share of its taxels without a value
+MOST_HIDDEN_SHARE = 0.1  #: share of its taxels without a value
 
 
 class Unused(IntEnum):
@@ -135,7 +135,7 @@ class TouchFinder:
         return Unused.TOO_SMALL if pattern.sizes[0] < self.least_taxels else self._why_unclear(found)
 
     def _why_unclear(self, found: FoundContact) -> Unused | None:
-        if found.pattern.hidden[found.pattern.mask].mean() > MOST_HIDDEN:
+        if found.pattern.hidden[found.pattern.mask].mean() > MOST_HIDDEN_SHARE:
             return Unused.HIDDEN
         return Unused.SHAPELESS if is_shapeless(found.pattern) else None
 

@@ -26,10 +26,10 @@ from mcap.summary import Summary
 
 from tactile_node.logs.damage import Damage, DamageKind
 
-MAGIC = b'\x89MCAP0\r\n'
+MCAP_MAGIC = b'\x89MCAP0\r\n'
 RECORD_HEAD = struct.Struct('<BQ')     #: what a record begins with: opcode, length of its content [bytes]
 _FOOTER = struct.Struct('<QQI')  # begin of the summary, of its offsets, checksum of both up to here
-TAIL_BYTES = RECORD_HEAD.size + _FOOTER.size + len(MAGIC)  # bytes: the footer and what ends the file
+TAIL_BYTES = RECORD_HEAD.size + _FOOTER.size + len(MCAP_MAGIC)  # bytes: the footer and what ends the file
 FIXED_LENGTHS = {Opcode.FOOTER: _FOOTER.size, Opcode.DATA_END: 4}  #: [bytes]
 OPCODES = frozenset(Opcode)
 CHUNK_SIZE = 40    # bytes of a chunk beside its records and the name of its compression
@@ -54,7 +54,7 @@ class McapFile:
     def __init__(self, file: int, name: str):
         self._file, self._name, self._size = file, name, os.fstat(file).st_size
         tail = os.pread(file, TAIL_BYTES, max(self._size - TAIL_BYTES, 0))
-        self._has_end = tail.endswith(MAGIC)
+        self._has_end = tail.endswith(MCAP_MAGIC)
         self.summary = self._read_summary(tail) if self._has_end and len(tail) == TAIL_BYTES else None
         self._schemas: dict[int, Schema] = {} if self.summary is None else self.summary.schemas
         self._channels: dict[int, Channel] = {} if self.summary is None else self.summary.channels
@@ -79,10 +79,10 @@ class McapFile:
     def _read_summary(self, tail: bytes) -> Summary | None:
         begin, _, checksum = _FOOTER.unpack_from(tail, RECORD_HEAD.size)
         content = os.pread(self._file, max(self._size - TAIL_BYTES - begin, 0), begin) if begin < self._size else b''
-        if not content or checksum not in (0, zlib.crc32(content + tail[:-len(MAGIC) - 4])):
+        if not content or checksum not in (0, zlib.crc32(content + tail[:-len(MCAP_MAGIC) - 4])):
             return None
         try:
-            summary = NonSeekingReader(BytesIO(MAGIC + content + tail)).get_summary()
+            summary = NonSeekingReader(BytesIO(MCAP_MAGIC + content + tail)).get_summary()
         except Exception:  # without a checksum it may be anything
             return None
         indexes = () if summary is None else summary.chunk_indexes
@@ -100,7 +100,7 @@ class McapFile:
                 yield from self._read_chunk(chunk, since)
 
     def _walk(self, since: int) -> Iterator[Stored | Damage]:
-        at: int | None = len(MAGIC)
+        at: int | None = len(MCAP_MAGIC)
         while at is not None:
             opcode, length = self._head(at) or (None, 0)
             end = at + RECORD_HEAD.size + length

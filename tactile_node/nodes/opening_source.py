@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 NONE = 'none'  #: value of the parameter gap_source
-NAMES = {source.name.lower(): source for source in GapSource if source}
+GAP_SOURCES = {source.name.lower(): source for source in GapSource if source}
 MOST_FRAMES = 10_000  #: of the robot and of one message: made-up names must not fill the memory
 
 
@@ -212,8 +212,8 @@ def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.nda
 
 def _check(settings: GraspNodeSettings) -> None:
     source, joints, frames = settings.gap_source, settings.gap_joints, settings.gap_frames
-    if source not in (*NAMES, NONE):
-        raise ConfigurationError('parameter gap_source', expected=', '.join((*NAMES, NONE)), got=repr(source),
+    if source not in (*GAP_SOURCES, NONE):
+        raise ConfigurationError('parameter gap_source', expected=', '.join((*GAP_SOURCES, NONE)), got=repr(source),
                                  remedy='Name where the opening of the gripper comes from.')
     if settings.gap >= 0 and source != 'parameter':
         raise ConfigurationError('parameter gap', expected=f'no value with gap_source {source}', got=f'{settings.gap}',

@@ -25,7 +25,7 @@ from tactile_node.nodes.system import System
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 
 SomeNode = TypeVar('SomeNode', bound=Node)
-NAMES = (InvalidNamespaceException, InvalidNodeNameException, InvalidTopicNameException)
+NAME_ERRORS = (InvalidNamespaceException, InvalidNodeNameException, InvalidTopicNameException)
 
 
 def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], None] | None = None) -> int:
@@ -78,7 +78,7 @@ def translate_rclpy_errors() -> Iterator[None]:
     """Raise ConfigurationError for what rclpy raises inside the block."""
     try:
         yield
-    except NAMES as error:
+    except NAME_ERRORS as error:
         raise ConfigurationError('namespace or pad name', expected='letters, digits and underscores',
                                  got=' '.join(str(error).split()), remedy='Rename it.') from None
     except rclpy_implementation.RCLError as error:

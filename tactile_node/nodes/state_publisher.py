@@ -21,7 +21,7 @@ from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState, status_message
 from tactile_skin.msg import SkinStatus
 
-LOOK_PERIOD = 0.05  # s between two looks at the state: a change is published within it
+STATE_LOOK_PERIOD = 0.05  # s between two looks at the state: a change is published within it
 
 
 class DriverState(NamedTuple):
@@ -49,7 +49,7 @@ class StatePublisher:
         self._findings = BusDiagnostics(self._name, '')
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
         self._status = node.create_publisher(SkinStatus, '~/status', STATUS_QOS)
-        start_health_timer(node, self.update, LOOK_PERIOD)
+        start_health_timer(node, self.update, STATE_LOOK_PERIOD)
 
     def begin(self, hardware_id: str, frame_period: float) -> None:
         """Count from zero again, for a newly configured source that gives a frame each ``frame_period`` [s]."""

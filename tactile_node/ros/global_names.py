@@ -12,7 +12,7 @@ from typing import NamedTuple
 logger = logging.getLogger(__name__)
 
 REMAP = ('-r', '--remap')
-NAMESPACE, NAMES = '__ns', ('__node', '__name')
+NAMESPACE, NODE_NAME_RULES = '__ns', ('__node', '__name')
 
 
 class GlobalNames(NamedTuple):
@@ -37,7 +37,7 @@ def without_global_names(arguments: Sequence[str]) -> GlobalNames:
         left, _, right = (rule or '').partition(':=')
         if left == NAMESPACE:
             namespace = right
-        elif left in NAMES:
+        elif left in NODE_NAME_RULES:
             logger.warning('%s is not used: it would name all nodes of this process. A namespace can be given.', rule)
         else:
             rest += [word] if rule is None else [word, rule]

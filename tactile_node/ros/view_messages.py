@@ -30,12 +30,12 @@ from tactile_node.shape.recognition import UnknownReason
 from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
-WHOLE = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan: as fitted
-BOUND = ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)  #: orange: what is seen; the whole may be another (*_is_bound)
+WHOLE_COLOUR = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan: as fitted
+BOUND_COLOUR = ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)  #: orange: what is seen; the whole may be another (*_is_bound)
 TEXT = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
 X_AXIS, Y_AXIS = ColorRGBA(r=1.0, g=0.2, b=0.2, a=1.0), ColorRGBA(r=0.3, g=0.5, b=1.0, a=1.0)
 # In units of the pitch:
-TAXEL, THICKNESS, LINE, ABOVE, DOT, LETTER = 0.9, 0.2, 0.25, 0.15, 0.8, 1.5
+TAXEL, THICKNESS, LINE_WIDTH, ABOVE, DOT, LETTER = 0.9, 0.2, 0.25, 0.15, 0.8, 1.5
 SHORTEST_LIFETIME = 0.5  #: s; a viewer that is late for a moment does not flicker
 LONGEST_LIFETIME = 30.0  #: s; three periods of the slowest SYNC
 PERIODS = 3.0   #: between two messages
@@ -95,8 +95,8 @@ def _outline(contact: Contact, shape: ContactShape) -> Marker | None:
     """The fitted outline, closed; without a fit there is none."""
     if not shape.fit_valid or not shape.outline.points:
         return None
-    marker = _marker(Marker.LINE_STRIP, LINE * contact.pitch)
-    marker.color = BOUND if shape.size_is_bound else WHOLE
+    marker = _marker(Marker.LINE_STRIP, LINE_WIDTH * contact.pitch)
+    marker.color = BOUND_COLOUR if shape.size_is_bound else WHOLE_COLOUR
     corners = [_above(contact, corner.x, corner.y) for corner in shape.outline.points]
     marker.points = [*corners, corners[0]]
     return marker
@@ -111,7 +111,7 @@ def _axes(contact: Contact, shape: ContactShape) -> Marker | None:
     length = max(shape.dimensions) / 2
     x, y = length * math.cos(angle), length * math.sin(angle)
     centre = _above(contact, pose.position.x, pose.position.y)
-    marker = _marker(Marker.LINE_LIST, LINE * contact.pitch)
+    marker = _marker(Marker.LINE_LIST, LINE_WIDTH * contact.pitch)
     marker.color = TEXT  # not used: each point has its own
     marker.points = [centre, _above(contact, centre.x + x, centre.y + y),
                      centre, _above(contact, centre.x - y, centre.y + x)]
@@ -124,7 +124,7 @@ def _centre_of_pressure(contact: Contact, shape: ContactShape) -> Marker | None:
     if not (math.isfinite(centre.x) and math.isfinite(centre.y)):
         return None
     marker = _marker(Marker.SPHERE, *(DOT * contact.pitch,) * 3)
-    marker.color = BOUND if shape.centre_of_pressure_is_bound else WHOLE
+    marker.color = BOUND_COLOUR if shape.centre_of_pressure_is_bound else WHOLE_COLOUR
     marker.pose.position = Point(x=centre.x, y=centre.y)
     return marker
 

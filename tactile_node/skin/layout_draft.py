@@ -78,7 +78,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Shape:
+class PadShape:
     rows: int
     cols: int
     is_guess: bool
@@ -128,7 +128,7 @@ def _starts(mapping: tuple[MappedObject, ...], bits: int, *, is_packed: bool) ->
     return found
 
 
-def _shape(taxels: int, known: Known, eds: str) -> Shape:
+def _shape(taxels: int, known: Known, eds: str) -> PadShape:
     rows, cols = known.rows, known.cols
     if rows is None and cols is None:
         rows = next(side for side in range(isqrt(taxels), 0, -1) if taxels % side == 0)
@@ -139,7 +139,7 @@ def _shape(taxels: int, known: Known, eds: str) -> Shape:
     if rows * cols < taxels or max(rows, cols) > MAX_SIDE:
         raise ConfigurationError(f'{eds}, TPDOs', expected=f'{rows} x {cols} taxels at most, {MAX_SIDE} on a side',
                                  got=str(taxels), remedy='Correct --rows, --cols or --bits.')
-    return Shape(rows, cols, known.rows is None or known.cols is None)
+    return PadShape(rows, cols, known.rows is None or known.cols is None)
 
 
 def _is_signed(dictionary: ObjectDictionary, tpdos: list[EdsTpdo], bits: int) -> bool:
@@ -148,7 +148,7 @@ def _is_signed(dictionary: ObjectDictionary, tpdos: list[EdsTpdo], bits: int) ->
     return bool(types) and all(data_type in SIGNED_TYPES for data_type in types)
 
 
-def _head(eds: str, taxels: int, shape: Shape, is_width_guessed: bool, bits: int, signed: bool) -> Iterator[str]:
+def _head(eds: str, taxels: int, shape: PadShape, is_width_guessed: bool, bits: int, signed: bool) -> Iterator[str]:
     guess = f'  # {GUESS}: the EDS maps {taxels} taxels; give --rows or --cols' if shape.is_guess else ''
     yield f'# Draft of a skin layout, from {eds}. Replace what is marked {FILL_IN} and compare what is marked {GUESS}'
     yield "# with the device's manual; then: tactile check THIS_FILE EDS. The keys are explained in sim16x16.yaml."

@@ -13,14 +13,13 @@ from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
-from tactile_node.viewing.recordings import BagRecording, LogRecording, Moment, Timeline
+from tactile_node.viewing.recordings import FACTS_PERIOD, BagRecording, LogRecording, Moment, Timeline
 from tactile_node.viewing.source import Store, ViewSource
 from tactile_node.viewing.states import PadState, facts_of
 from tactile_node.viewing.touch_finder import PadRecogniser
 
 RECOGNITION_RATE = 16.0  #: at which the newest frames are recognised [1/s]: an eye needs no more
-FACTS_PERIOD = 0.5  #: s
-RETRY_PERIOD = 2.0  #: s
+REOPEN_PERIOD = 2.0  #: s
 LISTENING = 0.25    #: for the SYNC of another master [s]
 
 
@@ -92,7 +91,7 @@ class BusSource(ViewSource):
                     self._follow(bus, frames, stopping)
             except TactileError as error:
                 self.store.put_problem(str(error))
-                stopping.wait(RETRY_PERIOD)
+                stopping.wait(REOPEN_PERIOD)
 
     def _follow(self, bus: Supervisor, frames: NewestFrames, stopping: threading.Event) -> None:
         recognisers = {pad.name: PadRecogniser(pad.name, pad.layout.pitch, pad.layout.value.unit, self._recogniser)

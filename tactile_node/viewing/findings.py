@@ -11,7 +11,7 @@ from tactile_node.cia301.objects import NmtState
 from tactile_node.viewing.model import BusReport, NodeReport, PadReport, Report, Reported
 from tactile_node.viewing.taxel_record import FAULTS, marks_of
 
-FULL_LOAD = 0.9  #: of the bus's time; beyond, other traffic delays sweeps
+HIGH_LOAD = 0.9  #: of the bus's time; beyond, other traffic delays sweeps
 
 
 @unique
@@ -109,5 +109,5 @@ def _of_bus(bus: BusReport) -> Iterator[Found]:
     yield Found(Remark.BUS_GAPS, number=bus.gaps.count if bus.gaps is not None else 0)
     yield Found(Remark.ERROR_FRAMES, number=(bus.can_frames or {}).get('error', 0))
     yield Found(Remark.REPORTED, number=sum(each.is_problem for each in bus.reported or ()))
-    if bus.load is not None and bus.load.shares is not None and bus.load.shares.max(initial=0.0) > FULL_LOAD:
+    if bus.load is not None and bus.load.shares is not None and bus.load.shares.max(initial=0.0) > HIGH_LOAD:
         yield Found(Remark.BUS_FULL, number=float(bus.load.shares.max()))

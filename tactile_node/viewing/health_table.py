@@ -9,7 +9,7 @@ from markupsafe import Markup
 from tactile_node.viewing.page_parts import DrawnPad, macros, said_of
 from tactile_node.viewing.states import BusFacts, NodeFacts, PadFacts
 
-MOST_TAXELS = 8  #: faulty taxels that are listed
+MOST_FAULTY_TAXELS = 8  #: faulty taxels that are listed
 OLD_STATUS_AGE = 3.0  #: from which age on a status is marked as old; one comes each second [s]
 RECENT_TIME = 60.0  #: what was lost longer ago is not red [s]
 NO_PAD = PadFacts('', 0, 0, 0, 0, {})
@@ -75,7 +75,7 @@ def _pad_rows(pad: PadFacts, before: PadFacts, span: float | None) -> list[tuple
              for reason, count in pad.losses.items()]
     rows += [(f'node {node.node_id}', _node(node), bool(node.fault)) for node in pad.nodes]
     if pad.faulty_taxels:
-        listed = ', '.join(f'({row}, {col}) {fault}' for row, col, fault in pad.faulty_taxels[:MOST_TAXELS])
+        listed = ', '.join(f'({row}, {col}) {fault}' for row, col, fault in pad.faulty_taxels[:MOST_FAULTY_TAXELS])
         rows.append(('faulty taxels', f'{len(pad.faulty_taxels)}: {listed}', True))
     return rows
 

@@ -130,8 +130,8 @@ class BagRecording:
         return f'not shown: {", ".join(unread)} (last: {self._reader.problem})' if unread else ''
 
 
-FACTS_PERIOD = 0.5  #: of the log's time [s]
-END_POLL = 0.2      #: for the end of the reading [s]
+FACTS_PERIOD = 0.5  #: between two looks at the state of a bus; of a log by its time [s]
+READ_POLL = 0.2      #: for the end of the reading [s]
 
 
 class LogRecording:
@@ -166,7 +166,7 @@ class LogRecording:
         source = self._source(on_frame, on_time)
         source.open()
         source.start()
-        while not source.finished.wait(END_POLL) and not is_stopping():
+        while not source.finished.wait(READ_POLL) and not is_stopping():
             pass
         source.close()
         timeline.add_facts(looked, facts_of(source.statistics(), source.health(), load_is_known=False))
