@@ -16,19 +16,15 @@ NO_VALUE, SATURATED = STEPS, STEPS + 1  #: numbers of the colours of taxels with
 NO_VALUE_RGB, SATURATED_RGB = (128, 128, 128), (60, 210, 80)  #: grey and green, which inferno does not have
 
 
-def rgb_table() -> np.ndarray:
-    """Return the colour of each number, uint8, shape (SATURATED + 1, 3).
-
-    >>> rgb_table()[[0, STEPS - 1, NO_VALUE]].tolist()
-    [[0, 0, 4], [252, 255, 164], [128, 128, 128]]
-    """
+def _rgb_table() -> np.ndarray:
     anchors = np.array(INFERNO, float)
     places = np.linspace(0, len(anchors) - 1, STEPS)
     of_values = np.stack([np.interp(places, np.arange(len(anchors)), channel) for channel in anchors.T], axis=1)
     return read_only(np.vstack([np.rint(of_values), NO_VALUE_RGB, SATURATED_RGB]).astype(np.uint8))
 
 
-PALETTE = rgb_table()[:STEPS]  #: colours of values, from 0 to the brightest, uint8 (STEPS, 3)
+RGB_TABLE = _rgb_table()  #: the colour of each number, uint8, shape (SATURATED + 1, 3)
+PALETTE = RGB_TABLE[:STEPS]  #: colours of values, from 0 to the brightest, uint8 (STEPS, 3)
 
 
 def rounded_up(value: float) -> float:

@@ -19,7 +19,7 @@ from sensor_msgs.msg import Image
 from visualization_msgs.msg import Marker, MarkerArray
 
 from examples.demo.topics import frame_topics
-from tactile_node.colour_map import NO_VALUE, SATURATED, ColourScale, rgb_table
+from tactile_node.colour_map import NO_VALUE, RGB_TABLE, SATURATED, ColourScale
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.nodes import view_topics
 from tactile_node.nodes.classifier_node import ClassifierNode
@@ -97,7 +97,7 @@ def test_an_image_is_the_taxels_row_by_row_with_frame_and_stamp_unchanged():
 
 def test_a_coloured_image_has_three_bytes_a_pixel_from_nothing_to_full_scale():
     message = taxels([[0, 100e3, NAN], [200e3, -5, 90e3]], saturated=[(1, 2)])
-    image = colour_image(message, ColourScale(100e3), rgb_table())
+    image = colour_image(message, ColourScale(100e3))
     assert (image.height, image.width, image.encoding, image.step) == (2, 3, 'rgb8', 9)
     nothing, full, grey, green = [0, 0, 4], [252, 255, 164], [128, 128, 128], [60, 210, 80]
     assert np.array(image.data).reshape(2, 3, 3).tolist() == [[nothing, full, grey], [full, nothing, green]]
@@ -106,7 +106,7 @@ def test_a_coloured_image_has_three_bytes_a_pixel_from_nothing_to_full_scale():
 
 @pytest.mark.parametrize('number', [NO_VALUE, SATURATED])
 def test_a_taxel_without_a_plain_value_has_a_colour_that_no_value_has(number):
-    table = rgb_table().astype(float)
+    table = RGB_TABLE.astype(float)
     others = np.delete(table, number, axis=0)
     assert np.linalg.norm(others - table[number], axis=1).min() > 50
 

@@ -34,14 +34,10 @@ def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], No
     rclpy's signal handlers are off: they invalidate the context while the executor still uses it.
     Returns the exit code: 0 on a signal, 2 for a TactileError, whose message goes to stderr.
     """
-    try:
-        return _run(make, start)
-    finally:
-        ignore_interruptions()
-
-
-def _run(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], None] | None) -> int:
-    with interruption() as stop_requested:
+    with ExitStack() as stack:
+        stack.callback(ignore_interruptions)
+        stop_requested = stack.enter_context(interruption())
+        stack.callback(rclpy.try_shutdown)
         try:
             with translate_rclpy_errors():
                 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -58,8 +54,6 @@ def _run(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], None] 
         except TactileError as error:
             print(f'{sys.argv[0].rsplit("/", 1)[-1]}: error: {error}', file=sys.stderr)
             return 2
-        finally:
-            rclpy.try_shutdown()
     return 0
 
 

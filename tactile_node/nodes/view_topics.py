@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image
 from visualization_msgs.msg import MarkerArray
 
-from tactile_node.colour_map import ColourScale, rgb_table
+from tactile_node.colour_map import ColourScale
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.node_graph import NODE_NAMES, Role
@@ -58,13 +58,13 @@ class TaxelViews:
         self._values = OnDemandPublisher(node, Image, 'image', depth)
         self._colours = OnDemandPublisher(node, Image, 'image_colour', depth)
         self._wrench = OnDemandPublisher(node, WrenchStamped, 'wrench', depth)
-        self._scale, self._table = ColourScale(full_scale), rgb_table()
+        self._scale = ColourScale(full_scale)
 
     def publish(self, contact: PadContact) -> None:
         """Publish what is subscribed to of ``contact`` and its taxels."""
         self._wrench.publish(lambda: wrench_message(contact_message(contact), contact.found.pattern))
         self._values.publish(lambda: value_image(taxel_array_message(contact.frame)))
-        self._colours.publish(lambda: colour_image(taxel_array_message(contact.frame), self._scale, self._table))
+        self._colours.publish(lambda: colour_image(taxel_array_message(contact.frame), self._scale))
 
 
 class ShapeView:

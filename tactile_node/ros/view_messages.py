@@ -20,7 +20,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from tactile_node.colour_map import ColourScale, rgb_table
+from tactile_node.colour_map import RGB_TABLE, ColourScale
 from tactile_node.contact.pattern import MOST_LABELS, ContactPattern, of_contact
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.pose.moments import contact_moments
@@ -48,7 +48,7 @@ class ContactMarkers:
 
     def __init__(self, scale: ColourScale):
         self._scale = scale
-        self._palette = [ColorRGBA(r=r, g=g, b=b, a=1.0) for r, g, b in (rgb_table() / 255.0).tolist()]
+        self._palette = [ColorRGBA(r=r, g=g, b=b, a=1.0) for r, g, b in (RGB_TABLE / 255.0).tolist()]
         self._grid: tuple[int, int, float] | None = None
         self._centres: list[Point] = []  # of the taxels of _grid, kept: 256 new ones take longer than all else
 
@@ -182,11 +182,11 @@ def value_image(taxels: TaxelArray) -> Image:
                  is_bigendian=sys.byteorder == 'big', step=4 * taxels.cols, data=array('B', taxels.values.tobytes()))
 
 
-def colour_image(taxels: TaxelArray, scale: ColourScale, table: np.ndarray) -> Image:
-    """Return the colours of the values by ``scale``; ``table``: `rgb_table`."""
+def colour_image(taxels: TaxelArray, scale: ColourScale) -> Image:
+    """Return the colours of the values by ``scale``."""
     numbers = scale.numbers(taxel_values(taxels), taxels_of(taxels, TaxelStatus.SATURATED), taxels.unit)
     return Image(header=taxels.header, height=taxels.rows, width=taxels.cols, encoding=COLOURS, is_bigendian=False,
-                 step=3 * taxels.cols, data=as_array('B', table[numbers], np.uint8))
+                 step=3 * taxels.cols, data=as_array('B', RGB_TABLE[numbers], np.uint8))
 
 
 class _Pressing(NamedTuple):
