@@ -132,7 +132,7 @@ LEAST_FORCE_SCALE = 1.0   #: of the scale [N]
 TIME_TICKS = -20, -15, -10, -5, 0
 
 
-def force_chart(forces: Mapping[str, np.ndarray], now: float) -> Markup:
+def force_chart(forces: Mapping[str, np.ndarray], now: float) -> str:
     """Return force over time, broken where there is none: a line across a gap would show what was not measured.
 
     ``forces``: stamps [s] and forces [N] of each pad, (2, n); ``now``: stamp at the right end.
@@ -148,8 +148,7 @@ def force_chart(forces: Mapping[str, np.ndarray], now: float) -> Markup:
                 line += '{}{:.1f} {:.1f}'.format('L' if time - last < FORCE_GAP else 'M', *place)
                 last = time
         return Markup(line)  # nosec B704: numbers
-    found: Markup = pictures().chart(
+    return str(pictures().chart(  # viser sends plain strings alone
         'tactile-force', FORCE, [(FORCE.place(1 + tick / FORCE_HISTORY, 0)[0], f'{tick} s') for tick in TIME_TICKS],
         _value_ticks(FORCE, (0.0, top / 2, top), top, 'N'),
-        [(POINT_COLOURS[k % len(POINT_COLOURS)], line(*each)) for k, each in enumerate(forces.values())])
-    return found
+        [(POINT_COLOURS[k % len(POINT_COLOURS)], line(*each)) for k, each in enumerate(forces.values())]))
