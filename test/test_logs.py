@@ -301,7 +301,7 @@ def test_a_damaged_stamp_costs_its_own_can_frame_alone(tmp_path, damaged):
     frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path))
     assert [frame.stamp for _, frame in frames] == [1e9, 1e9 + 1, 1e9 + 2]
     assert [frame.missing_can_frames for _, frame in frames] == [0, 1, 0]
-    assert source.statistics().unread == 1 and source.statistics().clock_jumps == 0 and damaged in source.summary
+    assert source.statistics().unread == 1 and source.statistics().clock_jumps == 0 and damaged in source.reader.summary
 
 
 def test_a_gap_is_reported_and_not_waited_for(tmp_path, caplog):

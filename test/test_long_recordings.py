@@ -318,7 +318,7 @@ def test_no_taxel_frame_is_made_of_what_was_before_a_gap_and_what_came_after(tmp
     if is_missing:
         names[1].unlink()
     frames, source = play(names[0], (PadSettings('left', (32,), layout),))
-    assert len(source.damages) == (1 if is_missing else 9) and len(frames) > 70
+    assert len(source.reader.damages) == (1 if is_missing else 9) and len(frames) > 70
     for _, frame in frames:
         valid = frame.status == TaxelStatus.VALID
         assert set(np.rint(frame.values[valid] / layout.value.scale)) <= {round((frame.stamp - BEGIN) * 100)}

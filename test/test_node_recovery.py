@@ -78,6 +78,7 @@ def test_of_a_pads_nodes_the_first_may_be_zeroed_when_the_second_refuses(monkeyp
 
 
 def test_a_log_has_no_device(tmp_path):
+    (tmp_path / 'x.log').touch()
     source = LogSource(str(tmp_path / 'x.log'), (make_pad('pad', 32, 'sim8x8_16bit.yaml'),), lambda *_: None)
     with pytest.raises(DeviceError, match='x.log'):
         source.auto_zero('pad')

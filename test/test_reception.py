@@ -93,8 +93,8 @@ class Clocked:
     def __init__(self, monkeypatch, queue_limit=99):
         self.spans, self.steady = [], 1000.0
         monkeypatch.setattr(traffic_module, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
-        router = SimpleNamespace(occupy=lambda stamp, seconds=None: self.spans.append(seconds),
-                                 feed=lambda *frame: None)
+        bus = SimpleNamespace(occupy=lambda stamp, seconds=None: self.spans.append(seconds))
+        router = SimpleNamespace(bus=bus, feed=lambda *frame: None)
         monitor = SimpleNamespace(feed=lambda can_id, data: None, feed_error=lambda message: False)
         self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True,
                                sync_period=0.02)

@@ -36,7 +36,7 @@ class Router:
                         for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
         self.can_ids = frozenset(self._owners)  #: COB-IDs of the pads' taxels
-        self._bus = FreeBus(bitrate)
+        self.bus = FreeBus(bitrate)  #: occupied also by what is not fed
         self.is_running = True  #: see ``pause``
         self._foreign_sync = foreign_sync
         self._sync_id = pads[0].layout.sync_cob_id
@@ -49,20 +49,16 @@ class Router:
         """Whether a bus without SYNC has to show how far a node is. From any thread."""
         return any(assembler.is_in_doubt for assembler in self._synchronous)
 
-    def occupy(self, stamp: float, seconds: float | None = None) -> None:
-        """Until this stamp the bus may have carried something else for so long, or a frame that is not fed."""
-        self._bus.occupy(stamp, seconds)
-
     def restart(self) -> None:
         self.is_running = True
-        self._bus.restart()
+        self.bus.restart()
         for assembler in self._assemblers.values():
             assembler.restart()
 
     def resume(self, lost_periods: int) -> None:
         """After an outage: forget the period under way and leave out ``lost_periods`` sequence numbers."""
         self.is_running = True
-        self._bus.restart()
+        self.bus.restart()
         for assembler in self._assemblers.values():
             assembler.resume(lost_periods)
 
@@ -82,20 +78,20 @@ class Router:
 
     def sync(self, stamp: float) -> None:
         """A SYNC, own or foreign: every pad's period ends and the next begins."""
-        self._bus.sync(stamp)
+        self.bus.sync(stamp)
         for name, assembler in self._assemblers.items():
             self._hand_over(name, assembler.sync(stamp))
 
     def feed(self, can_id: int, data: bytes, stamp: float, after: float | None = None) -> None:
         """A data frame with an 11-bit identifier. It came ``after`` this stamp, where its own does not say when."""
-        if self._bus.proves(stamp if after is None else after):
+        if self.bus.proves(stamp if after is None else after):
             for synchronous in self._synchronous:
                 synchronous.settle()
         owner = self._owners.get(can_id)
         if owner is not None and owner[-1]:
-            self._bus.take(stamp)
+            self.bus.take(stamp)
         else:
-            self._bus.occupy(stamp)
+            self.bus.occupy(stamp)
         if owner is not None:
             name, assembler, has_sync = owner
             self._counts[assembler.service] += 1
@@ -115,7 +111,7 @@ class Router:
             self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
         else:
             self._counts[kind] += 1
-            self._bus.occupy(message.timestamp, inf if message.is_error_frame else None)
+            self.bus.occupy(message.timestamp, inf if message.is_error_frame else None)
 
     def end(self) -> None:
         """End the last period, since no more CAN frames will come."""

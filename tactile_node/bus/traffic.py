@@ -162,13 +162,13 @@ class Traffic:
         """On the assembler's thread. Time that stamps have and the steady clock has not is none of a free bus."""
         for can_id, data, stamp in frames:
             if stamp == inf:
-                self._router.occupy(inf, inf)
+                self._router.bus.occupy(inf, inf)
                 continue
             after, until = came or (stamp, stamp)
-            self._router.occupy(after, max(0.0, after - self._last_came - most_free))
+            self._router.bus.occupy(after, max(0.0, after - self._last_came - most_free))
             self._last_came = until
             if can_id == NO_DATA:
-                self._router.occupy(stamp)
+                self._router.bus.occupy(stamp)
             else:
                 self._router.feed(can_id, data, stamp, after)
         self._fed += len(frames)

@@ -54,7 +54,7 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
     if source.failure:
         raise LogError(path, expected='a log to its end', got=source.failure.detail.removesuffix('.'),
                        remedy='What was played up to there is not used.')
-    for line in damage_lines(source.damages):
+    for line in damage_lines(source.reader.damages):
         print(line, file=sys.stderr)
     played = PlayedLog(frames, source, source.finished.is_set())
     if must_be_used and not played.has_ended:

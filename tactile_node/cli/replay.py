@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     statistics = played.source.statistics()
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
     if statistics.unread:
-        print(f'{args.log}: {played.source.summary}', file=sys.stderr)
+        print(f'{args.log}: {played.source.reader.summary}', file=sys.stderr)
     if not played.used:
         print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
     return 0 if played.has_ended and played.used and not played.source.heard.strangers() else 1

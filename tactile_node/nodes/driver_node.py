@@ -7,7 +7,7 @@ deactivate = pre-operational; cleanup = close.
 import logging
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -16,10 +16,9 @@ from rclpy.parameter import Parameter
 
 from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.conditioning.tare import tare_limit
-from tactile_node.conditioning.taxel_faults import FaultyTaxels
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.driver_services import FaultService, TareService, Zeroing
+from tactile_node.nodes.driver_services import TareService, Zeroing, serve_faults
 from tactile_node.nodes.driver_source import driver_pads, make_source, pad_frames
 from tactile_node.nodes.hand_over import HandOver
 from tactile_node.nodes.lifecycle_steps import LifecycleSteps, reject_invalid_transitions
@@ -32,7 +31,6 @@ from tactile_node.ros.parameters import changed, declare, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import PrimaryState
-from tactile_node.taxel_frame import TaxelFrame
 
 #: All that is not live; autostart and wait_at_start are read once, before that.
 READ_AT_CONFIGURE = frozenset(each.name for each in table(DriverSettings) if not each.properties.live
@@ -140,7 +138,10 @@ class DriverNode(LifecycleNode):
         pads = driver_pads(settings)
         responses = skin_responses(pads, settings)
         conditioned = conditioned_pads(pads, settings, responses)
-        source = make_source(settings, pads, self._publish, self._make_clock(settings))
+        frame_period = max(pad.layout.frame_period(settings.sync_period) for pad in pads)
+        self._state.begin(f'{settings.interface} {settings.channel}', frame_period)
+        source = make_source(settings, pads, lambda pad, frame: self._pads[pad].publish(frame),
+                             self._make_clock(settings))
         outputs = {}
         for pad, frame_id in zip(pads, pad_frames(settings, pads)):
             outputs[pad.name] = output = PadOutput(
@@ -150,13 +151,13 @@ class DriverNode(LifecycleNode):
             if settings.replay and settings.lossless and not output.is_answered:
                 raise _not_answered(pad.name)
         self._pads = outputs  # all at once: at start the executor publishes the state of these meanwhile
-        saving = FaultService(self, settings.faulty_taxels_file, self._faults)
-        frame_period = max(pad.layout.frame_period(settings.sync_period) for pad in pads)
-        self._state.begin(f'{settings.interface} {settings.channel}', frame_period)
+        saving = serve_faults(self, settings.faulty_taxels_file,
+                              lambda: {name: pad.conditioned.faults for name, pad in self._pads.items()})
+        units = {pad.name: pad.layout.value.unit for pad in pads}
         self._tare.begin(Zeroing(pads={name: pad.tared for name, pad in conditioned.items()},
-                                 limit=self._tare_limit({pad.name: pad.layout.value.unit for pad in pads}),
+                                 limit=lambda pad: tare_limit(self.get_parameter('tare_limit').value, units[pad]),
                                  frame_period=frame_period, source=source))
-        self._owned += [saving.destroy, self._tare.end, source.close, self._hand_over.release]
+        self._owned += [lambda: self.destroy_service(saving), self._tare.end, source.close, self._hand_over.release]
         source.open()
         self.source = source
         source.configure()
@@ -197,16 +198,6 @@ class DriverNode(LifecycleNode):
         if self.source is not None:
             self.source.adjust(settings.drop_incomplete, settings.heartbeat_timeout)
         return SetParametersResult(successful=True)
-
-    def _publish(self, pad: str, frame: TaxelFrame) -> None:
-        self._pads[pad].publish(frame)
-
-    def _tare_limit(self, units: Mapping[str, str]) -> Callable[[str], float]:
-        """Return what gives the limit of a pad, by its name, at the time of the call."""
-        return lambda pad: tare_limit(self.get_parameter('tare_limit').value, units[pad])
-
-    def _faults(self) -> dict[str, FaultyTaxels]:
-        return {name: pad.conditioned.faults for name, pad in self._pads.items()}
 
     def _driver_state(self) -> DriverState:
         return DriverState(self._lifecycle, self.source, self._steps.error,

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
+from rclpy.service import Service
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -153,27 +154,18 @@ def _noted(name: str, found: Measured, response: Tare.Response, on_device: str =
             f'largest offset {found.largest:.3g}.')
 
 
-class FaultService:
-    """Writes what ``faults()`` gives, by pad, to the file ``path``."""
-
-    def __init__(self, node: Node, path: str, faults: Callable[[], Mapping[str, FaultyTaxels]]):
-        self._node = node
-        self._path = path
-        self._faults = faults
-        self._service = node.create_service(Trigger, '~/save_faulty_taxels', self._answer)
-
-    def destroy(self) -> None:
-        self._node.destroy_service(self._service)
-
-    def _answer(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+def serve_faults(node: Node, path: str, faults: Callable[[], Mapping[str, FaultyTaxels]]) -> Service:
+    """Return the service that writes what ``faults()`` gives, by pad, to the file ``path``."""
+    def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:
-            if not self._path:
+            if not path:
                 raise ConfigurationError('parameter faulty_taxels_file', expected='the path of a file', got='none',
                                          remedy='Set it, and configure the driver again.')
-            faults = self._faults()
-            save_faults(self._path, faults)
+            found = faults()
+            save_faults(path, found)
             response.success = True
-            response.message = f'{sum(found.total for found in faults.values())} faulty taxels written to {self._path}.'
+            response.message = f'{sum(each.total for each in found.values())} faulty taxels written to {path}.'
         except ConfigurationError as error:
             response.success, response.message = False, str(error)
         return response
+    return node.create_service(Trigger, '~/save_faulty_taxels', answer)

@@ -44,7 +44,7 @@ class SimulatedDevice:
         self._node_id = node.node_id
         self._layout = node.layout
         self._codec = TaxelCodec(node.layout)
-        self._records = TpdoRecords(node.layout, node.node_id, node.dictionary, self._number)
+        self._records = TpdoRecords(node, self._number)
         self._node = canopen.LocalNode(node.node_id, node.dictionary)
         self._node.add_write_callback(self._before_write)
         self._node.add_read_callback(self._read_taxels)

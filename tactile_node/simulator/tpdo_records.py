@@ -4,11 +4,11 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
-from canopen import ObjectDictionary
 from canopen.objectdictionary import ODRecord
 
 from tactile_node.cia301 import objects
 from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.pads import CanopenNode
 
 #: {index << 8 | sub: (rank, first bit, bits)} of every object that holds taxels
 Places = dict[int, tuple[int, int, int]]
@@ -38,15 +38,12 @@ class ConfiguredTpdo(NamedTuple):
 
 
 class TpdoRecords:
-    """Compiles the records of one node; ``number(index, sub)`` reads its object dictionary."""
+    """Compiles the records of one node; ``number(index, sub)`` reads its objects."""
 
-    def __init__(self, layout: SkinLayout, node_id: int, dictionary: ObjectDictionary,
-                 number: Callable[[int, int], int]):
-        self._layout = layout
-        self._node_id = node_id
-        self._dictionary = dictionary
+    def __init__(self, node: CanopenNode, number: Callable[[int, int], int]):
+        self._node = node
         self._number = number
-        self.places = _object_places(layout)
+        self.places = _object_places(node.layout)
 
     @property
     def has_event_timers(self) -> bool:
@@ -85,13 +82,13 @@ class TpdoRecords:
         return self._number(objects.TPDO_COMMUNICATION + number, sub) * unit if self._has(number, sub) else 0.0
 
     def _has(self, number: int, sub: int) -> bool:
-        record = self._dictionary.get(objects.TPDO_COMMUNICATION + number)
+        record = self._node.dictionary.get(objects.TPDO_COMMUNICATION + number)
         return isinstance(record, ODRecord) and sub in record.subindices
 
     def _heads(self, number: int) -> Iterator[tuple[int, bytes]]:
-        for rank, tpdo in enumerate(self._layout.tpdos):
+        for rank, tpdo in enumerate(self._node.layout.tpdos):
             if tpdo.number == number and tpdo.is_mpdo:
-                yield rank, struct.pack('<BHB', self._node_id, tpdo.mapping[0].index, tpdo.mapping[0].subindex)
+                yield rank, struct.pack('<BHB', self._node.node_id, tpdo.mapping[0].index, tpdo.mapping[0].subindex)
             elif tpdo.number == number and tpdo.row is not None:
                 yield rank, struct.pack('B', tpdo.row)
 

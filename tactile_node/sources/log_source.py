@@ -14,7 +14,6 @@ from tactile_node.assembly.router import Router, non_data_kind
 from tactile_node.bus.threads import StoppableThread
 from tactile_node.cia301.objects import HEARTBEAT, SDO_REQUEST, SDO_RESPONSE
 from tactile_node.errors import DeviceError, LogError
-from tactile_node.logs.damage import Damage
 from tactile_node.logs.log_lines import OneBus
 from tactile_node.logs.log_reader import SET_BACK, CanLogReader
 from tactile_node.logs.logged_set_up import HeardNodes, LoggedSetUp
@@ -34,7 +33,8 @@ class LogSource:
     pads' nodes are on two. ``on_time`` is called with the stamp [s] of each CAN frame before it is played,
     ``on_message`` with the frame. Where the set-up in the log contradicts the layout, or the identity in the pad's EDS
     (``eds``, one for each or for all; empty: that beside the layout), the log is not played on, unless with
-    ``any_device``. Of the log ``window`` is played; what comes before it is not judged.
+    ``any_device``. Of the log ``window`` is played; what comes before it is not judged. Raises LogError when it is
+    missing.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
@@ -46,8 +46,7 @@ class LogSource:
         self._pace = pace
         self._loop = loop
         self._router = Router(tuple(pads), on_frame, drop_incomplete=drop_incomplete)
-        self._channel, self._window = channel, window
-        self._reader: CanLogReader | None = None
+        self.reader = CanLogReader(path, channel, window)  #: has what was read so far, and what could not be
         self._messages: Iterator[can.Message] | None = None
         self.heard = HeardNodes(pads)
         self._set_up = None if any_device else LoggedSetUp(pads, identities_of(pads, eds))
@@ -64,12 +63,11 @@ class LogSource:
         self.failure: Failure | None = None
 
     def open(self) -> None:
-        """Open the log; LogError when it is missing, unreadable or without a CAN frame."""
+        """Open the log; LogError when it is unreadable or without a CAN frame."""
         if self._messages is not None:
             return
         self.finished.clear()
-        self._reader = reader = CanLogReader(self._path, self._channel, self._window)
-        messages = self._all_messages(reader)
+        messages = self._all_messages()
         self._messages = itertools.chain([next(messages)], messages)  # raises LogError now rather than on the thread
         logger.info('Playing %s.', self._path)
 
@@ -105,36 +103,20 @@ class LogSource:
         """A log has no heartbeats to supervise."""
         self._router.drop_incomplete(drop_incomplete)
 
-    @property
-    def summary(self) -> str:
-        """What was read so far, as a sentence; empty before ``open``."""
-        return '' if self._reader is None else self._reader.summary
-
-    @property
-    def problem(self) -> str:
-        """Why something of the log was not read, the last reason; empty where all was."""
-        return '' if self._reader is None else self._reader.problem
-
-    @property
-    def damages(self) -> Sequence[Damage]:
-        """What is missing of a bag or a series, and when it was recorded."""
-        return () if self._reader is None else tuple(self._reader.damages)
-
     def statistics(self) -> BusStatistics:
-        unread = self._unread + (0 if self._reader is None else self._reader.unread)
-        return self._router.statistics()._replace(unread=unread,
-                                                   clock_jumps=self._jumps, stamps_ahead=self._ahead)
+        return self._router.statistics()._replace(unread=self._unread + self.reader.unread, clock_jumps=self._jumps,
+                                                  stamps_ahead=self._ahead)
 
     def health(self) -> BusHealth:
         """A log has no nodes; it can only fail as a whole."""
         return BusHealth(self.failure, self._is_active)
 
-    def _all_messages(self, reader: CanLogReader) -> Iterator[can.Message]:
+    def _all_messages(self) -> Iterator[can.Message]:
         shift = 0.0
         while True:
             first = last = None
             self._ahead = 0.0
-            for message in self._past_gaps(reader):
+            for message in self._past_gaps():
                 message.timestamp += self._ahead
                 if last is not None and message.timestamp < last - SET_BACK:  # the clock was set while recording
                     self._jumps += 1
@@ -147,18 +129,18 @@ class LogSource:
             if not self._loop or first is None or last is None:
                 return
             self._router.end()  # or the log's first CAN frames would complete its last sweep
-            self._unread += reader.unread
+            self._unread += self.reader.unread
             shift += last - first
 
-    def _past_gaps(self, reader: CanLogReader) -> Iterator[can.Message]:
+    def _past_gaps(self) -> Iterator[can.Message]:
         """End the period at a gap, or the TPDOs after it, whose SYNC may be lost, would complete the sweep before it.
 
         The reader looks ahead by one message, so that a gap lies before this one or before the next.
         """
         known = near = 0
-        for message in reader:
-            if len(reader.damages) > known:
-                known, near = len(reader.damages), 2
+        for message in self.reader:
+            if len(self.reader.damages) > known:
+                known, near = len(self.reader.damages), 2
             if near:
                 near -= 1
                 self._router.end()
@@ -190,7 +172,7 @@ class LogSource:
                            'Check the node-IDs: the taxels may be of other pads.', self._path, pad,
                            ', '.join(map(str, strangers)))
         self.finished.set()
-        logger.info('%s has ended: %s', self._path, self.summary)
+        logger.info('%s has ended: %s', self._path, self.reader.summary)
 
     def _check(self, message: can.Message) -> None:
         """Two skins of the same node-ID on two buses would become one; with another mapping, taxels change places."""

@@ -74,7 +74,13 @@ class Supervisor:
             self._bus.open()
             if self._thread is None:
                 self._watch.opened()
-                self._begin()
+                now = time.monotonic()
+                self._outage.end(now)
+                self._silent_since = None
+                self._watch.overload.restart()
+                for monitor in self._monitors:
+                    monitor.outage.end(now)
+                    monitor.expect(now)
                 self._closing.clear()
                 self._thread = threading.Thread(target=self._supervise, name='supervisor', daemon=True)
                 self._thread.start()
@@ -144,15 +150,6 @@ class Supervisor:
     def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
         """Return the timeouts of heartbeat and of taxels [s]."""
         return heartbeat_timeout, max(heartbeat_timeout, 5 * self._settings.sync_period)
-
-    def _begin(self) -> None:
-        now = time.monotonic()
-        self._outage.end(now)
-        self._silent_since = None
-        self._watch.overload.restart()
-        for monitor in self._monitors:
-            monitor.outage.end(now)
-            monitor.expect(now)
 
     def _set_active(self, is_active: bool) -> None:
         now, pads = time.monotonic(), self.statistics().pads

@@ -114,7 +114,7 @@ class LogReporter:
             raise LogError(self._path, expected='a log to its end', got=got, remedy='No report is written.')
         recording = reported_file(
             self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end, unread=statistics.unread,
-            problem=source.problem, damages=tuple(source.damages), clock_jumps=statistics.clock_jumps)
+            problem=source.reader.problem, damages=tuple(source.reader.damages), clock_jumps=statistics.clock_jumps)
         return Report(versions(), recording, tuple(self._pad(pad, statistics.pads[pad.name]) for pad in self._pads),
                       self._nodes.reports(), self._bus.report(statistics.can_frames))
 

@@ -184,8 +184,8 @@ def _of_others(source: LogSource) -> str:
 
 
 def _unread(source: LogSource) -> str:
-    unread = source.statistics().unread
-    return f'not shown: {unread} lines or rests that could not be read (last: {source.problem})' if unread else ''
+    unread, last = source.statistics().unread, source.reader.problem
+    return f'not shown: {unread} lines or rests that could not be read (last: {last})' if unread else ''
 
 
 def _without_taxels(timeline: Timeline) -> str:
