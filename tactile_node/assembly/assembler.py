@@ -138,7 +138,7 @@ class FrameAssembler(PadAssembler):
             return self._feed_before(period, rank, data, timestamp)
         self._take(period, rank, data)
         if self._before is not None and self._sequence - self._changed_order >= ORDER_MEMORY:
-            period.return_proved(self._before)
+            period.return_aside(self._before, only_proved=True)
         if period.runs[self._nodes[rank]].is_complete and period.is_complete:
             return self._resolve_aside(period) + self._emit(period)
         if self._before is not None and not period.may_continue(self._before):

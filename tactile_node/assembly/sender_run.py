@@ -56,7 +56,7 @@ class SenderRun:
         self.last = -1  #: rank received last
         self._last_data = b''
         self._aside: dict[int, bytes] = {}  # a suspect run, after the sender has begun the next one
-        self._is_aside_proved = False  # the sender has begun its next run: what is aside is of the period before
+        self.is_aside_proved = False  #: the sender has begun its next run: what is aside is of the period before
         self.is_seen = False  # anything was received
         self._is_suspect = False
         self._ended_suspect = False
@@ -187,11 +187,6 @@ class SenderRun:
         self._aside.clear()
         return lost
 
-    def return_proved(self, before: Payload) -> None:
-        """Give the run that was set aside to the period before, if the sender has begun its next one since."""
-        if self._is_aside_proved:
-            self.return_aside(before)
-
     def return_aside(self, before: Payload) -> None:
         """Give the run that was set aside to the period before."""
         for rank, word in self._aside.items():
@@ -212,7 +207,7 @@ class SenderRun:
         lost = None
         if self._is_suspect and self._is_of_before:
             self._set_aside()
-            self._is_aside_proved = self._late_above >= 0  # a tail; a whole sweep may be of another period
+            self.is_aside_proved = self._late_above >= 0  # a tail; a whole sweep may be of another period
         else:
             is_late = self._is_suspect or bool(self._aside) or rank in self._ranks
             lost = LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose()

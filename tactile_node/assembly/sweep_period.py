@@ -98,12 +98,8 @@ class SweepPeriod:
         return not self.is_discarded and not before.is_discarded and any(
             run.is_undecided and earlier.may_be_continued for run, earlier in zip(self.runs, before.runs))
 
-    def return_proved(self, before: 'SweepPeriod') -> None:
-        """Give the runs that were set aside to the period before, of senders that have begun their next one."""
+    def return_aside(self, before: 'SweepPeriod', only_proved: bool = False) -> None:
+        """Give the runs that were set aside to the period before; ``only_proved``: see ``is_aside_proved``."""
         for run in self.runs:
-            run.return_proved(before.payload)
-
-    def return_aside(self, before: 'SweepPeriod') -> None:
-        """Give the runs that were set aside to the period before."""
-        for run in self.runs:
-            run.return_aside(before.payload)
+            if run.is_aside_proved or not only_proved:
+                run.return_aside(before.payload)

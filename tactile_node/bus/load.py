@@ -1,4 +1,4 @@
-"""The load of a bus: bits of a sweep, planned load, measured load."""
+"""The load of a bus: bits of a sweep, planned load."""
 
 from collections.abc import Iterable
 from math import ceil
@@ -27,28 +27,6 @@ def sweep_bits(layout: SkinLayout) -> int:
 def tpdo_bits(layout: SkinLayout) -> int:
     """Return the bits of all TPDOs of a sweep, likewise."""
     return sum(FRAME_BITS[min(tpdo.length, MAX_PDO_BYTES)] for tpdo in layout.tpdos)
-
-
-class LoadMeter:
-    """Bits per second against the bit rate, over windows of one second.
-
-    The bits of each frame are its most, with bit stuffing at its worst, so real load is up to a fifth lower.
-    """
-
-    def __init__(self, bitrate: int):
-        self._bitrate = bitrate
-        self._begun: float | None = None
-        self._bits = 0
-        self.load = 0.0  #: 0..1, of the last whole window
-
-    def update(self, now: float, bits: int) -> None:
-        """``bits`` seen since the beginning, at ``now`` [s]."""
-        if self._begun is not None:
-            if now - self._begun < 1.0:
-                return
-            self.load = (bits - self._bits) / self._bitrate / (now - self._begun)
-        self._begun = now
-        self._bits = bits
 
 
 MOST_LOAD = 0.9  #: share of the bus's time; beyond, other traffic (heartbeats, SDO, EMCY) delays sweeps

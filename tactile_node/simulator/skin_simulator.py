@@ -17,7 +17,7 @@ from tactile_node.simulator.device import SimulatedDevice, TaxelSource
 from tactile_node.simulator.segment import LiveSegment, Segment
 from tactile_node.simulator.slcan_pty import SlcanPty, frame_of
 from tactile_node.simulator.wire import Carried, Wire, WireReport
-from tactile_node.skin.pads import CanopenNode, LivePad, check_pads
+from tactile_node.skin.pads import LivePad, check_pads
 
 
 @dataclass(frozen=True)
@@ -172,17 +172,16 @@ class SkinSimulator:
         received = self._gateway.received if self._gateway is not None else lambda batch: None
         self._network = BusNetwork(bus, received, lambda fault, error: self._on_failure(error))
         for node in self._nodes:
-            device = self.devices[node.node_id] = self._device(node, self._network)
+            source = self._sources[node.pad]
+            if self._gateway is None:
+                device = SimulatedDevice(self._network, node, source)
+            else:
+                network = self._gateway.network(node.node_id)
+                device = SimulatedDevice(network, node, source, network.send_sweep)
+            self.devices[node.node_id] = device
             device.boot()
         if self._gateway is not None:
             self._gateway.wait_until_idle(timeout=1.0)  # boot-ups are over, as without a wire
-
-    def _device(self, node: CanopenNode, shared: BusNetwork) -> SimulatedDevice:
-        source = self._sources[node.pad]
-        if self._gateway is None:
-            return SimulatedDevice(shared, node, source)
-        network = self._gateway.network(node.node_id)
-        return SimulatedDevice(network, node, source, network.send_sweep)
 
     def report(self) -> WireReport | None:
         """What the wire has carried since the report before; None without a wire."""

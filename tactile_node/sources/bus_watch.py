@@ -8,7 +8,7 @@ from tactile_node.assembly.frame_source import BusStatistics
 from tactile_node.assembly.health import Overload, SyncFault, SyncState
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.bus.load import MOST_LOAD, LoadMeter, planned_load
+from tactile_node.bus.load import MOST_LOAD, planned_load
 from tactile_node.bus.threads import Reminder
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.node_traffic import BusSeen
@@ -135,7 +135,9 @@ class BusWatch:
         self._needs_sync = any(pad.layout.needs_sync for pad in pads)
         self._pads = len(pads)
         self._planned_load = planned_load((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
-        self.load = LoadMeter(settings.bitrate)
+        self._bitrate = settings.bitrate
+        self._window: tuple[float, int] | None = None  # of the load: when it began, bits until then
+        self.load = 0.0  #: 0..1, of the last whole window; bits with stuffing at its worst: really a fifth less or so
         self.sync = SyncWatch(settings.produce_sync, settings.sync_period)
         self.overload = OverloadWatch(put, data_timeout / 2)
         self._commands_reported = 0
@@ -151,7 +153,11 @@ class BusWatch:
 
     def look_at_traffic(self, now: float) -> None:
         """Take what all that is received says of load and of other masters."""
-        self.load.update(now, self._monitor.bits)
+        bits = self._monitor.bits
+        begun, before = self._window = self._window or (now, bits)
+        if now - begun >= 1.0:
+            self.load = (bits - before) / self._bitrate / (now - begun)
+            self._window = now, bits
         count, command = self._monitor.foreign_commands, self._monitor.last_command
         if count != self._commands_reported and self._command_reminder.is_due('NMT', now):
             self._commands_reported = count

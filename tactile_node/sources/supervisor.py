@@ -142,7 +142,7 @@ class Supervisor:
             failure=self.failure, is_active=self._is_active,
             nodes={name: tuple(monitor.health(now) for monitor in monitors)
                    for name, monitors in self._by_pad.items()},
-            outages=self._outage.outages(now), load=self._watch.load.load,
+            outages=self._outage.outages(now), load=self._watch.load,
             is_error_passive=bus_monitor.is_error_passive, error_counters=bus_monitor.error_counters,
             foreign_commands=bus_monitor.foreign_commands, last_command=bus_monitor.last_command,
             sync=self._watch.sync.state, overload=self._watch.overload.kind, stalls=self._watch.overload.stalls)
