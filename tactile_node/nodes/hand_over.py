@@ -25,6 +25,7 @@ from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
 
+WORKING_TIME = 0.01  # s in one task: rclpy looks at all 60 entities of the nodes before the next
 WAKING_PERIOD = 0.2  # s after which one who waits for answers wakes the executor again: it may have begun since
 
 
@@ -104,27 +105,37 @@ class HandOver:
             self._is_released = False
 
     def _is_idle(self) -> bool:
-        return not (self._is_working or self._round or any(stage.waits for stage in self._inputs.values()))
+        return not (self._is_working or self._has_work())
+
+    def _has_work(self) -> bool:
+        return bool(self._round) or any(stage.waits for stage in self._inputs.values())
 
     def _work(self) -> None:
-        """Take every frame that waits, then one newest contact; the rest in another task, after other callbacks."""
+        """Work for WORKING_TIME; the rest in another task, after other callbacks."""
         with self._changed:
             self._awake, self._is_working = None, True
         try:
-            self._work_on_all()
-            if not self._round:
-                self._round.extend((stage, stage.take()) for stage in self._inputs.values()
-                                   if stage.takes_newest and stage.waits)
-            if self._round:
-                stage, waiting = self._round.popleft()
-                stage.work(waiting)
-                self._work_on_all()
+            end = time.monotonic() + WORKING_TIME
+            self._take_turn()
+            while self._has_work() and time.monotonic() < end:
+                self._take_turn()
         finally:
             with self._changed:
                 self._is_working = False
                 self._changed.notify_all()
         if not self._is_idle():
             self.wake()
+
+    def _take_turn(self) -> None:
+        """Take every frame that waits, then one newest contact."""
+        self._work_on_all()
+        if not self._round:
+            self._round.extend((stage, stage.take()) for stage in self._inputs.values()
+                               if stage.takes_newest and stage.waits)
+        if self._round:
+            stage, waiting = self._round.popleft()
+            stage.work(waiting)
+            self._work_on_all()
 
     def _work_on_all(self) -> None:
         """Once: frames that never end must not keep the classifiers waiting."""
