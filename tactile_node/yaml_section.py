@@ -28,8 +28,7 @@ class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[mi
                     raise yaml.constructor.ConstructorError(None, None, f'the key {key.value!r} is given twice',
                                                             key.start_mark)
                 seen.add(key.value)
-        mapping: dict[Any, Any] = super().construct_mapping(node, deep)
-        return mapping
+        return super().construct_mapping(node, deep)
 
 
 def load_mapping(path: Path, about: str) -> 'Section':

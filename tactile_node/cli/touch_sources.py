@@ -117,8 +117,7 @@ def _next(frames: SimpleQueue, failures: list[Failure], stop_requested) -> np.nd
             raise BusError('CAN bus', expected='a bus that works', got=failure_text(failures[0]).rstrip('.'),
                            remedy='Repair it and begin again.')
         try:
-            found: np.ndarray = frames.get(timeout=0.1)
-            return found
+            return frames.get(timeout=0.1)
         except Empty:
             waited += 0.1
         if waited > FRAME_TIMEOUT:

@@ -91,8 +91,7 @@ class ContactGuard(NamedTuple):
         groups, count = label(raised, np.ones((3, 3)))
         sizes = np.bincount(groups.ravel(), minlength=count + 1)
         sizes[0] = 0
-        of_contacts: np.ndarray = (sizes >= RAISED_TAXELS)[groups]
-        return of_contacts
+        return (sizes >= RAISED_TAXELS)[groups]
 
 
 

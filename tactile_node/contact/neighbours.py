@@ -68,8 +68,7 @@ def enclosed(mask: np.ndarray) -> np.ndarray:
     >>> enclosed(np.array([[True, False, False, True, False, False, False, True]]))[0].nonzero()[0].tolist()
     [1, 2, 5]
     """
-    between: np.ndarray = _enclosed_along_rows(mask) | _enclosed_along_rows(mask.T).T
-    return between
+    return _enclosed_along_rows(mask) | _enclosed_along_rows(mask.T).T
 
 
 def _enclosed_along_rows(mask: np.ndarray) -> np.ndarray:
@@ -126,5 +125,4 @@ def linked(taxels: np.ndarray, between: int) -> np.ndarray:
         wide = grown(taxels)
     else:
         wide = ndimage.maximum_filter(taxels.view(np.uint8), between + 1, mode='constant')
-    groups: np.ndarray = ndimage.label(wide, EIGHT_CONNECTED)[0]
-    return groups
+    return ndimage.label(wide, EIGHT_CONNECTED)[0]

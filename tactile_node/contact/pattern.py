@@ -204,8 +204,7 @@ def number_contacts(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray
 def between(pressed: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     """Return the ``hidden`` taxels of a row or column between two ``pressed`` ones, with only hidden others."""
     left, right, below, above = in_line(pressed, hidden)
-    between_two: np.ndarray = left & right | below & above
-    return between_two
+    return left & right | below & above
 
 
 def in_line(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -235,8 +234,7 @@ def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
     is_open = np.zeros(count + 1, bool)
     is_open[labels[ndimage.binary_dilation(outside, EIGHT_CONNECTED)]] = True
     is_open[0] = True
-    with_enclosed: np.ndarray = mask | ~is_open[labels[1:-1, 1:-1]]
-    return with_enclosed
+    return mask | ~is_open[labels[1:-1, 1:-1]]
 
 
 def as_frame(values: ArrayLike) -> np.ndarray:

@@ -65,8 +65,7 @@ def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, stron
 
 def _highest_near(values: np.ndarray) -> np.ndarray:
     """Return the highest of ``values`` up to HALO_REACH rows and columns away; what lies beyond the edge is 0."""
-    highest: np.ndarray = ndimage.maximum_filter(values, 2 * HALO_REACH + 1, mode='constant')
-    return highest
+    return ndimage.maximum_filter(values, 2 * HALO_REACH + 1, mode='constant')
 
 
 def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> np.ndarray:
@@ -120,5 +119,4 @@ def _significant(pressed: np.ndarray, strong: np.ndarray) -> np.ndarray:
     keeps = np.bincount(groups.reshape(-1), minlength=count + 1) >= GROUP_TAXELS
     keeps[groups[pressed & strong]] = True
     keeps[0] = False
-    significant: np.ndarray = keeps[groups]
-    return significant
+    return keeps[groups]

@@ -145,8 +145,7 @@ class Line(NamedTuple):
 
     @property
     def midpoint(self) -> np.ndarray:
-        middle: np.ndarray = (self.left + self.right) / 2
-        return middle
+        return (self.left + self.right) / 2
 
     @property
     def axis(self) -> np.ndarray:

@@ -49,13 +49,11 @@ class Banded(NamedTuple):
 
     def solved(self, right: np.ndarray) -> np.ndarray:
         """Solution of L Lᵀ x = right, of the factors L held here."""
-        solution: np.ndarray = lapack.dpbtrs(self.band.T, right, lower=1)[0]
-        return solution
+        return lapack.dpbtrs(self.band.T, right, lower=1)[0]
 
     def norms(self, x: np.ndarray) -> np.ndarray:
         """Euclidean norm of each matrix's share of the vector ``x``."""
-        norms: np.ndarray = np.sqrt(self.sums(x * x))
-        return norms
+        return np.sqrt(self.sums(x * x))
 
     def sums(self, x: np.ndarray) -> np.ndarray:
         """Sum of each matrix's share of the vector ``x``."""

@@ -158,8 +158,7 @@ def _iterate(factor: Banded, shift: np.ndarray, x: np.ndarray, solves: int) -> t
 def _needed(low: np.ndarray, high: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
     """Which matrices may still decide a pattern's Λ that is requested, all Λ being in [low, high]."""
     least, most = _of_patterns(low, high, owner, contest)
-    needed: np.ndarray = _may_win(least, most, contest)[owner] & (low <= most[owner])
-    return needed
+    return _may_win(least, most, contest)[owner] & (low <= most[owner])
 
 
 def _of_patterns(low: np.ndarray, high: np.ndarray, owner: np.ndarray,

@@ -152,8 +152,7 @@ def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, angles: s
     near, counts = np.flatnonzero(some), np.count_nonzero(some, axis=1)
     bits, x, y = bits.take(near), x.take(near), y.take(near)
     arrive = _rounds_onto(bits, x, y, cos=np.repeat(_COS[angles], counts), sin=np.repeat(_SIN[angles], counts))
-    reached: np.ndarray = near[arrive]
-    return reached
+    return near[arrive]
 
 
 def _corner_bits(fine: np.ndarray, centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -180,5 +179,4 @@ def _rounds_onto(bits: np.ndarray, x: np.ndarray, y: np.ndarray, cos: np.ndarray
     for bit, du, dv in ((1, 0, 0), (2, cos, sin), (4, -sin, cos), (8, cos - sin, cos + sin)):
         lands = np.maximum(np.abs(u + du), np.abs(v + dv)) < 0.5
         arriving |= lands.view(np.uint8) * np.uint8(bit)
-    rounds: np.ndarray = (arriving & bits) != 0
-    return rounds
+    return (arriving & bits) != 0

@@ -48,8 +48,7 @@ class TouchFrame(NamedTuple):
     @property
     def centre(self) -> np.ndarray:
         """The mean place of the contact's taxels: row, column."""
-        centre: np.ndarray = np.argwhere(self.mask).mean(0)
-        return centre
+        return np.argwhere(self.mask).mean(0)
 
 
 class Touch(NamedTuple):

@@ -70,8 +70,7 @@ def _triangle(moments: Moments) -> np.ndarray:
     white = places @ (1, 1j)
     angle = (np.angle(moments.weights @ white**3) + 2 * np.pi * np.arange(3)) / 3
     corners = WHITE_CORNERS * np.column_stack((np.cos(angle), np.sin(angle))) * scale @ axes.T
-    places_of_corners: np.ndarray = corners @ (1, 1j) + moments.centre
-    return places_of_corners
+    return corners @ (1, 1j) + moments.centre
 
 
 def _right(corners: np.ndarray, margin: float) -> list[Guess]:

@@ -178,8 +178,7 @@ def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> n
     rim_noise = (RIM_COUNT * NOISE_SCALES[shape].rim**2 + own) / (RIM_COUNT + rim.size)
     variance = noise + rim_noise * np.minimum(prediction.rim, 1)
     trusted = np.minimum(1, OUTLIER_SPREADS * np.sqrt(variance) / np.maximum(residual, 1e-12))
-    weights: np.ndarray = evidence.used / variance * trusted
-    return weights
+    return evidence.used / variance * trusted
 
 
 def covariance_scale(shape: Shape, evidence: Evidence) -> float:

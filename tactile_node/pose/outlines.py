@@ -35,8 +35,7 @@ class Outline(NamedTuple):
 
     def placed(self, centre: np.ndarray, angle: float, dimensions: np.ndarray) -> np.ndarray:
         """Return the corners, shape (corners, 2), of an outline at ``centre`` (2,)."""
-        corners: np.ndarray = self.template @ dimensions @ rotation(angle) + centre
-        return corners
+        return self.template @ dimensions @ rotation(angle) + centre
 
     def moving(self, parameters: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the corners of k outlines within each other, (k, corners, 2), and d corners / d parameters.
@@ -130,8 +129,7 @@ def depth_inside(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarra
     """
     edges = edges_of(corners)
     depths = [offset - (outward[0] * x + outward[1] * y) for outward, (offset,) in zip(edges.outward, edges.offset)]
-    nearest: np.ndarray = np.minimum.reduce(depths)
-    return nearest
+    return np.minimum.reduce(depths)
 
 
 def moving_depth(corners: np.ndarray, motions: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -85,8 +85,7 @@ def is_cut(rim: Rim, angle: float) -> np.ndarray:
     along = _along(rim, np.array([angle]))[..., 0]
     ends = along[rim.is_end]
     low, high = along.min(0) + STRAIGHT_TOLERANCE, along.max(0) - STRAIGHT_TOLERANCE
-    cut: np.ndarray = ~((ends <= low).any(0) & (ends >= high).any(0))
-    return cut
+    return ~((ends <= low).any(0) & (ends >= high).any(0))
 
 
 def _along(rim: Rim, angles: np.ndarray) -> np.ndarray:
@@ -102,8 +101,7 @@ def _are_near(taxels: np.ndarray, others: np.ndarray, cols: int) -> np.ndarray:
     if not len(others):
         return np.zeros(len(taxels), bool)
     apart = [np.abs(of[:, np.newaxis] - to) for of, to in zip(np.divmod(taxels, cols), np.divmod(others, cols))]
-    near: np.ndarray = (np.maximum(*apart) <= UNSEEN_REACH).any(1)
-    return near
+    return (np.maximum(*apart) <= UNSEEN_REACH).any(1)
 
 
 def _level(inside: np.ndarray) -> np.ndarray:

@@ -54,16 +54,14 @@ def kernel(depth: float) -> np.ndarray:
     count = len(away)
     points = corner[count:, count:] - corner[:count, count:] - corner[count:, :count] + corner[:count, :count]
     side = 2 * KERNEL_REACH + 1
-    mean: np.ndarray = points.reshape(side, TAXEL_POINTS, side, TAXEL_POINTS).mean((1, 3))
-    return mean
+    return points.reshape(side, TAXEL_POINTS, side, TAXEL_POINTS).mean((1, 3))
 
 
 def _newmark(y: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
     """Stress under the corner of a rectangle x, y; odd in both. Training and benchmarks have their own."""
     slant = np.sqrt(x * x + y * y + z * z)
     parts = x * y * z / slant * (1 / (x * x + z * z) + 1 / (y * y + z * z))
-    stress: np.ndarray = (np.arctan(x * y / (z * slant)) + parts) / (2 * np.pi)
-    return stress
+    return (np.arctan(x * y / (z * slant)) + parts) / (2 * np.pi)
 
 
 def _terms(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -218,5 +216,4 @@ class PressureModel(Model):
 
 def _distances(count: int) -> np.ndarray:
     place = np.arange(count)
-    apart: np.ndarray = np.minimum(np.abs(place[:, np.newaxis] - place), KERNEL_REACH + 1)
-    return apart
+    return np.minimum(np.abs(place[:, np.newaxis] - place), KERNEL_REACH + 1)

@@ -143,8 +143,7 @@ def _noise(message: Contact) -> np.ndarray:
 def taxels_of(message: TaxelArray | Contact, status: TaxelStatus) -> np.ndarray:
     """Return which taxels of ``message`` have this status, bool, shape (rows, cols)."""
     codes = np.frombuffer(message.status, np.uint8).reshape(message.rows, message.cols)
-    of_status: np.ndarray = codes == status
-    return of_status
+    return codes == status
 
 
 def features_message(contact: PadContact, features: Features) -> ContactFeatures:

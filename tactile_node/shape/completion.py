@@ -68,5 +68,4 @@ def _continued(pattern: ContactPattern) -> np.ndarray:
     for direction in in_line(pattern.mask & ~pattern.hidden, pattern.hidden):
         reached |= direction
     wide = ndimage.binary_opening(reached, np.ones((2, 2)))  # thin spikes are in no square of four
-    continued: np.ndarray = (wide | pattern.mask) & pattern.hidden
-    return continued
+    return (wide | pattern.mask) & pattern.hidden

@@ -58,8 +58,7 @@ def _holes(rim: np.ndarray, at_edge: tuple[bool, bool, bool, bool]) -> np.ndarra
             axis, end = divmod(edge, 2)
             closed = np.insert(rim, end * rim.shape[axis], True, axis)
             filled |= np.delete(ndimage.binary_fill_holes(closed), end * rim.shape[axis], axis)
-    holes: np.ndarray = filled & ~rim
-    return holes
+    return filled & ~rim
 
 
 def _hull(mask: np.ndarray) -> np.ndarray:

@@ -58,14 +58,12 @@ def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray
     """Means of y^a x^b, (K, HIGHEST_ORDER + 1, HIGHEST_ORDER + 1), lengths in units of the root of the area."""
     unit = 1 / np.sqrt(total)[:, None]
     sums = ((y * unit)[:, None] ** MOMENT_POWERS) @ weight @ ((x * unit)[..., None] ** MOMENT_POWERS.T)
-    moments: np.ndarray = sums / total[:, None, None]
-    return moments
+    return sums / total[:, None, None]
 
 
 def _magnitudes(moments: np.ndarray) -> np.ndarray:
     """Magnitudes of the complex moments."""
-    magnitudes: np.ndarray = np.abs(moments.reshape(len(moments), -1) @ MOMENT_EXPANSIONS)
-    return magnitudes
+    return np.abs(moments.reshape(len(moments), -1) @ MOMENT_EXPANSIONS)
 
 
 def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -36,8 +36,7 @@ class Network(NamedTuple):
 
     def logits(self, embedding: np.ndarray) -> np.ndarray:
         """Return the logits, (K, outputs), of an embedding."""
-        logits: np.ndarray = embedding[:, :len(self.kernels[-1])] @ self.kernels[-1] + self.biases[-1]
-        return logits
+        return embedding[:, :len(self.kernels[-1])] @ self.kernels[-1] + self.biases[-1]
 
     @property
     def width(self) -> int:

@@ -47,8 +47,7 @@ def joined(pattern: ContactPattern) -> np.ndarray:
     groups = linked(pressed, BRIDGED_TAXELS)
     of_contact = np.zeros(int(groups.max()) + 1, bool)
     of_contact[groups[pattern.mask]] = True  # hidden taxels may keep its pieces farther apart than BRIDGED_TAXELS
-    together: np.ndarray = pressed & of_contact[groups]
-    return together
+    return pressed & of_contact[groups]
 
 
 def join_pieces(pattern: ContactPattern) -> ContactPattern:
@@ -160,5 +159,4 @@ def _cells(n: int, scale: float, before: int, size: int) -> np.ndarray:
     edge = (size - SIDE * scale) / 2 + before + scale * np.arange(SIDE + 1)
     taxel = np.arange(n)
     overlap = np.minimum(edge[1:, None], taxel + 1) - np.maximum(edge[:-1, None], taxel)
-    shares: np.ndarray = np.clip(overlap, 0, None) / scale
-    return shares
+    return np.clip(overlap, 0, None) / scale

@@ -136,17 +136,14 @@ class RecognitionFusion:
     def _together(self) -> np.ndarray:
         """The evidence of all alternatives as that of one, 0 for the class ahead."""
         if len(self._evidence) == 1:
-            only: np.ndarray = self._evidence[0]
-            return only
+            return self._evidence[0]
         evidence = np.log(self._shares())
-        together: np.ndarray = np.maximum(evidence - evidence.max(), -self._settings.lead)
-        return together
+        return np.maximum(evidence - evidence.max(), -self._settings.lead)
 
     def _shares(self) -> np.ndarray:
         """The probabilities that the evidence stands for: the weighted mean of the alternatives."""
         weights = np.exp(self._evidence)
-        shares: np.ndarray = self._weights @ (weights / weights.sum(1, keepdims=True))
-        return shares
+        return self._weights @ (weights / weights.sum(1, keepdims=True))
 
     def _chosen(self) -> ShapeClass:
         """The class ahead, unless the one reported so far is close behind."""

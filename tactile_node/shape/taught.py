@@ -41,8 +41,7 @@ class Head(NamedTuple):
 
     def standard(self, embedding: np.ndarray) -> np.ndarray:
         """Return (embedding - middle) / spread, (K, F), outliers within OUTLIER_LIMIT."""
-        standard: np.ndarray = np.clip((embedding - self.middle) / self.spread, -OUTLIER_LIMIT, OUTLIER_LIMIT)
-        return standard
+        return np.clip((embedding - self.middle) / self.spread, -OUTLIER_LIMIT, OUTLIER_LIMIT)
 
 
 def join(known: np.ndarray, evidence: np.ndarray) -> np.ndarray:
@@ -53,8 +52,7 @@ def join(known: np.ndarray, evidence: np.ndarray) -> np.ndarray:
     """
     most = np.maximum(evidence.max(1, keepdims=True), 0)
     rest, taught = np.exp(-most), np.exp(evidence - most)
-    together: np.ndarray = np.concatenate((known * rest, taught), 1) / (rest + taught.sum(1, keepdims=True))
-    return together
+    return np.concatenate((known * rest, taught), 1) / (rest + taught.sum(1, keepdims=True))
 
 
 def read_taught(data: Mapping[str, np.ndarray],

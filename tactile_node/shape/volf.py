@@ -36,20 +36,17 @@ class Plane:
     def height(self, horizontal: ArrayLike, vertical: ArrayLike) -> np.ndarray:
         """Return how far points lie above the curve, along v; the sign is the side."""
         u, v = axes(horizontal, vertical)
-        above: np.ndarray = v - self._curve(u)
-        return above
+        return v - self._curve(u)
 
     def curve_at(self, horizontal: np.ndarray) -> np.ndarray:
         """Return the curve itself, in the vertical feature's own unit, for drawing it."""
-        curve: np.ndarray = np.exp(self._curve(axes(horizontal, 0.0)[0])) - 0.01
-        return curve
+        return np.exp(self._curve(axes(horizontal, 0.0)[0])) - 0.01
 
     def _curve(self, u: np.ndarray) -> np.ndarray:
         inner = np.interp(u, self.knots, self.levels)
         before, after = (np.diff(self.levels) / np.diff(self.knots))[[0, -1]]
-        curve: np.ndarray = (inner + before * np.minimum(u - self.knots[0], 0)
-                             + after * np.maximum(u - self.knots[-1], 0))
-        return curve
+        return (inner + before * np.minimum(u - self.knots[0], 0)
+                + after * np.maximum(u - self.knots[-1], 0))
 
 
 def axes(horizontal: ArrayLike, vertical: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -125,8 +122,7 @@ def band_of(count: ArrayLike) -> np.ndarray | np.intp:
 def by_curves(heights: np.ndarray) -> np.ndarray:
     """Index into the shapes that remain: the first curve a pattern lies above; ``heights``: (curves, ...)."""
     above = np.concatenate((heights > 0, np.ones((1, *heights.shape[1:]), bool)))
-    first: np.ndarray = above.argmax(0)
-    return first
+    return above.argmax(0)
 
 
 def _plane(data: Mapping[str, Any]) -> Plane:
@@ -146,8 +142,7 @@ def _shares(data: Mapping[str, Any]) -> np.ndarray:
     if shares.shape != (len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)) or not (shares >= 0).all() \
             or not ((sums := shares.sum(2)) > 0).all() or not np.isfinite(sums).all():
         raise ValueError(f'shares that are not {len(TAXEL_BANDS)} rows of {len(ANSWERS)} probabilities an answer')
-    probabilities: np.ndarray = shares / sums[..., np.newaxis]
-    return probabilities
+    return shares / sums[..., np.newaxis]
 
 
 def _unusable(path: str | Path, got: str) -> ConfigurationError:

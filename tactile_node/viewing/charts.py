@@ -96,11 +96,10 @@ def chart(lines: Sequence[Points], dots: Sequence[Points], *, end: float, top: f
         x, y = CHART.place(points.x / end, np.minimum(points.y / top, 1.0))
         return Markup(''.join(map(each.format, x, y)))  # nosec B704: numbers
     x_ticks = [(CHART.place(value / end, 0)[0], f'{value:g}{"" if value else " s"}') for value in ticks(end, 10)]
-    found: Markup = pictures().chart(
+    return pictures().chart(
         'chart', CHART, x_ticks, _value_ticks(CHART, ticks(top, 3), top, unit),
         [(line.colour, path(line, 'L{:.1f} {:.1f}').replace('L', 'M', 1)) for line in lines],
         [(each.colour, path(each, 'M{:.1f} {:.1f}h0')) for each in dots])
-    return found
 
 
 def ticks(length: float, parts: int) -> list[float]:

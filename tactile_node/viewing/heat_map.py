@@ -26,13 +26,12 @@ def heat_map(state: PadState, full_scale: float, is_old: bool = False) -> Markup
     factor, name = SHOWN_AS[state.unit]
     hidden = np.isnan(state.values) & (state.status != TaxelStatus.UNMAPPED)
     outline = None if state.contact is None else state.contact.outline
-    picture: Markup = pictures().heat_map(
+    return pictures().heat_map(
         state.pad, rows, cols, LONGER_SIDE / max(rows, cols), 0.25 if is_old else 1, _png(state, full_scale),
         np.argwhere(hidden).tolist(), np.argwhere(state.status == TaxelStatus.SATURATED).tolist(),
         [(length / pitch + .5, f'{length:g}') for length in ticks(pitch * (cols - 1), 4)],
         [(rows - .5 - length / pitch, f'{length:g}') for length in ticks(pitch * (rows - 1), 4)],
         f'{factor * full_scale:g}', name, '' if outline is None else outline_points(outline, state.pitch, rows))
-    return picture
 
 
 def _png(state: PadState, full_scale: float) -> Markup:

@@ -23,8 +23,7 @@ class TaxelHealth:
     @property
     def valued(self) -> np.ndarray:
         """Frames in which each taxel had a value."""
-        frames: np.ndarray = self.by_status[[TaxelStatus.VALID, TaxelStatus.SATURATED]].sum(0)
-        return frames
+        return self.by_status[[TaxelStatus.VALID, TaxelStatus.SATURATED]].sum(0)
 
     @property
     def never_changed(self) -> np.ndarray:
