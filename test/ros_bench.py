@@ -8,6 +8,9 @@ from typing import Any
 import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
 
+from tactile_node.ros.message_checks import check_contact_shape
+from tactile_skin.msg import ContactFeatures, ContactShapes
+
 TIMEOUT = 60.0  # s, for a busy machine
 
 
@@ -35,3 +38,17 @@ class RosBench:
         while not condition():
             assert time.monotonic() < end, failure
             self.executor.spin_once(timeout_sec=0.01)
+
+
+def features_fit(message: ContactFeatures) -> bool:
+    """Whether pattern, state, contacts and features belong together."""
+    touched = message.state == ContactFeatures.TOUCHED
+    return (len(message.pattern) == message.rows * message.cols and any(message.pattern) == touched
+            and bool(message.contacts) == bool(message.features) == touched)
+
+
+def shapes_fit(message: ContactShapes) -> bool:
+    """Whether every shape can be used, and state and contacts belong together."""
+    touched = message.state == ContactShapes.TOUCHED
+    return (len(message.shapes) <= message.contacts and bool(message.shapes) == bool(message.contacts) == touched
+            and not any(map(check_contact_shape, message.shapes)))

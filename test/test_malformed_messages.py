@@ -18,7 +18,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.type_hash import TypeHash
-from ros_bench import TIMEOUT, RosBench
+from ros_bench import TIMEOUT, RosBench, features_fit
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
@@ -45,9 +45,7 @@ from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_checks import (
     RejectReason,
     check_contact,
-    check_contact_features,
     check_contact_shape,
-    check_contact_shapes,
     check_grasp,
     check_taxel_array,
 )
@@ -63,8 +61,6 @@ from tactile_skin.msg import (
     Contact,
     ContactFeatures,
     ContactShape,
-    ContactShapes,
-    FeatureRange,
     Grasp,
     TaxelArray,
 )
@@ -88,12 +84,6 @@ def good_taxels(sequence=0) -> TaxelArray:
     return taxel_array_message(PadFrame.of(frame, PAD, 'left_pad'))
 
 
-def good_features(sequence=0) -> ContactFeatures:
-    taxels = good_taxels(sequence)
-    pattern = ContactPattern.of(taxel_values(taxels) > 0, taxel_values(taxels))
-    return features_message(pad_contact(taxels, pattern), compute_features(pattern.mask, Group.CLASSIFIER))
-
-
 def pad_contact(taxels, pattern) -> PadContact:
     return PadContact(pad_frame_of(taxels), FoundContact.of(pattern, PAD))
 
@@ -111,12 +101,6 @@ def good_shape(sequence=0) -> ContactShape:
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     result = StreamedContact(found.pattern, frame, FusedRecognition(frame, STAMP, 1.5, 30), fit, found)
     return shape_message(pad_frame_of(contact), result, 'learned', 0.0)
-
-
-def good_shapes(sequence=0) -> ContactShapes:
-    shape = good_shape(sequence)
-    return ContactShapes(header=shape.header, sequence=sequence, state=ContactShapes.TOUCHED, contacts=3,
-                         shapes=[shape, shape])
 
 
 def good_grasp(sequence=0) -> Grasp:
@@ -170,12 +154,6 @@ CONTACTS: dict[R, list[Change]] = {
                      {'layer_depth': 0.001}, {'layer_depth': -0.001, 'layer_deviation': 0.1}],
     R.UNKNOWN_CODE: [{'state': 0}, {'state': 4}],
     R.NOT_FINITE: [{'noise_floor': array('f', [-1.0] * 256)}, {'layer_depth': NAN}]}
-FEATURES: dict[R, list[Change]] = {
-    R.WRONG_LENGTH: [{'pattern': array('B', [1] * 255)}],
-    R.UNKNOWN_CODE: [{'pattern.3': 2}, {'state': 0}],
-    R.INCONSISTENT: [{'pattern': array('B', [0] * 256)}, {'contacts': 0}, {'features': []}],
-    R.NOT_FINITE: [{'features.1': FeatureRange(name='P05', max_angle=INF)}],
-    R.TOO_LARGE: [{'features': [FeatureRange()] * 1001}]}
 SHAPES: dict[R, list[Change]] = {
     R.UNKNOWN_CODE: [{'shape': 9}, {'shape': 0}, {'unknown_reason': 5}, {'frame_shape': 255}],
     R.INCONSISTENT: [{'unknown_reason': ContactShape.NOT_SEEN}, {'class_name': 'circle'}, {'class_names.0': 'square'},
@@ -191,9 +169,6 @@ SHAPES: dict[R, list[Change]] = {
     R.WRONG_PROBABILITIES: [{'probabilities': array('f', [0.0] * 7)}, {'probabilities.3': 1.75},
                             {'frame_probabilities': array('f', [-1, 2, 0, 0, 0, 0, 0])}],
     R.WRONG_STAMP: [{'held.sec': -1}]}
-SHAPE_LISTS: dict[R, list[Change]] = {
-    R.INCONSISTENT: [{'shapes': []}, {'contacts': 0}, {'contacts': 1}],
-    R.UNKNOWN_CODE: [{'state': 0}, {'shapes.1.shape': 0}]}
 GRASPS: dict[R, list[Change]] = {
     R.UNKNOWN_CODE: [{'contact': 5}, {'side_states.0': 4}, {'gap_source': 4}, {'sides.1': ContactShape()},
                      {'sides.1.shape': 9}],
@@ -208,9 +183,7 @@ GRASPS: dict[R, list[Change]] = {
 TABLE = {
     check_taxel_array: (good_taxels, R.NO_TAXELS, [GRID, VALUES, TAXELS, TIMES]),
     check_contact: (good_contact, R.NO_TAXELS, [GRID, VALUES, CONTACTS, TIMES]),
-    check_contact_features: (good_features, R.NO_TAXELS, [GRID, FEATURES, TIMES]),
     check_contact_shape: (good_shape, R.UNKNOWN_CODE, [SHAPES, TIMES]),
-    check_contact_shapes: (good_shapes, R.UNKNOWN_CODE, [SHAPE_LISTS, TIMES]),
     check_grasp: (good_grasp, R.INCONSISTENT, [GRASPS, TIMES])}
 
 
@@ -258,7 +231,7 @@ def test_an_empty_pad_and_a_pad_without_valid_taxels_are_accepted():
         assert check_taxel_array(taxels) is None
         pattern = ContactPattern.of(np.zeros((16, 16), bool), taxel_values(taxels))
         features = features_message(pad_contact(taxels, pattern), compute_features(pattern.mask, Group.CLASSIFIER))
-        assert check_contact_features(features) is None
+        assert features_fit(features)
 
 
 @pytest.mark.parametrize(('method', 'fuse'), [('learned', True), ('volf', False)])
@@ -283,14 +256,14 @@ def test_whatever_our_own_nodes_make_is_accepted(chain, method, fuse):
         assert check_taxel_array(message) is None
         publisher.publish(message)
         chain.wait_for(shapes, sequence + 1)
-    assert [check_contact_features(message) for message in features] == [None] * frames
+    assert all(map(features_fit, features)) and len(features) == frames
     assert [check_contact_shape(message) for message in shapes] == [None] * frames
     assert any(not shape.taxels and shape.shape != ContactShape.NONE for shape in shapes)  # not seen
 
 
 def test_a_check_costs_nothing_by_the_size_that_a_message_names():
-    messages = [malformed(good, {'rows': HUGE, 'cols': HUGE}) for good in (good_taxels, good_features)]
-    for check, message in zip((check_taxel_array, check_contact_features), messages):
+    messages = [malformed(good, {'rows': HUGE, 'cols': HUGE}) for good in (good_taxels, good_contact)]
+    for check, message in zip((check_taxel_array, check_contact), messages):
         tracemalloc.start()
         try:
             assert check(message) is not None

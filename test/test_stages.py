@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from captured_log import CapturedLog
 from rclpy.parameter import Parameter
-from ros_bench import TIMEOUT, RosBench
+from ros_bench import TIMEOUT, RosBench, features_fit, shapes_fit
 from taught_cross import cross, rng_of, write_taught_cross
 
 from tactile_node.errors import InputError
@@ -18,20 +18,16 @@ from tactile_node.pose.pipeline import Taxels
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.message_age import age_seconds
-from tactile_node.ros.message_checks import (
-    check_contact,
-    check_contact_features,
-    check_contact_shape,
-    check_contact_shapes,
-)
+from tactile_node.ros.message_checks import check_contact, check_contact_shape
 from tactile_node.ros.qos import frames_qos
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, TaxelArray
 
 pytestmark = pytest.mark.ros
 PITCH = 0.002
-TOPICS = {'contact': (Contact, check_contact), 'shape': (ContactShape, check_contact_shape),
-          'shapes': (ContactShapes, check_contact_shapes), 'features': (ContactFeatures, check_contact_features)}
+TOPICS = {'contact': (Contact, lambda message: check_contact(message) is None),
+          'shape': (ContactShape, lambda message: check_contact_shape(message) is None),
+          'shapes': (ContactShapes, shapes_fit), 'features': (ContactFeatures, features_fit)}
 
 
 class Pad(RosBench):
@@ -76,7 +72,7 @@ class Pad(RosBench):
         self._sequence += 1
         made = {topic: heard[-1] if topic in self._subscriptions else None for topic, heard in self.heard.items()}
         for topic, message in made.items():
-            assert message is None or TOPICS[topic][1](message) is None
+            assert message is None or TOPICS[topic][1](message)
         return SimpleNamespace(**made)
 
 

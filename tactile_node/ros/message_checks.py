@@ -8,7 +8,7 @@ checked first, so that no check costs more than the message itself and nothing i
 
 import math
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -29,9 +29,8 @@ from tactile_node.skin.taxel_array import (
 )
 from tactile_node.skin.taxel_array import check_taxel_array as check_taxel_array
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, FeatureRange, Grasp
+from tactile_skin.msg import Contact, ContactShape, Grasp
 
-MAX_FEATURES = 1000  #: of one message; ours have far fewer
 MAX_CLASSES = 1000  #: of one message; ours have far fewer
 PROBABILITY_TOLERANCE = 1e-3  #: of probabilities, which are float32
 NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
@@ -42,7 +41,7 @@ Message = TypeVar('Message')
 
 
 #: They have stamp and age.
-Staged: TypeAlias = Contact | ContactFeatures | ContactShape | ContactShapes | Grasp
+Staged: TypeAlias = Contact | ContactShape | Grasp
 
 
 #: Returns None for a message that can be used
@@ -63,18 +62,6 @@ def check_contact(message: Contact) -> RejectReason | None:
             or _times(message))
 
 
-def check_contact_features(message: ContactFeatures) -> RejectReason | None:
-    """Check that pattern, state, contacts and features belong together."""
-    return (check_grid(message.rows, message.cols, len(message.pattern))
-            or (RejectReason.TOO_LARGE if len(message.features) > MAX_FEATURES else None)
-            or (None if 0 < message.pitch < math.inf else RejectReason.WRONG_PITCH)
-            or check_codes(message.pattern, 1)
-            or _state(message.state, message.contacts)
-            or _featured(message)
-            or _angles(message.features)
-            or _times(message))
-
-
 def check_contact_shape(message: ContactShape) -> RejectReason | None:
     """Check codes, classes, probabilities, place and fit. A default-constructed message has no shape."""
     return (_shapes(message)
@@ -87,15 +74,6 @@ def check_contact_shape(message: ContactShape) -> RejectReason | None:
             or _fit(message)
             or _times(message)
             or check_duration(message.held))
-
-
-def check_contact_shapes(message: ContactShapes) -> RejectReason | None:
-    """Check every shape, and that state and contacts belong together."""
-    fits = len(message.shapes) <= message.contacts and bool(message.shapes) == bool(message.contacts)
-    return (_state(message.state, message.contacts)
-            or (None if fits else RejectReason.INCONSISTENT)
-            or next((reason for shape in message.shapes if (reason := check_contact_shape(shape))), None)
-            or _times(message))
 
 
 def check_grasp(message: Grasp) -> RejectReason | None:
@@ -138,18 +116,6 @@ def _labels(message: Contact) -> RejectReason | None:
     labelled = np.bincount(np.frombuffer(message.labels, np.uint8))[1:]
     fits = labelled.all() and np.array_equal(labelled, message.contact_taxels)
     return None if fits else RejectReason.INCONSISTENT
-
-
-def _featured(message: ContactFeatures) -> RejectReason | None:
-    touched = bool(np.frombuffer(message.pattern, np.uint8).any())
-    fits = touched == bool(message.contacts) == bool(message.features)
-    return None if fits else RejectReason.INCONSISTENT
-
-
-def _angles(features: Sequence[FeatureRange]) -> RejectReason | None:
-    """NaN is an undefined angle; others become whole degrees."""
-    angles = np.array([(feature.min_angle, feature.max_angle) for feature in features])
-    return RejectReason.NOT_FINITE if np.isinf(angles).any() else None
 
 
 def _shapes(message: ContactShape) -> RejectReason | None:
