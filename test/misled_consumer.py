@@ -50,10 +50,13 @@ def main() -> None:
 
 
 def report(topic, facts, ages, message) -> None:
-    now = ages.arrived(message).steady if hasattr(message, 'age') else time.monotonic()
+    times = {'time': time.monotonic()}
+    if hasattr(message, 'age'):
+        arrived = ages.arrived(message)
+        times = {'time': arrived.steady, 'age': arrived.age_on_arrival}
     numbers = {name: value if not isinstance(value, float) or math.isfinite(value) else None
-               for name, value in facts(message).items()}
-    print(json.dumps({'topic': topic, 'time': now, **numbers}), flush=True)
+               for name, value in {**times, **facts(message)}.items()}
+    print(json.dumps({'topic': topic, **numbers}), flush=True)
 
 
 def taxel_facts(message: TaxelArray) -> dict:
@@ -69,7 +72,7 @@ def diagnostic_facts(message: DiagnosticArray) -> dict:
 
 def time_facts(message) -> dict:
     stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-    return {'latency': time.time() - stamp, 'stamp': stamp, 'age': seconds(message)}
+    return {'latency': time.time() - stamp, 'stamp': stamp}
 
 
 def shape_facts(message: ContactShape) -> dict:
@@ -94,12 +97,6 @@ def grasp_facts(message: Grasp) -> dict:
 def status_facts(message: SkinStatus) -> dict:
     return {'level': message.level, 'active': message.active, 'fault': message.fault,
             'sync_overruns': message.sync_overruns, 'stalls': message.stalls, 'overload': message.overload}
-
-
-def seconds(message) -> float:
-    """The message's age [s]; NaN where it has none."""
-    age = getattr(message, 'age', None)
-    return math.nan if age is None else age.sec + age.nanosec * 1e-9
 
 
 def name_of(kind: type, names: tuple[str, ...], number: int) -> str:
