@@ -18,6 +18,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from bench.recognition.figures import calibration_error
 from bench.recognition.page import Table
 from bench.recognition.real_frames import LABELS, TEKSCAN, UNDECIDABLE, VITAC, WEISS, Labelled, read_frames, read_labels
 from tactile_node.contact.pattern import PatternExtractor
@@ -98,10 +99,8 @@ def calibration(found: list[Answer]) -> tuple[float, float]:
     """Expected calibration error of the answers, and the mean log score of what was seen [nat]."""
     confidence = np.array([answer.found.confidence for answer in found])
     right = np.array([answer.is_right for answer in found], float)
-    bins = np.minimum((confidence * BINS).astype(int), BINS - 1)
-    error = sum(abs(confidence[bins == k].sum() - right[bins == k].sum()) for k in range(BINS)) / len(found)
     given = [max(float(answer.found.probabilities[Shape(answer.wanted)]), 1e-6) for answer in found]
-    return float(error), float(np.log(given).mean())
+    return calibration_error(confidence, right, BINS), float(np.log(given).mean())
 
 
 def _percent(part: int, whole: int) -> str:

@@ -91,6 +91,10 @@ class FaultBench(Bench):
     def device(self):
         return self.simulator.devices[32]
 
+    def power_cycle(self) -> None:
+        self.device.power_off()
+        self.device.boot()
+
     def run(self) -> 'FaultBench':
         super().run()
         self.wait_for_whole('pad32')

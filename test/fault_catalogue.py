@@ -85,8 +85,7 @@ def _switch_on(bench: FaultBench, device: SimulatedDevice) -> None:
 @fault()
 def power_cycled_in_mid_stream(bench: FaultBench) -> None:
     """The device is configured and started again; a sentence names it, the outage is counted."""
-    bench.device.power_off()
-    bench.device.boot()
+    bench.power_cycle()
     bench.end_of_cause().detect(NodeFault.BOOTED)
     bench.recover()
     bench.wait(lambda: bench.node().outages.count == 1 and bench.node().boots == 1, 'outage not counted')
@@ -131,8 +130,7 @@ def one_of_two_pads_lost(bench: FaultBench) -> None:
 def boot_up_message_lost(bench: FaultBench) -> None:
     """A device that booted unheard sends nothing by itself: it is found by a request, and configured."""
     bench.adapter.lost_ids = {0x720}
-    bench.device.power_off()
-    bench.device.boot()
+    bench.power_cycle()
     bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
     bench.adapter.lost_ids = set()
     bench.end_of_cause().detect(NodeFault.NO_HEARTBEAT, NodeFault.SILENT)  # by chance taxels are missing too
@@ -533,8 +531,7 @@ def emcy_until_it_is_reset(bench: FaultBench) -> None:
                                           ('0000000000000000', None), ('3081110000000000', 0x8130)), 1):
         bench.send(0x0A0, data)
         has(code, count)
-    bench.device.power_off()
-    bench.device.boot()
+    bench.power_cycle()
     bench.end_of_cause().recover()
     has(None, 4)
 
@@ -628,8 +625,7 @@ def _with_data(message: can.Message, data: bytes) -> can.Message:
 def _disturb_configuration(bench: FaultBench, tamper: Callable[[can.Message], list], where: str, got: str) -> None:
     """Start the device again while its SDO answers pass ``tamper``; until that ends its taxels are NaN."""
     bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id == 0x5A0 else [message]
-    bench.device.power_off()
-    bench.device.boot()
+    bench.power_cycle()
     bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and where in fact.where and got in fact.got)
     seen = len(bench.kept)
     bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
@@ -753,8 +749,7 @@ def fails_while_inactive(bench: FaultBench) -> None:
     bench.cause()
     bench.adapter.is_plugged = False
     bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
-    bench.device.power_off()
-    bench.device.boot()
+    bench.power_cycle()
     bench.adapter.is_plugged = True
     bench.end_of_cause()
     bench.wait(lambda: bench.driver.failure is None and bench.node().fault is NodeFault.NONE, 'not ready')

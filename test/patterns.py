@@ -7,12 +7,18 @@ from tactile_node.helmholtz.rotation import with_rotated
 from tactile_node.simulator.world import CLASSES
 from training.ground_truth.seeds import Purpose, generator, random_pattern
 
+ROWS, COLS = np.mgrid[:16, :16]
 L_OF_THREE = np.array([[True, False], [True, True]])
 
 
 def rotated_patterns(mask: np.ndarray) -> np.ndarray:
     """The pattern at each of the 46 angles, without the ring of inactive taxels around it."""
     return with_rotated(mask)[1:, 1:-1, 1:-1]
+
+
+def box(row: int, col: int, rows: int, cols: int) -> np.ndarray:
+    """A rectangle on a pad of 16x16 taxels."""
+    return (ROWS >= row) & (ROWS < row + rows) & (COLS >= col) & (COLS < col + cols)
 
 
 def ring(rows: int = 12, inner: float = 3.3, outer: float = 5.5) -> np.ndarray:

@@ -139,19 +139,6 @@ def test_ten_shapes_that_were_held_back_are_never_fresh(make_gripper, offsets):
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp after it')
 
 
-def test_a_start_in_the_middle_of_a_burst_is_not_fresh(make_gripper):
-    gripper = make_gripper()
-    kept = []
-    for _ in range(10):
-        kept += [(side, gripper.message(side, good_shape())) for side in BOTH]
-        gripper.wait(PERIOD)
-    gripper.wait(HELD_BACK)
-    for side, message in kept:
-        gripper.publish(side, message)
-    gripper.until(lambda: len(gripper.grasps) >= 20)
-    assert not any(grasp.fresh for _, grasp in gripper.grasps)
-
-
 @pytest.mark.parametrize('hidden', BOTH)
 def test_a_pad_that_is_not_seen_is_unseen(make_gripper, hidden):
     gripper = make_gripper()

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from patterns import COLS, ROWS, box
 
 from tactile_node import ContactStream
 from tactile_node.contact.left_over import IDLE_FRAMES, LeftOver
@@ -9,16 +10,11 @@ from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.shape.recognition import Shape, UnknownReason
 
-ROWS, COLS = np.mgrid[:16, :16]
 TRIANGLE = (COLS >= 3) & (ROWS >= 3) & (COLS + ROWS <= 16)
 
 
 def disc(radius, row=7.2, col=7.9):
     return (ROWS - row) ** 2 + (COLS - col) ** 2 <= radius ** 2
-
-
-def box(row, col, rows, cols):
-    return (ROWS >= row) & (ROWS < row + rows) & (COLS >= col) & (COLS < col + cols)
 
 
 def states(masks, *, each=8, unit='Pa', seed=1):

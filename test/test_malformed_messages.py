@@ -411,29 +411,6 @@ def test_a_stamp_far_in_the_future_reaches_neither_fusion_nor_hold(chain):
     assert chain.dropped('/left/classifier', 4) == {'stamp_ahead': 4}
 
 
-def test_a_clock_that_was_set_forward_is_followed_after_three_messages(chain):
-    subscription, received = guarded(chain)
-    publisher = chain.publisher(TaxelArray, 'taxels')
-    for sequence in range(10):
-        message = good_taxels(sequence)
-        message.header.stamp.sec += 3600 * (sequence >= 5)
-        publisher.publish(message)
-    chain.until(lambda: subscription.counts.received == 10)
-    assert [message.sequence for message in received] == [0, 1, 2, 3, 4, 7, 8, 9]
-    assert subscription.counts.dropped == {R.STAMP_AHEAD: 2}
-
-
-def test_a_lossless_replay_may_jump(chain):
-    received: list = []
-    subscription = GuardedSubscription(chain.peer, TaxelArray, 'taxels', received.append, frames_qos(1, True),
-                                       check=check_taxel_array)
-    publisher = chain.peer.create_publisher(TaxelArray, 'taxels', frames_qos(1, True))
-    for sequence in range(10):
-        publisher.publish(good_taxels(1000 * sequence))  # 20 s apart
-    chain.until(lambda: subscription.counts.received == 10)
-    assert len(received) == 10
-
-
 def guarded(chain, topic='taxels'):
     received: list = []
     return GuardedSubscription(chain.peer, TaxelArray, topic, received.append, frames_qos(DEPTH),

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from patterns import COLS, ROWS, box
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.shapeless import is_shapeless
-
-ROWS, COLS = np.mgrid[:16, :16]
 
 
 def of_taxels(pressed, hidden=None):
@@ -21,10 +20,6 @@ def of_taxels(pressed, hidden=None):
 
 def disc(radius, row=7.3, col=7.8):
     return (ROWS - row) ** 2 + (COLS - col) ** 2 <= radius ** 2
-
-
-def box(row, col, rows, cols):
-    return (ROWS >= row) & (ROWS < row + rows) & (COLS >= col) & (COLS < col + cols)
 
 
 SHAPES = {

@@ -5,20 +5,16 @@ from math import erf
 
 import numpy as np
 import pytest
+from patterns import COLS, ROWS, box
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.standing_out import Threshold, standing_out
 
 SIDE = 16
-ROWS, COLS = np.mgrid[:SIDE, :SIDE]
 NOWHERE = np.zeros((SIDE, SIDE), bool)
 EVERYWHERE = ~NOWHERE
 FLOOR = Threshold(0.0, np.ones((SIDE, SIDE)), 0.0)
 PHI = np.vectorize(lambda x: (1 + erf(x / 2 ** 0.5)) / 2)  #: an edge blurred by a normal distribution
-
-
-def box(row, col, rows, cols):
-    return (ROWS >= row) & (ROWS < row + rows) & (COLS >= col) & (COLS < col + cols)
 
 
 def flat(row, col, rows, cols, blur=0.6):
