@@ -109,9 +109,8 @@ view-test: setup  ## tactile view in headless Chromium (apt-get install chromium
 		|| $(BIN)/python -m pip install --disable-pip-version-check --quiet -r requirements/view_test.txt
 	@TACTILE_VIEW_TEST=1 $(BIN)/python -m pytest test/test_view_browser.py test/test_view_gate.py test/test_view.py -q -s
 
-coverage: setup  ## lines of each room that the tests run
-	@$(BIN)/python -m pytest test -q --cov=tactile_node --cov-report=json:build/coverage.json
-	@$(BIN)/python tools/coverage_by_room.py build/coverage.json
+coverage: setup  ## lines of each file that the tests run
+	@$(BIN)/python -m pytest test -q --cov=tactile_node --cov-report=term
 
 $(BENCH_VENV)/.installed: requirements/bench.txt | setup
 	@echo 'environment of the recognition benchmark in .venv-bench: torch, scikit-learn, OpenCV (once)'
