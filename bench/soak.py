@@ -8,7 +8,7 @@ on top, so now and then a device leaves out a sweep ("sweeps skipped"). What the
 clock of its wire and what processor time it took are columns apart from the driver's. Where it may, all runs at a
 raised priority, as a robot's drivers do. A third process only sleeps, a millisecond at a time, and reports how long the
 machine itself stood still at most. The driver refuses so full a bus unless with ``allow_full_bus``, as here.
-Writes soak.csv and soak.png; ends with 1 when a TPDO that was sent was lost or came too late.
+Writes soak.csv; ends with 1 when a TPDO that was sent was lost or came too late.
 """
 
 import argparse
@@ -34,7 +34,6 @@ for library in ('OPENBLAS', 'OMP', 'MKL'):
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-import matplotlib
 import numpy as np
 
 from tactile_node.bus.bus_settings import BusSettings
@@ -43,9 +42,6 @@ from tactile_node.skin.pads import make_pad
 from tactile_node.sources.log_source import summary
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
-
-matplotlib.use('Agg')
-import matplotlib.pyplot as plt  # noqa: E402
 
 NODES, LAYOUT, TPDOS = (32, 64), 'sim16x16.yaml', 32  #: a sweep of each node
 FULL_LOAD = 115.0  #: sweeps a second
@@ -240,16 +236,6 @@ def write(folder: Path, rows: list[Row]) -> None:
     with (folder / 'soak.csv').open('w', newline='', encoding='utf-8') as stream:
         writer = csv.writer(stream)
         writer.writerows([COLUMNS, *(row.cells() for row in rows)])
-    figure, (upper, lower) = plt.subplots(2, 1, figsize=(8, 6), sharex=True, layout='constrained')
-    minutes = [row.minutes for row in rows]
-    for at, percentile in enumerate(PERCENTILES):
-        label = 'most' if percentile == 100 else f'{percentile:g} %'
-        upper.plot(minutes, [row.latency[at] for row in rows], label=label)
-    upper.set(ylabel='SYNC to taxel frame [ms]', yscale='log')
-    figure.legend(ncols=4, loc='outside upper center')
-    lower.plot(minutes, [row.memory for row in rows], color='k')
-    lower.set(xlabel='minutes', ylabel='resident memory [MB]', ylim=(0, 1.2 * max(row.memory for row in rows)))
-    figure.savefig(folder / 'soak.png', dpi=120)
 
 
 def main() -> int:
@@ -271,7 +257,7 @@ def main() -> int:
     missing, lost = sum(row.missing for row in soak.rows), sum(row.lost for row in soak.rows)
     skipped = sum(row.sender.skipped for row in soak.rows) * TPDOS
     print(f'TPDOs not received: {missing}, of these not sent by the device: {skipped}; received and lost: {lost}; '
-          f'memory growth after the first tenth: {soak.growth:+.1f} MB; picture in {args.output}')
+          f'memory growth after the first tenth: {soak.growth:+.1f} MB; table in {args.output}')
     return int(missing + lost > skipped)
 
 

@@ -20,10 +20,13 @@ from tactile_node.viewing.charts import force_chart
 from tactile_node.viewing.health_table import HealthHistory, health_table
 from tactile_node.viewing.heat_map import heat_map, words
 from tactile_node.viewing.page_parts import (
+    FRAME_TIME,
+    OLD_AGE,
     FullScale,
     PageFacts,
     Scales,
     clock_difference,
+    fresh_for,
     macros,
     pads_html,
     status_html,
@@ -163,6 +166,13 @@ def test_old_data_say_how_old_they_are_and_not_what_touches():
     assert 'no data for 3.2 s' in shown and 'square' not in shown and 'opacity="0.25"' in shown
     assert 'LIVE</b>' in status_html(LIVE, [drawn(3.21)], 0, 1) and 'NOT LIVE</b>' in status_html(
         LIVE, [drawn(3.21)], 0, 1)
+
+
+def test_a_browser_counts_what_is_live_from_its_last_receipt():
+    """Of data that are as old as the receipt all but a frame of the browser is left, however late they come."""
+    pads = [drawn(0.3)._replace(since_receipt=0.3), drawn(0.2)._replace(since_receipt=0.3), drawn(3.0)]
+    assert fresh_for(pads) == pytest.approx(OLD_AGE - FRAME_TIME) and fresh_for(pads[2:]) is None
+    assert 'class="tactile-dead tactile-late" data-fresh="0.480"' in pads_html(pads[:1], 7)
 
 
 def test_an_age_that_is_not_known_is_not_live():

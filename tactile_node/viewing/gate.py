@@ -1,7 +1,7 @@
 """Who may look: stands before the page's server, which refuses no one, and passes on what may pass.
 
-It also takes the browsers' receipts: an update of a page holds an empty picture of the address TAKEN_PATH, for which a
-browser asks when it has put the update on its page.
+It also takes the browsers' receipts: an update of a page names an address below TAKEN_PATH, for which a browser asks
+when it has put the update on its page.
 
 It listens on this machine alone; from elsewhere the port is forwarded by ssh. A browser must have asked for this
 machine: else any web page that is open in it could read the skin (DNS rebinding, cross-site WebSockets).

@@ -63,8 +63,7 @@ class Page:
     """Runs from `start` to `stop`. One update at most is under way: the next waits for the browser's answer.
 
     So nothing queues anywhere between the skin and a slow browser, and what it shows is never older than one update.
-    What may look live travels alone, so that the time it took before says how old it will be; chart, tables and scene
-    follow it in updates without.
+    What may look live travels alone, so that it comes soon; chart, tables and scene follow it in updates without.
     """
 
     def __init__(self, client: 'ClientHandle', source: ViewSource, is_connected: Callable[[], bool],
@@ -77,7 +76,7 @@ class Page:
         self._taken: deque[tuple[float, float]] = deque()  # when [s], with data of which age [s]
         self._number = 0
         self._is_taken = threading.Event()
-        self._transit = 0.0  # of the last update of the pads [s]
+        self._receipt_time = 0.0  # of the last update [s]
         self._slow_due = self._scene_due = 0.0
         self._scene_shown, self._aspect = -math.inf, 0.0  # the last that the browser has taken
         self._history = HealthHistory()
@@ -102,13 +101,13 @@ class Page:
                 begun = time.monotonic()
                 shown = self._source.store.shown()
                 version = shown.version
-                drawn = [pad._replace(transit=self._transit) for pad in self._scales.drawn_now(self._source, shown)]
+                drawn = [pad._replace(since_receipt=begun - self._receipt_time)
+                         for pad in self._scales.drawn_now(self._source, shown)]
                 self._update_pads(shown, drawn, begun)
                 if not self._has_answered():
                     return
-                now = time.monotonic()
-                self._transit = now - begun
-                self._taken.append((now, min((pad.age for pad in drawn), default=math.inf) + self._transit))
+                now = self._receipt_time
+                self._taken.append((now, min((pad.age for pad in drawn), default=math.inf) + now - begun))
                 if not self._has_taken_rest(shown, drawn):
                     return
                 self._stopping.wait(max(0.0, begun + 1 / UPDATE_RATE - time.monotonic()))
@@ -121,7 +120,8 @@ class Page:
         gui.configure_theme(show_logo=False, show_share_button=False, control_width='large')
         gui.set_panel_label('tactile view')
         title = escape(f'{", ".join(self._source.store.pads)} - tactile_skin', quote=True)
-        gui.add_html(f'{macros().style()}<img hidden src="data:," alt="{title}" onerror="document.title=this.alt">')
+        script = escape(str(macros().script()), quote=True)
+        gui.add_html(f'{macros().style()}<img hidden src="data:," alt="{title}" onerror="{script}">')
         self._status = gui.add_html('')
         self._receipt = gui.add_html('')
         self._controls = None if self._source.player is None else PlayerControls(gui, self._source.player)
@@ -220,5 +220,6 @@ class Page:
         """Wait until the browser has taken the update; False when it has gone."""
         while not self._stopping.is_set() and self._is_connected():
             if self._is_taken.wait(CONNECTION_PERIOD):
+                self._receipt_time = time.monotonic()
                 return True
         return False

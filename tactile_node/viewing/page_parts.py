@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tactile_node.viewing.bus_source import RecordingSource
 
 OLD_AGE = 0.5          #: age from which on data are marked as old [s]
+FRAME_TIME = 0.02      #: for which a browser leaves on the screen what it has painted [s]
 OLD_SCENE_AGE = 1.0    #: age up to which the 3-D view is marked as current [s]
 PAGE_SILENCE = 2.0  #: for which a page may get nothing before it says so [s]
 HELD_SCALE = 10.0  #: for which the largest reading sets the scale [s]
@@ -34,7 +35,7 @@ class DrawnPad(NamedTuple):
     state: PadState | None
     age: float         #: [s]; inf: not known
     full_scale: float  #: [unit]
-    transit: float = 0.0  #: that the browser took for the update before [s]
+    since_receipt: float = 0.0  #: how long ago the receipt of the update before had come [s]
 
     @property
     def is_old(self) -> bool:
@@ -46,9 +47,12 @@ class DrawnPad(NamedTuple):
         return self.state is not None and not self.is_old and not np.isnan(self.state.values).all()
 
 
-def fresh_for(pads: list[DrawnPad]) -> float:
-    """Return for how long what is sent now may look live once the browser has it [s]: the browser counts alone."""
-    return min((max(OLD_AGE - pad.age - pad.transit, 0.0) for pad in pads if pad.is_live), default=PAGE_SILENCE)
+def fresh_for(pads: list[DrawnPad]) -> float | None:
+    """Return for how long after its last receipt the browser may show as live what is sent now [s]; None: nothing is.
+
+    The receipt came later than it left, so that nothing is counted too young, whatever the way takes.
+    """
+    return min((OLD_AGE - FRAME_TIME - pad.age + pad.since_receipt for pad in pads if pad.is_live), default=None)
 
 
 class FullScale:
@@ -157,7 +161,7 @@ def _other_clock(behind: float) -> str:
 
 def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) -> str:
     """Return the line that says whether this is live, and the receipt of update ``number`` of ``page``."""
-    fresh = PAGE_SILENCE if facts.player is not None else fresh_for(pads)
+    fresh = None if facts.player is not None else fresh_for(pads)
     grasp_age = math.nan if facts.grasp is None else time.monotonic() - facts.grasp.acquired
     return str(macros().status(facts, pads, page, number, fresh, grasp_age,
                                _other_clock(clock_difference(pads, time.time()))))
