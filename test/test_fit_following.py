@@ -81,9 +81,7 @@ def fits_of(shape: str, moments: list[Moment], follower: FitFollower | None) -> 
         if moment.line >= 0:
             frame[moment.line] = np.nan
         contact = find_contact(frame, unit=None)
-        if follower is not None:
-            follower.stamp = number * PERIOD
-        fit = fit_shape(contact.values, contact.mask, Shape(shape), find=follower and follower.find)
+        fit = fit_shape(contact.values, contact.mask, Shape(shape), find=follower and follower.at(number * PERIOD))
         cos, sin = np.cos(moment.angle), np.sin(moment.angle)
         true = np.array((MIDDLE + moment.x + cos * middle[0] - sin * middle[1],
                          MIDDLE + moment.y + sin * middle[0] + cos * middle[1]))
@@ -150,15 +148,15 @@ def test_a_contact_that_jumps_is_searched_for_at_once(searches):
 
 def test_stamps_that_go_back_begin_again(searches):
     follower, values = FitFollower(), np.pad(np.ones((4, 4)), 3) * 1e4
-    for follower.stamp in (5.0, 5.02, 1.0):
-        fit_shape(values, values > 0, Shape.SQUARE, find=follower.find)
+    for stamp in (5.0, 5.02, 1.0):
+        fit_shape(values, values > 0, Shape.SQUARE, find=follower.at(stamp))
     assert len(searches) == 2
 
 
 def test_another_contact_begins_again(searches):
     follower, values = FitFollower(), np.pad(np.ones((4, 4)), 3) * 1e4
     for _ in range(2):
-        fit_shape(values, values > 0, Shape.SQUARE, find=follower.find)
+        fit_shape(values, values > 0, Shape.SQUARE, find=follower.at(0.0))
         follower.restart()
     assert len(searches) == 2
 
@@ -169,8 +167,8 @@ def test_on_off_taxels_are_followed_as_near(shape):
     follower, apart = FitFollower(), []
     for number in range(FRAMES):
         moved = replace(contact, x=MIDDLE + 0.1 * number, y=MIDDLE - 0.05 * number)
-        pattern, follower.stamp = moved.pattern(SIDE, SIDE), number * PERIOD
-        fits = [fit_shape(pattern, pattern, Shape(shape), find=find) for find in (None, follower.find)]
+        pattern = moved.pattern(SIDE, SIDE)
+        fits = [fit_shape(pattern, pattern, Shape(shape), find=find) for find in (None, follower.at(number * PERIOD))]
         apart.append([np.hypot(fit.centre[0] - moved.x, fit.centre[1] - moved.y) for fit in fits])
     searched, followed = np.array(apart).T
     assert np.median(followed) <= np.median(searched) + 0.05 and followed.max() <= searched.max() + 0.2

@@ -1,6 +1,7 @@
 """The driver's bus against the simulated skin: boot-up, configuration, streaming, refusals."""
 
 import re
+import time
 
 import can
 import numpy as np
@@ -196,6 +197,18 @@ def test_consumer_that_fails_does_not_stop_the_bus(caplog):
                                lambda *_: 1 / 0)
         bench.run()
         assert wait_until(lambda: bench.driver.statistics().consumer_errors >= 3)
+
+
+@pytest.mark.parametrize('interface', ['virtual', 'slcan'])
+@pytest.mark.parametrize('step', [-0.5, 0.5])
+def test_stamps_of_what_is_received_keep_up_with_a_wall_clock_that_is_set(monkeypatch, interface, step):
+    """slcan's are this machine's, too: set back by 0.5 s, TPDOs were 0.5 s old for more than an hour."""
+    driver = SkinBus(BusSettings(interface, 'can0'), (make_pad('pad', 32, 'sim16x16.yaml'),), print)
+    clock, wall = driver.traffic.clock, time.time
+    assert abs(clock.of(wall()) - clock.now()) < 0.05
+    monkeypatch.setattr(time, 'time', lambda: wall() + step)
+    for _ in range(3):
+        assert abs(clock.of(time.time()) - clock.now()) < 0.05
 
 
 def test_sync_of_another_producer_gives_no_frames_while_inactive():

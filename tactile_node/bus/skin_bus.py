@@ -50,13 +50,13 @@ class SkinBus:
         self.devices = BusDevices(settings, self._nodes, self._monitor, self._opened)
         self._polls = {node.node_id: self._polling(node, node.layout.domain)
                        for node in self._nodes if node.layout.domain is not None}
-        is_host_stamped = settings.interface in ('socketcan', 'virtual')  # by the clock that stamps our own SYNC
+        is_stamped_on_arrival = settings.interface in ('socketcan', 'virtual')  # by the clock that stamps our own SYNC
         self._router = Router(self._pads, on_frame, foreign_sync=not settings.produce_sync,
-                              one_clock=not settings.produce_sync or is_host_stamped,
+                              one_clock=not settings.produce_sync or is_stamped_on_arrival,
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
         self.traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
-                               queue_limit=settings.queue_limit, is_host_stamped=is_host_stamped,
-                               sync_period=settings.sync_period)
+                               queue_limit=settings.queue_limit, sync_period=settings.sync_period,
+                               is_host_stamped=is_stamped_on_arrival or settings.interface == 'slcan')  # when read
         self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None

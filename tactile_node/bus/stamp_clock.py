@@ -14,9 +14,9 @@ class StampClock:
     The wall clock set forward is followed. Set back, it is not: stamps continue evenly, ``ahead`` [s] of the wall
     clock, until it has caught up or ``restart``. Each such setting counts in ``jumps``.
 
-    ``host_stamped``: messages carry this machine's wall clock (socketcan, virtual), right also when they are read
-    late. Else they carry the adapter's own clock, of unknown epoch: the least time from stamp to arrival seen
-    so far, let grow by ``CLOCK_DRIFT``, is taken for its offset, so a stamp is late by the quickest way through it.
+    ``host_stamped``: messages carry this machine's wall clock (socketcan, virtual; slcan, when they are read). Else
+    they carry the adapter's own clock, of unknown epoch: the least time from stamp to arrival seen so far, let grow by
+    ``CLOCK_DRIFT``, is taken for its offset, so a stamp is late by the quickest way through it.
     """
 
     def __init__(self, host_stamped: bool = True, wall: Callable[[], float] | None = None,

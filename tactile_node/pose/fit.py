@@ -1,6 +1,7 @@
 """Pose and size of a contact of known shape: its outline, fitted to the taxel values by least squares."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -74,7 +75,7 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: fl
 
     ``values``: (rows, cols), any unit that grows with pressure, NaN = no valid value; or an on/off pattern
     (bool). ``mask``: bool, the contact's taxels. ``pitch`` [m]. ``layer``: of a calibrated skin; None: not known. A
-    wide contact is fitted in blocks of taxels. ``find``: of a `FitFollower`; None: `search_part`. Raises InputError for
+    wide contact is fitted in blocks of taxels. ``find``: of a `FitFollower`; None: `search`. Raises InputError for
     other arrays, ConfigurationError for another pitch or layer.
 
     >>> fit = fit_shape(np.pad(np.ones((4, 4)), 3), np.pad(np.ones((4, 4), bool), 3), Shape.SQUARE)
@@ -88,7 +89,8 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: fl
         return None
     part = _part(*checked(values, mask))
     in_pitches = layer._replace(depth=layer.depth / (pitch * part.size)) if layer else None
-    return in_metres((find or search_part)(part, Shape(shape), in_pitches), part, pitch)
+    found = find(part, Shape(shape), in_pitches) if find else search(part.evidence, Shape(shape), in_pitches)
+    return in_metres(found, part, pitch)
 
 
 def _part(values: np.ndarray, mask: np.ndarray) -> Part:
@@ -99,35 +101,32 @@ def _part(values: np.ndarray, mask: np.ndarray) -> Part:
     return Part(gather(blocks.values, blocks.mask, touches_edge(mask)), size, blocks.x, blocks.y)
 
 
-def search_part(part: Part, shape: Shape, layer: Layer | None) -> Found:
-    """Search for the outline of ``shape`` in ``part``; ``layer`` in its pitches."""
-    return search(part.evidence, shape, layer)
-
-
 class FitFollower:
     """Fits a contact from frame to frame: from where it was in the one before, in a fifth of the time of a search.
 
     Searched for is the outline in the first frame, every SEARCH_PERIOD (the contact may have become a dome, or another
-    corner likelier), and where going on leads to none as good. ``stamp`` [s] of each frame is set before its fit.
+    corner likelier), and where going on leads to none as good.
     """
 
     def __init__(self) -> None:
-        self.stamp = 0.0
         self._before: dict[Shape, tuple[Found, Part, float]] = {}  # with the stamp of the search
 
     def restart(self) -> None:
         """Search in the next frame: another contact begins."""
         self._before.clear()
 
-    def find(self, part: Part, shape: Shape, layer: Layer | None) -> Found:
-        """Return the outline of ``shape`` in ``part`` of the next frame; ``layer`` in its pitches."""
+    def at(self, stamp: float) -> Finder:
+        """Return the finder of the next frame, which is of ``stamp`` [s]."""
+        return partial(self._find, stamp)
+
+    def _find(self, stamp: float, part: Part, shape: Shape, layer: Layer | None) -> Found:
         found = None
         if shape in self._before:
             before, its_part, searched = self._before[shape]
-            if its_part[1:] == part[1:] and 0 <= self.stamp - searched < SEARCH_PERIOD:
+            if its_part[1:] == part[1:] and 0 <= stamp - searched < SEARCH_PERIOD:
                 found = follow(part.evidence, before)
         if found is None:
-            found, searched = search_part(part, shape, layer), self.stamp
+            found, searched = search(part.evidence, shape, layer), stamp
         self._before[shape] = found, part, searched
         return found
 

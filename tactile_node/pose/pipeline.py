@@ -124,8 +124,7 @@ class ContactPipeline:
         fused = _alone(frame, stamp) if self._fusion is None else self._fusion.update(stamp, frame)
         if fused.frames == 1:
             self._follower.restart()
-        self._follower.stamp = stamp
-        return self._described(found, frame, fused, None if self._fusion is None else self._follower.find)
+        return self._described(found, frame, fused, None if self._fusion is None else self._follower.at(stamp))
 
     def follow(self, values: np.ndarray, taxels: Taxels, stamp: float, *, saturated: ArrayLike | None = None,
                unmapped: ArrayLike | None = None) -> StreamedContact:

@@ -2,10 +2,13 @@
 
 import math
 from collections.abc import Collection, Sequence
+from copy import copy
+from functools import cache
 
 import numpy as np
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, Vector3
+from std_msgs.msg import Header
 
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
 from tactile_node.grasp.gripper import Line
@@ -77,15 +80,23 @@ def grasp_message(state: GraspState, sides: list[ContactShape], opening: Opening
     Stamp and age are those of the older one: a receiver measures the delay of its path by both together.
     """
     words = state.contact.name, 'fresh' if state.fresh else 'not fresh', 'stable' if state.stable else 'not stable'
-    message = Grasp(
-        message=', '.join(words), age=age_message(max(ages)), sides=sides,
+    fields = dict(
+        header=Header(stamp=_older(sides, ages).header.stamp, frame_id=frame_id), message=', '.join(words),
+        age=age_message(max(ages)), sides=sides,
         side_states=[int(each) for each in state.side_states], contact=int(state.contact), fresh=state.fresh,
         gap=opening.gap, gap_source=int(opening.source), gap_age=age_message(opening.age), same_shape=state.same_shape,
         stable=state.stable, held=duration_message(state.held), creep=state.creep, line_is_bound=state.line_is_bound)
-    message.header.stamp = _older(sides, ages).header.stamp
-    message.header.frame_id = frame_id
+    message = copy(_blank())
+    for name, value in fields.items():
+        setattr(message, name, value)
     _add_line(message, state.line)
     return message
+
+
+@cache
+def _blank() -> Grasp:
+    """A message to copy: the constructor makes both sides, for others to take their place."""
+    return Grasp()
 
 
 def _older(sides: list[ContactShape], ages: Sequence[float]) -> ContactShape:
