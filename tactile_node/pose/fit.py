@@ -102,7 +102,7 @@ def _part(values: np.ndarray, mask: np.ndarray) -> Part:
 
 
 class FitFollower:
-    """Fits a contact from frame to frame: from where it was in the one before, in a fifth of the time of a search.
+    """Fits a contact from frame to frame: from where it was in the one before, in a quarter of the time of a search.
 
     Searched for is the outline in the first frame, every SEARCH_PERIOD (the contact may have become a dome, or another
     corner likelier), and where going on leads to none as good.
