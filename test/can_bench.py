@@ -128,14 +128,14 @@ class Loss(NamedTuple):
 
 def telling(assembler: PadAssembler, drop_incomplete: bool = False) -> PadAssembler:
     """The assembler, whose calls also give, after the frames, what they have lost."""
-    def told(call: Callable[..., Frames], *given: object) -> tuple[TaxelFrame | Loss, ...]:
+    def with_losses(call: Callable[..., Frames], *given: object) -> tuple[TaxelFrame | Loss, ...]:
         before, frames = assembler.statistics().losses, taxel_frames(call(*given))
         after = assembler.statistics().losses
         return (*frames, *(Loss(reason, after[reason] - before[reason]) for reason in after
                            if after[reason] > before[reason]))
     assembler.drop_incomplete = drop_incomplete
     for name in ('feed', 'sync', 'end_period'):
-        setattr(assembler, name, partial(told, getattr(assembler, name)))
+        setattr(assembler, name, partial(with_losses, getattr(assembler, name)))
     return assembler
 
 

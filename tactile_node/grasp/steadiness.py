@@ -76,7 +76,7 @@ class Steadiness:
 
     def restart(self) -> None:
         """Forget all centres."""
-        self._samples = np.empty((0, 4))  # of the window: time, x, y, resolution
+        self._samples = np.empty((0, 4))  # time, x, y, resolution of each in the window
         self._resting = False
         self.since = np.inf  #: time of the first centre of this hold [s]
         self.speed: Speed | None = None  #: None: too few centres

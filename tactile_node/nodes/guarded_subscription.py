@@ -64,7 +64,7 @@ class GuardedSubscription(Generic[Message]):
         self._arrival: Arrival | None = None  # of the newest message that was used
         self._sequence: int | None = None
         self._stamp = 0.0  # of the same message [s, the sender's clock]
-        self._publishers = 0  # of the topic, for the messages under work
+        self._publishers = 0  # how many the topic has, for the messages under work
         self._typed_publishers = 0  # when it was last asked of which type they are
         self._other_types: tuple[str, ...] = ()
         self._skipped = 0

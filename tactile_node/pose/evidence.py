@@ -91,7 +91,7 @@ def upper_median(values: np.ndarray) -> float:
 def holes(mask: np.ndarray) -> np.ndarray | None:
     """Return what ``mask`` encloses, None for nothing (the usual case)."""
     begins = mask[:, 1:] & ~mask[:, :-1]
-    if (np.add.reduce(begins, 1, int) + mask[:, 0]).max() < 2:  # of a row without a gap no taxel is enclosed
+    if (np.add.reduce(begins, 1, int) + mask[:, 0]).max() < 2:  # a row without a gap encloses none
         return None
     between = ~mask
     for axis in (0, 1):  # quick: what is enclosed has taxels of the mask on all four sides

@@ -103,18 +103,9 @@ def is_near(model: Model, parameters: np.ndarray, place: np.ndarray) -> bool:
 
 def solved(problem: Problem, at: Place) -> Solution:
     """Return the minimum of ``problem`` with its model linear about ``at``."""
-    jacobian = at.prediction.jacobian
-    weighted = jacobian * problem.weights
-    information = weighted @ jacobian.T
-    information.reshape(-1)[::len(information) + 1] += problem.precision
-    slope = weighted @ (problem.values - at.prediction.values) + problem.precision * (problem.expected - at.parameters)
-    step: np.ndarray = dposv(information, slope)[1]
-    step *= min(1.0, LONGEST_STEP / max(np.abs(step).max(), 1e-12))
+    step = _step(problem, evaluate(problem, at.parameters, at.prediction), damping=0.0)
     parameters = _bounded(problem.model, at.parameters + step)
-    prediction = at.shown_at(parameters)
-    misfit = problem.weights @ (problem.values - prediction.values)**2
-    cost = misfit + problem.precision @ (parameters - problem.expected)**2
-    return Solution(parameters, prediction, information, float(misfit), float(cost))
+    return evaluate(problem, parameters, at.shown_at(parameters))
 
 
 MOST_BLOCKS = 32    #: blocks across a contact at most [taxels of a fit]

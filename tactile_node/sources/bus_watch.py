@@ -136,7 +136,7 @@ class BusWatch:
         self._pads = len(pads)
         self._planned_load = planned_load((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._bitrate = settings.bitrate
-        self._window: tuple[float, int] | None = None  # of the load: when it began, bits until then
+        self._window: tuple[float, int] | None = None  # when that of the load began, bits until then
         self.load = 0.0  #: 0..1, of the last whole window; bits with stuffing at its worst: really a fifth less or so
         self.sync = SyncWatch(settings.produce_sync, settings.sync_period)
         self.overload = OverloadWatch(put, data_timeout / 2)

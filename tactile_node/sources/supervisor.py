@@ -55,7 +55,7 @@ class Supervisor:
         self._monitors = [monitor for monitors in self._by_pad.values() for monitor in monitors]
         self._node_recovery = NodeRecovery(self._bus, self._monitors, recover)
         self._watch = BusWatch(settings, pads, self.monitor, self._bus.traffic.put, data_timeout=timeouts[1])
-        self._outage: OutageClock[Failure] = OutageClock()  # of the bus
+        self._outage: OutageClock[Failure] = OutageClock()  # that of the bus
         self._backoff = Backoff()
         self._reminder = Reminder()
         self._received_then = 0  # CAN frames, when the bus was opened again

@@ -13,7 +13,7 @@ from tactile_node.viewing.source import FORCE_HISTORY
 from tactile_node.viewing.templates import environment
 
 HEAT_LEVELS = 48
-POINT_COLOURS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: of the pads, in their order
+POINT_COLOURS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: colours of the pads, in their order
 BAR_COLOURS = 24
 
 
@@ -127,7 +127,7 @@ def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
 
 FORCE = Frame(600, 220, 40, 10, 10, 24)
 FORCE_GAP = 0.3     #: between two points, from which on they are not joined [s]
-LEAST_FORCE_SCALE = 1.0   #: of the scale [N]
+LEAST_FORCE_SCALE = 1.0   #: least top of the scale [N]
 TIME_TICKS = -20, -15, -10, -5, 0
 
 

@@ -11,7 +11,7 @@ from tactile_node.cia301.objects import NmtState
 from tactile_node.viewing.model import BusReport, NodeReport, PadReport, Report, Reported
 from tactile_node.viewing.taxel_record import FAULTS, marks_of
 
-HIGH_LOAD = 0.9  #: of the bus's time; beyond, other traffic delays sweeps
+HIGH_LOAD = 0.9  #: share of the bus's time; beyond, other traffic delays sweeps
 
 
 @unique
