@@ -275,7 +275,11 @@ def test_a_gap_that_nothing_reads_is_refused_at_run_time(gripper, parameters):
     ({'gap_source': 'guess'}, 'gap_source'), ({'gap_source': 'none', 'gap': 0.04}, 'gap'),
     ({**TWO_FINGERS, 'gap': 0.04}, 'gap'), ({'gap_source': 'joint_states'}, 'gap_joints'),
     ({'gap_source': 'joint_states', 'gap_joints': ['a', 'a']}, 'gap_joints'), ({**KNUCKLE, 'gap_scale': 0.0}, 'scale'),
-    ({'gap_source': 'tf'}, 'gap_frames'), ({'gap_source': 'tf', 'gap_frames': ['a', '/a']}, 'gap_frames')])
+    ({'gap_source': 'tf'}, 'gap_frames'), ({'gap_source': 'tf', 'gap_frames': ['a', '/a']}, 'gap_frames'),
+    ({'gap': 0.04, 'gap_scale': 2.0}, 'parameter gap_scale: expected no value with gap_source parameter, got 2.0'),
+    ({'gap_scale': 0.0}, 'got 0.0. Remove it, or set gap_source to joint_states or tf'),
+    ({'gap_source': 'none', 'gap_offset': 0.01}, 'parameter gap_offset'), ({'gap_joints': ['a']}, 'gap_joints'),
+    ({**TWO_FINGERS, 'gap_frames': ['a', 'b']}, 'parameter gap_frames')])
 def test_parameters_that_do_not_fit_the_source_are_refused(gripper, parameters, where):
     with pytest.raises(ConfigurationError, match=where):
         gripper.make(**parameters)

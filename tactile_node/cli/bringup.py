@@ -47,7 +47,7 @@ def parameter_option(row: Parameter) -> Option:
     """Return the option that sets the parameter of ``row``.
 
     >>> parameter_option(next(row for row in table(GraspNodeSettings) if row.name == 'gap_offset')).description
-    'opening at reading 0 [m] (default: 0)'
+    'opening at reading 0 [m] (gap_source joint_states, tf) (default: 0)'
     """
     default = row.default if isinstance(row.default, tuple) else (row.default,)
     kind = type(default[0])

@@ -36,7 +36,7 @@ from tactile_node.ros.opening_messages import (
     why_not_known,
 )
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
-from tactile_node.ros.settings import GraspNodeSettings
+from tactile_node.ros.settings import GraspNodeSettings, table
 from tactile_node.ros.time_messages import seconds
 
 if TYPE_CHECKING:
@@ -46,6 +46,9 @@ logger = logging.getLogger(__name__)
 
 NONE = 'none'  #: value of the parameter gap_source
 GAP_SOURCES = {source.name.lower(): source for source in GapSource if source}
+#: parameter -> the sources that read it
+READ_BY = {'gap': ('parameter',), 'gap_joints': ('joint_states',), 'gap_frames': ('tf',),
+           'gap_scale': ('joint_states', 'tf'), 'gap_offset': ('joint_states', 'tf')}
 MOST_FRAMES = 10_000  #: of the robot and of one message: made-up names must not fill the memory
 
 
@@ -215,9 +218,12 @@ def _check(settings: GraspNodeSettings) -> None:
     if source not in (*GAP_SOURCES, NONE):
         raise ConfigurationError('parameter gap_source', expected=', '.join((*GAP_SOURCES, NONE)), got=repr(source),
                                  remedy='Name where the opening of the gripper comes from.')
-    if settings.gap >= 0 and source != 'parameter':
-        raise ConfigurationError('parameter gap', expected=f'no value with gap_source {source}', got=f'{settings.gap}',
-                                 remedy='Remove one of both: the opening has one source.')
+    for row in table(GraspNodeSettings):
+        value, readers = getattr(settings, row.name), READ_BY.get(row.name, (source,))
+        is_set = value >= 0 if row.name == 'gap' else value != row.default
+        if is_set and source not in readers:
+            raise ConfigurationError(f'parameter {row.name}', expected=f'no value with gap_source {source}',
+                                     got=str(value), remedy=f'Remove it, or set gap_source to {" or ".join(readers)}.')
     if source == 'joint_states' and (not all(joints) or not joints or len(set(joints)) < len(joints)):
         raise ConfigurationError('parameter gap_joints', expected='names of joints, each once', got=f'{list(joints)}',
                                  remedy='Take them from the URDF; leave out a mimic joint and double gap_scale.')

@@ -202,8 +202,9 @@ class GraspNodeSettings(ReceiverSettings):
     gap_frames: tuple[str, ...] = parameter(('', ''), 'frames on the left and the right finger whose distance along '
                                             'the closing direction gives the opening (gap_source tf)')
     gap_scale: float = parameter(1.0, 'opening for a metre or a radian of the joints, or a metre of the distance: '
-                                 'opening = gap_offset + gap_scale * reading; < 0: it closes as they rise', -1000, 1000)
-    gap_offset: float = parameter(0.0, 'opening at reading 0 [m]', -10, 10)
+                                 'opening = gap_offset + gap_scale * reading; < 0: it closes as they rise (gap_source '
+                                 'joint_states, tf)', -1000, 1000)
+    gap_offset: float = parameter(0.0, 'opening at reading 0 [m] (gap_source joint_states, tf)', -10, 10)
     publish_pad_frames: bool = parameter(False, 'true: publish where both pads are in frame_id to tf, as long as the '
                                          'opening is known; for a robot whose URDF does not have these frames')
     pad_frames: tuple[str, ...] = parameter(('', ''), 'frames of the left and the right pad for publish_pad_frames, '
