@@ -154,6 +154,12 @@ def test_frames_that_cannot_be_published_are_refused(gripper, tf_message, parame
         gripper.make(**parameters)
 
 
+@pytest.mark.parametrize('frames', [['pad'], ['a', 'b', 'c']])
+def test_frames_for_another_number_of_pads_are_refused(gripper, frames):
+    with pytest.raises(ConfigurationError, match='pad_frames: expected a frame of the left .*got .* Name both'):
+        gripper.make(pad_frames=frames)
+
+
 def test_where_tf2_msgs_is_missing_a_warning_says_so_and_the_node_runs(gripper, monkeypatch, caplog):
     monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
     monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)

@@ -232,6 +232,5 @@ class GraspNodeSettings(ReceiverSettings):
     @property
     def frames_of_pads(self) -> tuple[str, ...]:
         """The frames of the left and the right pad: those given, else as the driver's defaults."""
-        pads = (self.left_pad, self.right_pad)
-        given = self.pad_frames if len(self.pad_frames) == len(pads) else ('', '')
-        return tuple(self.frame_prefix + (name or f'{pad.rsplit("/", 1)[-1]}_pad') for name, pad in zip(given, pads))
+        return tuple(self.frame_prefix + (name or f'{pad.rsplit("/", 1)[-1]}_pad')
+                     for name, pad in zip(self.pad_frames, (self.left_pad, self.right_pad)))
