@@ -238,7 +238,7 @@ HELD = GraspFacts('two_sided', is_fresh=True, is_stable=True, acquired=0.0)
 
 
 def grasp_of(age, **changed):
-    return macros().grasp(HELD._replace(**changed), age)
+    return macros().grasp(HELD._replace(**changed), age, 0.4)
 
 
 def test_a_grasp_is_current_while_it_is_fresh_and_new():
@@ -255,13 +255,24 @@ def test_an_old_grasp_and_one_that_is_not_known_are_not_shown_as_current(age, ch
     assert 'NOT KNOWN' in shown and 'live' not in shown and 'two sided' not in shown and 'stable' not in shown
 
 
+@pytest.mark.parametrize('pads', [[0.1], [3.0]])
+def test_a_browser_hides_a_grasp_by_its_own_age(pads):
+    """Neither new taxels keep an old grasp on the page, nor do old ones hide one that is new."""
+    held = HELD._replace(acquired=time.monotonic() - 0.4)
+    shown = status_html(LIVE._replace(grasp=held), [drawn(age)._replace(since_receipt=0.3) for age in pads], 0, 1)
+    of_pads, of_grasp = shown.split('grasp: ')
+    assert of_pads.count('<div') - of_pads.count('</div') == 1  # in what is hidden by no age
+    left = float(of_grasp.split('data-fresh="')[1].split('"')[0])
+    assert left == pytest.approx(OLD_AGE - FRAME_TIME - 0.4 + 0.3, abs=0.1)
+
+
 def test_what_a_source_has_shown_is_forgotten_when_it_stops():
     store = Store(['left'])
     store.put(state())
     store.put_grasp(HELD)
     store.clear()
     assert store.shown().grasp is None and store.shown().pads == {'left': None}
-    assert 'none comes' in macros().grasp(store.shown().grasp, NAN)
+    assert 'none comes' in macros().grasp(store.shown().grasp, NAN, NAN)
 
 
 # --- the 3-D view

@@ -52,7 +52,11 @@ def fresh_for(pads: list[DrawnPad]) -> float | None:
 
     The receipt came later than it left, so that nothing is counted too young, whatever the way takes.
     """
-    return min((OLD_AGE - FRAME_TIME - pad.age + pad.since_receipt for pad in pads if pad.is_live), default=None)
+    return min((_fresh_for(pad.age, pad.since_receipt) for pad in pads if pad.is_live), default=None)
+
+
+def _fresh_for(age: float, since_receipt: float) -> float:
+    return OLD_AGE - FRAME_TIME - age + since_receipt
 
 
 class FullScale:
@@ -163,5 +167,6 @@ def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) 
     """Return the line that says whether this is live, and the receipt of update ``number`` of ``page``."""
     fresh = None if facts.player is not None else fresh_for(pads)
     grasp_age = math.nan if facts.grasp is None else time.monotonic() - facts.grasp.acquired
-    return str(macros().status(facts, pads, page, number, fresh, grasp_age,
+    grasp_fresh = _fresh_for(grasp_age, max((pad.since_receipt for pad in pads), default=0.0))
+    return str(macros().status(facts, pads, page, number, fresh, grasp_age, grasp_fresh,
                                _other_clock(clock_difference(pads, time.time()))))
