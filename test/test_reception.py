@@ -128,6 +128,16 @@ def test_a_bus_that_was_closed_or_not_read_was_not_free(monkeypatch):
     assert bus.seen() == [inf, 0.0, 0.0, 0.0, 0.0, 1.7, 0.0, 0.5] and bus.traffic.overruns == 1
 
 
+def test_a_frame_for_which_there_is_no_room_is_counted_once(monkeypatch):
+    bus, held = Clocked(monkeypatch, queue_limit=1), threading.Event()
+    bus.traffic.put(held.wait)
+    for kind in ({}, {'extended': True}, {'is_error_frame': True}, {}):
+        bus.received(5.0, **kind)
+    held.set()
+    bus.seen()
+    assert (bus.traffic.overruns, dict(bus.traffic.no_data_frames)) == (1, {'foreign': 1, 'error': 1})
+
+
 def test_a_clock_that_is_set_forward_is_no_free_bus(monkeypatch):
     bus = Clocked(monkeypatch)
     for stamps, steady in (((1.0,), 1.0), ((1.001,), 1.001), ((1.052,), 1.002)):

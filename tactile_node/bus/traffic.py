@@ -84,7 +84,7 @@ class Traffic:
         self._jumps_reported = 0
         self.no_data_frames: Counter[str] = Counter()  #: received, that are no data frames, by kind
         self._put = self._fed = 0  # CAN frames put into the queue, and taken from it
-        self.overruns = 0  #: CAN frames lost because the queue was full
+        self.overruns = 0  #: data frames lost because the queue was full; what else came with them is in no_data_frames
         self.syncs_sent = 0
         self.pause = SyncPause(sync_period)
         self._last_came = -inf  # the stamp up to which all received so far has come
@@ -133,7 +133,7 @@ class Traffic:
             self.put(self._feed, frames, self._came(batch), self._most_free(batch))
             self._is_gap = False
         else:
-            self.overruns += len(frames)
+            self.overruns += sum(can_id != NO_DATA for can_id, _, _ in frames)
             self._is_gap = True
 
     def _work(self, queue: 'SimpleQueue[Call | None]') -> None:
