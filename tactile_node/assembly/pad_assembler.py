@@ -7,7 +7,7 @@ import numpy as np
 from tactile_node.assembly.frame_source import LossReason, PadStatistics
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
-from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.taxel_frame import TaxelFrame, TpdoAges
 
 #: What comes of a CAN frame or a SYNC: the taxel frames that are finished, in order; often none
 Frames = tuple[TaxelFrame, ...]
@@ -102,19 +102,20 @@ class PadAssembler:
         self._withheld += 1
         self._missing += missing
 
-    def _count_given(self, used: np.ndarray, missing: int) -> None:
-        """A taxel frame was given, the first with the TPDOs ``used``, bool by rank; so many are missing in it."""
-        self._used += np.bincount(self._senders[used], minlength=len(self._used))
-        self._complete += not missing
-        self._incomplete += bool(missing)
-        self._missing += missing
-
     def _give(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray) -> Frames:
         """Give the taxel frame of the TPDOs that are ``fresh``, bool by rank; or withhold it and lose them."""
         missing = int((~fresh).sum())
         if missing and self.drop_incomplete:
             self._count_withheld(missing)
             return self._lose(LossReason.INCOMPLETE, int(fresh.sum()))
-        self._count_given(fresh, missing)
+        return self._give_frame(stamp, sequence, payload, fresh, fresh, missing)
+
+    def _give_frame(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray, used: np.ndarray,
+                    missing: int, ages: TpdoAges | None = None) -> Frames:
+        """Give it although so many TPDOs are ``missing``; it is the first with the TPDOs ``used``, bool by rank."""
+        self._used += np.bincount(self._senders[used], minlength=len(self._used))
+        self._complete += not missing
+        self._incomplete += bool(missing)
+        self._missing += missing
         values, status = self._codec.decode(payload, fresh)
-        return (TaxelFrame(stamp, sequence, values, status, missing),)
+        return (TaxelFrame(stamp, sequence, values, status, missing, ages),)

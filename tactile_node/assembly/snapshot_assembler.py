@@ -26,7 +26,7 @@ from tactile_node.assembly.frame_source import LossReason
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout
-from tactile_node.taxel_frame import TaxelFrame, TpdoAges, read_only
+from tactile_node.taxel_frame import TpdoAges, read_only
 
 SNAPSHOT_WAIT = 0.02  #: s; the usual time between two sweeps with SYNC
 
@@ -130,11 +130,9 @@ class SnapshotAssembler(PadAssembler):
             self._count_withheld(missing)
             return ()
         self._lose(LossReason.INCOMPLETE, int((self._unused & ~fresh).sum()))
-        self._count_given(self._unused & fresh, missing)
-        self._unused[:] = False
-        values, status = self._codec.decode(self._words, fresh)
+        used, self._unused = self._unused & fresh, np.zeros(len(fresh), bool)
         ages = TpdoAges(read_only((self._newest - self._stamps).astype(np.float32)), self._taxel_tpdos)
-        return (TaxelFrame(self._newest, self._sequence, values, status, missing, ages),)
+        return self._give_frame(self._newest, self._sequence, self._words, fresh, used, missing, ages)
 
 
 def _taxel_tpdos(layout: SkinLayout) -> np.ndarray:
