@@ -52,7 +52,7 @@ def _seen(result: StreamedContact) -> SeenContact:
         outline=None if fit is None else fit.outline,
         dimensions=() if fit is None else tuple(zip(fit.dimension_names, fit.dimensions)),
         size_is_bound=fit is not None and moments.size_is_bound,
-        force=moments.force if contact.mask.any() or contact.pad_seen else np.nan, mask=contact.mask,
+        force=moments.force if contact.mask.any() or result.found.visibility.pad_seen else np.nan, mask=contact.mask,
         force_is_bound=moments.force_is_bound)
 
 
@@ -86,7 +86,7 @@ class ReportedTouchFinder:
             self._touch.feed(frame.stamp, found)
             return
         self.found.small_frames += bool(taxels)
-        if self._touch is not None and (pattern.pad_seen or self._touch.shown(~pattern.hidden) >= RELEASED):
+        if self._touch is not None and (found.visibility.pad_seen or self._touch.shown(~pattern.hidden) >= RELEASED):
             self._end(is_open=False)
 
     def end(self) -> None:
