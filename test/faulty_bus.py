@@ -23,7 +23,7 @@ class Adapter:
         self.lost_ids: set[int] = set()  #: CAN identifiers that the adapter does not hand over
         self.tamper: Callable[[can.Message], Iterable[can.Message]] | None = None  #: what is handed over instead
 
-    def open(self, interface: str, channel: str, bitrate: int, options: object) -> can.BusABC:
+    def open(self, interface: str, channel: str, bitrate: int) -> can.BusABC:
         if not self.is_plugged:
             raise BusError(f'CAN bus {interface} {channel}', expected='a bus that opens', got='no such device',
                            remedy='Plug it in.')

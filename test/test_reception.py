@@ -55,7 +55,7 @@ def test_an_exception_over_a_batch_does_not_end_the_reception():
 
 def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_reading():
     with serial_line() as (adapter, port):
-        bus = open_bus('slcan', port, 500_000, {'sleep_after_open': 0.0})
+        bus = open_bus('slcan', port, 500_000, sleep_after_open=0.0)
         bus.recv_all(0.05)
         before = time.monotonic()
         os.write(adapter, b't1A02AABB\rt1A02')

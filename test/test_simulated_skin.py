@@ -131,7 +131,7 @@ def test_heartbeat_is_sent_when_configured(wire):
 def test_a_bus_that_fails_under_the_skin_is_reported():
     adapter, failures = Adapter(), []
     skin = SkinSimulator([make_pad('pad', 32, 'sim16x16.yaml')], {'pad': lambda t: np.zeros((16, 16))}, failures.append)
-    skin.start_on(adapter.open('virtual', 'failing', 1_000_000, {}))
+    skin.start_on(adapter.open('virtual', 'failing', 1_000_000))
     try:
         adapter.is_plugged = False
         assert wait_until(lambda: failures) and isinstance(failures[0], can.CanOperationError)
@@ -263,7 +263,7 @@ def test_client_that_does_not_read_costs_frames_not_memory():
 
 def test_slcan_client_reads_through_noise_on_the_line():
     with serial_line() as (adapter, port):
-        client = open_bus('slcan', port, 500_000, {'sleep_after_open': 0.0})
+        client = open_bus('slcan', port, 500_000, sleep_after_open=0.0)
         opening = rb'C\rS6\r\r?O\rO\r'  # what python-can writes; from 4.5 on with an empty line after the bit rate
         assert re.fullmatch(opening, read_until(adapter, opening))
         os.write(adapter, b'\r\at1A02AABB\rz\rt1A0\rtXYZ0\r\xff\xfe\rV1013\rt1A01')
@@ -279,11 +279,11 @@ def test_slcan_client_reads_through_noise_on_the_line():
 def test_an_slcan_port_is_for_one_process_and_can_be_opened_again():
     with SlcanPty() as adapter, ExitStack() as cleanup:
         cleanup.callback(can.Notifier(adapter, [], 0.01).stop)
-        client = open_bus('slcan', adapter.port, 500_000, {})
+        client = open_bus('slcan', adapter.port, 500_000)
         with pytest.raises(BusError, match='another process has this port open'):
-            open_bus('slcan', adapter.port, 500_000, {})
+            open_bus('slcan', adapter.port, 500_000)
         client.shutdown()
-        open_bus('slcan', adapter.port, 500_000, {}).shutdown()
+        open_bus('slcan', adapter.port, 500_000).shutdown()
 
 
 def test_an_slcan_adapter_that_does_not_answer_is_opened_again_when_it_has_had_time_to_start(monkeypatch):
@@ -291,7 +291,7 @@ def test_an_slcan_adapter_that_does_not_answer_is_opened_again_when_it_has_had_t
     clock = SimpleNamespace(sleep=slept.append, monotonic=time.monotonic, time=time.time)
     monkeypatch.setattr(slcan_bus, 'time', clock)
     with serial_line() as (adapter, port):
-        client = open_bus('slcan', port, 500_000, {})
+        client = open_bus('slcan', port, 500_000)
         assert sum(slept) == pytest.approx(slcan_bus.RESET_TIME - slcan_bus.WAKE_TIMEOUT)
         twice = rb'C\r.*S6\r.*O\r.*V\r.*S6\r.*O\r'
         assert re.fullmatch(twice, read_until(adapter, twice), re.DOTALL)

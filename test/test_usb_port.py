@@ -93,14 +93,14 @@ def test_a_pulled_adapter_is_closed_for_certain():
     pty = SlcanPty()
     adapter = BusNetwork(pty, lambda message: None, lambda fault, error: None)  # answers
     before = descriptors()
-    bus = open_bus('slcan', pty.port, 1_000_000, {})
+    bus = open_bus('slcan', pty.port, 1_000_000)
     assert descriptors() > before
     network = BusNetwork(bus, lambda message: None, lambda fault, error: None)
     adapter.close()
     network.close()
     assert descriptors() == before - OF_PTY
     with pytest.raises(BusError):
-        open_bus('slcan', pty.port, 1_000_000, {})
+        open_bus('slcan', pty.port, 1_000_000)
     assert descriptors() == before - OF_PTY
 
 

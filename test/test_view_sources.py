@@ -48,7 +48,7 @@ def test_a_bus_is_shown_while_somebody_looks_and_left_alone_after(skin):
     assert source.age(seen) < 5
     source.stop()
     assert source.store.shown().pads['left'] is None  # nothing of before is shown when the next one looks
-    with open_bus(skin[0].interface, skin[0].channel, 1_000_000, {}) as other:
+    with open_bus(skin[0].interface, skin[0].channel, 1_000_000) as other:
         time.sleep(0.3)
         heard = received(other)
     assert 0x80 not in heard and not any(0x180 <= can_id < 0x580 for can_id in heard)  # CiA 301: SYNC, TPDOs
@@ -56,7 +56,7 @@ def test_a_bus_is_shown_while_somebody_looks_and_left_alone_after(skin):
 
 def test_a_bus_that_another_master_runs_is_not_disturbed(skin):
     import can
-    with open_bus(skin[0].interface, skin[0].channel, 1_000_000, {}) as other:
+    with open_bus(skin[0].interface, skin[0].channel, 1_000_000) as other:
         sync = other.send_periodic(can.Message(arbitration_id=0x80, is_extended_id=False), 0.02)
         with pytest.raises(BusError, match='another'):
             BusSource(*skin).check()

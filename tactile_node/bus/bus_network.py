@@ -5,7 +5,7 @@ import logging
 import threading
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import Any
@@ -31,7 +31,7 @@ _REMEDIES = {
     'slcan': 'Check the device path, and that you may open it (group dialout).'}
 
 
-def open_bus(interface: str, channel: str, bitrate: int, options: Mapping[str, Any]) -> can.BusABC:
+def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.BusABC:
     """Open a python-can bus. Raises BusError; ConfigurationError for an interface that python-can has not."""
     if interface not in can.VALID_INTERFACES:
         close = get_close_matches(interface.lower(), can.VALID_INTERFACES, n=1)

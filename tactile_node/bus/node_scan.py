@@ -133,7 +133,7 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
 def _listen_at(channel: str, bitrate: int, listen: float) -> tuple[int, int]:
     """Return how many sound frames and error frames come, for as long as the bit rate may be right. Raises BusError."""
     frames = error_frames = 0
-    bus = open_bus('slcan', channel, bitrate, {'listen_only': True})
+    bus = open_bus('slcan', channel, bitrate, listen_only=True)
     try:
         begun = time.monotonic()
         while frames < 10 and not error_frames and (left := begun + OPENING_TIME + listen - time.monotonic()) > 0:

@@ -76,7 +76,7 @@ class SkinBus:
             return
         settings = self._settings
         channel = settings.channel if self._port is None else self._port.channel()
-        bus = open_bus(settings.interface, channel, settings.bitrate, {})
+        bus = open_bus(settings.interface, channel, settings.bitrate)
         if self._port is not None:
             self._port.opened()
         record = self._open_record(bus)

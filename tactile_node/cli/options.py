@@ -186,7 +186,7 @@ def open_network(args: argparse.Namespace, on_batch: 'Callable[[Batch], None]') 
     """The bus that the options of `add_bus_options` name. Raises BusError, also where it fails meanwhile."""
     from tactile_node.bus.bus_network import BusNetwork, open_bus  # python-can, of which completion must not wait
     failures: list[Exception] = []
-    network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate, {}), on_batch,
+    network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate), on_batch,
                          lambda fault, error: failures.append(error), name=f'{args.interface} {args.channel}')
     try:
         yield network

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     check_writable(args.file, force=args.force)
     for path in files_of(args.file):
         check_new(path, force=args.force)
-    bus = open_bus(args.interface, args.channel, args.bitrate, {})
+    bus = open_bus(args.interface, args.channel, args.bitrate)
     try:
         log = CanLogWriter(args.file, args.channel, round(args.rotate_mb * MEGABYTE), replaces=args.force)
         try:

@@ -158,7 +158,7 @@ def _open(args: argparse.Namespace) -> tuple[can.BusABC, str]:
     if args.pty:
         adapter = SlcanPty(args.link)
         return adapter, adapter.port
-    return open_bus(args.interface, args.channel, args.bitrate, {}), args.channel
+    return open_bus(args.interface, args.channel, args.bitrate), args.channel
 
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:

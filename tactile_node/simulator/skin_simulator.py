@@ -163,7 +163,7 @@ class SkinSimulator:
 
     def start(self, interface: str, channel: str, bitrate: int = DEFAULT_BITRATE) -> None:
         """Open the bus by name and boot the devices; BusError."""
-        self.start_on(open_bus(interface, channel, bitrate, {}))
+        self.start_on(open_bus(interface, channel, bitrate))
 
     def start_on(self, bus: can.BusABC) -> None:
         """Boot the devices on ``bus``, which is closed by ``stop``."""
