@@ -23,10 +23,10 @@ import pose_mechanics
 from pose_world import CONDITIONS, by_moments, by_rectangle, draw, error, same_handedness
 from scipy.stats import binom, chi2
 
+from bench.recognition.figures import rate_of
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.moments import contact_moments
 from tactile_node.pose.outlines import OUTLINES
-from tactile_node.rate import Rate
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.world import CLASSES
 from training.ground_truth.seeds import Purpose, generator
@@ -141,7 +141,7 @@ def by_area(report: Report, count: int) -> None:
             of = [Fitted(shape, condition, area, count, purpose=Purpose.EVALUATION) for shape in CLASSES]
             inside = np.concatenate([one.distances() < 1 for one in of])
             rows.append([condition, str(area), _medians([each for one in of for each in one.errors]),
-                         str(Rate.of(inside))])
+                         str(rate_of(inside))])
     report.table(['frames', 'N', 'centre / angle / length', '95 % region holds the truth'], rows)
 
 
@@ -151,12 +151,12 @@ def regions(report: Report, fitted: dict) -> None:
     report.say()
     inside = {key: of.distances() < 1 for key, of in fitted.items()}
     rows = [[condition, *(f'{inside[condition, shape].mean():.1%}' for shape in CLASSES),
-             str(Rate.of(np.concatenate([inside[condition, shape] for shape in CLASSES])))] for condition in CONDITIONS]
+             str(rate_of(np.concatenate([inside[condition, shape] for shape in CLASSES])))] for condition in CONDITIONS]
     report.table(['frames', *CLASSES, 'all'], rows)
     for name, chosen in (('pressure', [c for c in CONDITIONS if c != 'on/off']), ('on/off', ['on/off'])):
         together = np.concatenate([inside[condition, shape] for condition in chosen for shape in CLASSES])
         share = together.mean()
-        report.say(f'- {name} frames together: {Rate.of(together)}: '
+        report.say(f'- {name} frames together: {rate_of(together)}: '
                    f'{"met" if 0.93 <= share <= 0.97 else "NOT MET"}')
     report.say()
 
@@ -172,7 +172,7 @@ def corners(report: Report, fitted: dict) -> None:
         wrong = np.array([each.angle > 60 for each in of.strict])
         said = np.array([fit.symmetry == 3 for fit in of.fits])
         handedness = fitted[condition, 'right_triangle'].handedness
-        rows.append([condition, *(str(Rate.of(each)) for each in (said, wrong, wrong & ~said, np.array(handedness)))])
+        rows.append([condition, *(str(rate_of(each)) for each in (said, wrong, wrong & ~said, np.array(handedness)))])
     report.table(['frames', 'symmetry 3', 'wrong apex', 'wrong, unsaid', 'same handedness'], rows)
 
 

@@ -11,13 +11,13 @@ from pose_world import Error, error_from
 from scipy.stats import chi2
 
 from bench.recognition import mechanics
+from bench.recognition.figures import rate_of
 from tactile_node import find_contact
 from tactile_node.learning.response import SkinResponse
 from tactile_node.pose.evidence import gather
 from tactile_node.pose.fit import Part, ShapeFit, fit_shape, in_metres
 from tactile_node.pose.outlines import OUTLINES
 from tactile_node.pose.search import search
-from tactile_node.rate import Rate
 from tactile_node.shape.recognition import Shape
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution
@@ -170,4 +170,4 @@ def _cells(row: Row) -> list[str]:
     angles = [error.angle for error in row.errors if error.angle == error.angle]
     return [row.name, f'{row.area:g}', str(len(row.errors)), f'{row.bias:+.2f}', f'{row.spread:.2f}',
             f'{np.median([error.centre for error in row.errors]):.3f}', f'{np.median(angles):.2f}' if angles else '-',
-            str(Rate.of(row.inside)), f'{np.median(row.residuals):.3f}']
+            str(rate_of(row.inside)), f'{np.median(row.residuals):.3f}']

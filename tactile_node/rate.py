@@ -2,19 +2,12 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
 
 class Rate(NamedTuple):
     """``right`` ones of ``total``."""
 
     right: int
     total: int
-
-    @classmethod
-    def of(cls, right: np.ndarray) -> 'Rate':
-        """Return the rate of the True ones in ``right``, bool, shape (n,)."""
-        return cls(int(np.count_nonzero(right)), len(right))
 
     @property
     def value(self) -> float:

@@ -14,6 +14,11 @@ class Rate(rate.Rate):
         return f'{100 * self.value:.2f} ({100 * low:.2f}-{100 * high:.2f})'
 
 
+def rate_of(right: np.ndarray) -> rate.Rate:
+    """Return the rate of the True ones in ``right``, bool, shape (n,)."""
+    return rate.Rate(int(np.count_nonzero(right)), len(right))
+
+
 def calibration_error(confidence: np.ndarray, right: np.ndarray, bins: int = 15) -> float:
     """Expected calibration error: mean distance of confidence and rate over ``bins`` of equal width."""
     which = np.minimum((confidence * bins).astype(int), bins - 1)

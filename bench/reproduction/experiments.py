@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bench.recognition.figures import rate_of
 from bench.reproduction.inside import WORLD as INSIDE_WORLD
 from bench.reproduction.inside import InsideReading, measure_inside, wanted_inside
 from bench.reproduction.matrices import features_at_angles
@@ -62,7 +63,7 @@ def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int,
             methods.append(method)
     learner = NearestNeighbours(drawn['benchmark training'].every, drawn['benchmark validation'].every)
     methods.append(Method('the same six features, nearest neighbours', {
-        size: Rate.of(learner.answers(samples) == samples.labels) for size, samples in every.items()}))
+        size: rate_of(learner.answers(samples) == samples.labels) for size, samples in every.items()}))
     return Results(
         methods=methods,
         confusions={size: confusion(answered[size], every[size].labels) for size in SIZES},
@@ -103,7 +104,7 @@ def _lost(samples: Samples, classifier: VolfClassifier) -> dict[int, float]:
 
 def _readings(drawn: dict[str, Drawn]) -> dict[str, Rate]:
     training, validation = drawn['benchmark training'].every, drawn['benchmark validation'].every
-    return {name: Rate.of(answers(fit_classifier(training, third).planes, validation) == validation.labels)
+    return {name: rate_of(answers(fit_classifier(training, third).planes, validation) == validation.labels)
             for name, third in READINGS.items()}
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from bench.recognition.figures import rate_of
 from tactile_node.rate import Rate
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from training.curve_fitting import COLUMNS, READINGS, Samples, answers, fit_classifier
@@ -36,7 +37,7 @@ def best_fit(training: Samples) -> VolfClassifier:
 
 def measured(name: str, classifier: VolfClassifier, evaluation: Mapping[int, Samples]) -> Method:
     """Return what the curves of ``classifier`` reach on fresh patterns by size."""
-    return Method(name, {size: Rate.of(answers(classifier.planes, samples) == samples.labels)
+    return Method(name, {size: rate_of(answers(classifier.planes, samples) == samples.labels)
                          for size, samples in evaluation.items()})
 
 
