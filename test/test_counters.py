@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 pytest.importorskip('jinja2')
 
+from diagnosed import diagnosed  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 
 from tactile_node.assembly import counters  # noqa: E402
@@ -36,7 +37,7 @@ ROWS = (('BUS_LOSSES', 'poll_overruns', 0), ('BUS_EVENTS', 'stalls', 0), ('PAD_C
 
 def sent():
     """The diagnostics of a bus with one pad and one node, and its status."""
-    diagnostics = BusDiagnostics('driver', 'can0').message(COUNTS, HEALTH)
+    diagnostics = diagnosed(BusDiagnostics('driver', 'can0'), COUNTS, HEALTH)
     return diagnostics, status_message(diagnostics, COUNTS, HEALTH)
 
 

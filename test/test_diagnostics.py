@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from diagnosed import diagnosed
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tactile_node.assembly.fault_text import failure_text
@@ -53,7 +54,7 @@ def value_of(status, key):
 
 
 def levels(diagnostics, counts, health=None):
-    return [status.level for status in diagnostics.message(counts, health or BusHealth()).status]
+    return [status.level for status in diagnosed(diagnostics, counts, health or BusHealth()).status]
 
 
 def healthy_but(**changes):
@@ -81,13 +82,13 @@ def test_a_loss_stays_reported_for_a_second_however_often_the_state_is_evaluated
 
 
 def test_statuses_have_the_nodes_full_name():
-    names = [status.name for status in each_second().message(statistics(), BusHealth()).status]
+    names = [status.name for status in diagnosed(each_second(), statistics(), BusHealth()).status]
     assert names == ['/gripper/driver: bus', '/gripper/driver: left']
 
 
 def test_a_dead_bus_is_an_error_with_its_reason():
     failure = Failure(BusFault.RECEPTION_FAILED, 'unplugged')
-    status = each_second().message(statistics(), BusHealth(failure)).status[0]
+    status = diagnosed(each_second(), statistics(), BusHealth(failure)).status[0]
     assert (status.level, status.message, status.hardware_id) == (ERROR, failure_text(failure), 'can0')
     assert value_of(status, 'fault') == 'RECEPTION_FAILED'
 
@@ -102,8 +103,8 @@ def test_a_dead_bus_is_an_error_with_its_reason():
 ])
 def test_a_pad_is_ok_only_while_its_node_is(changes, level, text):
     diagnostics = each_second()
-    diagnostics.message(statistics(), BusHealth(nodes={'left': (WELL,)}))
-    pad = diagnostics.message(statistics(frames=30), healthy_but(**changes)).status[1]
+    diagnosed(diagnostics, statistics(), BusHealth(nodes={'left': (WELL,)}))
+    pad = diagnosed(diagnostics, statistics(frames=30), healthy_but(**changes)).status[1]
     assert pad.level == level and text in pad.message
     assert value_of(pad, 'fault') == changes.get('fault', NodeFault.NONE).name
 
@@ -133,7 +134,7 @@ def test_the_bus_is_ok_only_while_nothing_happens_to_it(health, level):
 def test_values_of_a_node_are_reported_by_name():
     last = decode_emergency(bytes.fromhex('3081110000000000'), 0.0)
     health = healthy_but(heartbeat_age=0.25, emergencies=4, last_emergency=last, outages=Outages(2, 1.5))
-    pad = each_second().message(statistics(), health._replace(load=0.305)).status
+    pad = diagnosed(each_second(), statistics(), health._replace(load=0.305)).status
     values = {item.key: item.value for status in pad for item in status.values}
     assert values['bus_load_percent'] == '30.5'
     assert (values['nmt_state'], values['heartbeat_age_s'], values['outages'], values['outage_seconds']) == (
@@ -145,7 +146,7 @@ def test_values_of_a_node_are_reported_by_name():
 def test_a_pad_whose_zero_is_not_valid_is_an_error_with_its_reason(zero):
     diagnostics, no_faults = each_second(), FaultyTaxels(np.zeros((1, 1), np.uint8))
     conditions = {'left': PadCondition(no_faults, zero=zero)}
-    status = diagnostics.message(statistics(), healthy_but(), conditions).status[1]
+    status = diagnosed(diagnostics, statistics(), healthy_but(), conditions).status[1]
     assert status.level == ERROR and zero.phrase in status.message
     conditions = {'left': PadCondition(no_faults)}
-    assert diagnostics.message(statistics(frames=20), healthy_but(), conditions).status[1].level == OK
+    assert diagnosed(diagnostics, statistics(frames=20), healthy_but(), conditions).status[1].level == OK

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnosed import diagnosed
 from rclpy.qos import DurabilityPolicy
 
 from tactile_node.assembly.fault_text import failure_text
@@ -42,7 +43,7 @@ def message(late=0, fault=NodeFault.NONE, **health):
     node = NodeHealth(32, NmtState.OPERATIONAL, True, None, boots=1, fault=fault,
                       outages=Outages(2, 1.5, NodeFault.BOOTED))
     state = BusHealth(nodes={'left': (node,)}, load=0.25, **health)
-    return status_message(BusDiagnostics('driver', 'can0').message(counts, state), counts, state)
+    return status_message(diagnosed(BusDiagnostics('driver', 'can0'), counts, state), counts, state)
 
 
 def test_counts_and_state_are_in_their_fields():
@@ -107,7 +108,7 @@ def test_nmt_states_have_their_numbers_and_0_is_not_known(state, number):
     pad = PadStatistics(complete=9, incomplete=0, expected=320, received=320, used=320, pending=0, losses={})
     counts = BusStatistics({'left': pad}, {})
     health = BusHealth(nodes={'left': (NodeHealth(32, state, True, None),)})
-    node, = status_message(BusDiagnostics('driver', 'can0').message(counts, health), counts, health).pads[0].nodes
+    node, = status_message(diagnosed(BusDiagnostics('driver', 'can0'), counts, health), counts, health).pads[0].nodes
     assert node.nmt_state == number and (node.nmt_state == 0) == (state is None)
 
 
@@ -123,7 +124,7 @@ def test_a_faulty_taxel_has_its_code():
     pad = PadStatistics(complete=9, incomplete=0, expected=320, received=320, used=320, pending=0, losses={})
     counts, health = BusStatistics({'left': pad}, {}), BusHealth()
     conditions = {'left': PadCondition(FaultyTaxels(kinds))}
-    sent = BusDiagnostics('driver', 'can0').message(counts, health, conditions)
+    sent = diagnosed(BusDiagnostics('driver', 'can0'), counts, health, conditions)
     assert [item.value for item in sent.status[1].values if item.key == 'faulty_taxels'] == ['stuck: (1, 0)']
     taxel, = status_message(sent, counts, health, conditions).pads[0].faulty_taxels
     assert (taxel.row, taxel.col, taxel.code, taxel.fault) == (1, 0, FaultyTaxel.STUCK, 'stuck')
@@ -133,7 +134,7 @@ def test_a_pad_has_the_state_of_its_zero():
     pad = PadStatistics(complete=9, incomplete=0, expected=320, received=320, used=320, pending=0, losses={})
     counts, health = BusStatistics({'left': pad}, {}), BusHealth()
     conditions = {'left': PadCondition(FaultyTaxels(np.zeros((2, 2), np.uint8)), zero=ZeroState.DEVICE_HAS_RESTARTED)}
-    diagnostics = BusDiagnostics('driver', 'can0').message(counts, health, conditions)
+    diagnostics = diagnosed(BusDiagnostics('driver', 'can0'), counts, health, conditions)
     assert status_message(diagnostics, counts, health, conditions).pads[0].zero_state \
         == PadStatus.ZERO_DEVICE_HAS_RESTARTED
     assert status_message(diagnostics, counts, health).pads[0].zero_state == PadStatus.ZERO_NOT_KNOWN

@@ -65,11 +65,6 @@ class BusDiagnostics:
             findings.append(_worst(of_pad))
         return tuple(findings)
 
-    def message(self, counts: BusStatistics, health: BusHealth,
-                conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> DiagnosticArray:
-        """Evaluate the state and return its message."""
-        return self.message_of(self.evaluate(counts, health, conditions), counts, health, conditions)
-
     def message_of(self, findings: Sequence[Finding], counts: BusStatistics, health: BusHealth,
                    conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> DiagnosticArray:
         """Return the message of what ``evaluate`` has found."""
