@@ -16,8 +16,8 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
-from tactile_node.bus import threads
-from tactile_node.bus.threads import FIRST_REMINDER
+from tactile_node.bus import message_pace
+from tactile_node.bus.message_pace import FIRST_REMINDER
 from tactile_node.nodes import driver_node
 from tactile_node.nodes.lifecycle_steps import WAITING
 from tactile_node.nodes.pad_output import PadOutput
@@ -239,7 +239,7 @@ def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
     most it is published is in test_pacer.py.
     """
     chain.start()
-    monkeypatch.setattr(threads, 'EARLY_ROUND', -inf)
+    monkeypatch.setattr(message_pace, 'EARLY_ROUND', -inf)
     chain.bench.adapter.is_plugged = False
     chain.until(lambda: chain.status[-1].fault != SkinStatus.FAULT_NONE, 'not reported')
     chain.bench.adapter.is_plugged = True

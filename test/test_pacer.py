@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tactile_node.bus.threads import EARLY_ROUND, MOST_STATES, STATE_PERIOD, ChangePace, Schedule
+from tactile_node.bus.message_pace import EARLY_ROUND, MOST_STATES, STATE_PERIOD, ChangePace
+from tactile_node.bus.threads import Schedule
 
 
 def times(delays, period=1.0, lasts=0.0):

@@ -11,8 +11,8 @@ from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 
 from tactile_node.bus.domain_polling import check_domain
+from tactile_node.bus.message_pace import Reminder
 from tactile_node.bus.own_sdo import explain_refusal
-from tactile_node.bus.threads import Reminder
 from tactile_node.cia301 import objects
 from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.errors import DeviceAbsentError, DeviceError, InterruptedSetupError

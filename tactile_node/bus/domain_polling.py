@@ -9,7 +9,8 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
 
 from tactile_node.assembly.health import BusFault
-from tactile_node.bus.threads import Pacer, Reminder
+from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.threads import Pacer
 from tactile_node.errors import BusError, DeviceError
 from tactile_node.skin.layout import DomainLayout
 

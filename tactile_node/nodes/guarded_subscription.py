@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from tactile_node.bus.threads import Reminder
+from tactile_node.bus.message_pace import Reminder
 from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
 from tactile_node.ros.message_checks import Check, Message, RejectReason
 from tactile_node.ros.message_health import MessageCounts, StreamHealth

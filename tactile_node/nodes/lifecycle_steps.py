@@ -14,7 +14,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 
-from tactile_node.bus.threads import Reminder
+from tactile_node.bus.message_pace import Reminder
 from tactile_node.errors import DeviceError, TactileError
 from tactile_node.ros.rosout_handler import PACKAGE_LOGGER, RosoutHandler
 

@@ -10,7 +10,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tactile_node.bus.threads import Reminder
+from tactile_node.bus.message_pace import Reminder
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.message_age import use_stamps
 from tactile_node.ros.message_health import StreamFault, StreamHealth, health_status, several_text, topics_of_several

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 
-from tactile_node.bus.threads import Reminder
+from tactile_node.bus.message_pace import Reminder
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import FrameTree
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, LatestGap, LinearGap, Opening, is_plausible, opening

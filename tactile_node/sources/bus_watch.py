@@ -9,7 +9,7 @@ from tactile_node.assembly.health import Overload, SyncFault, SyncState
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.load import MOST_LOAD, planned_load
-from tactile_node.bus.threads import Reminder
+from tactile_node.bus.message_pace import Reminder
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.node_traffic import BusSeen
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from tactile_node.assembly.frame_source import PadStatistics
 from tactile_node.assembly.health import Failure, NodeFault, NodeHealth
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.threads import Reminder
+from tactile_node.bus.message_pace import Reminder
 from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.objects import NmtState
 from tactile_node.skin.layout import DomainLayout, TpdoLayout

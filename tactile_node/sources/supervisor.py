@@ -14,8 +14,8 @@ from tactile_node.assembly.frame_source import BusStatistics, OnFrame
 from tactile_node.assembly.health import BusHealth, Failure
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.message_pace import Reminder
 from tactile_node.bus.skin_bus import SkinBus
-from tactile_node.bus.threads import Reminder
 from tactile_node.errors import BusError, LogError
 from tactile_node.skin.pads import LivePad
 from tactile_node.skin.taxel_codec import without_values
