@@ -6,7 +6,7 @@ from can_bench import Loss, is_balanced, only, taxel_frames, telling, tiny_layou
 
 from tactile_node.assembly.assembler import ORDER_MEMORY, FrameAssembler
 from tactile_node.assembly.frame_source import LossReason
-from tactile_node.assembly.sweep_period import FreeBus
+from tactile_node.assembly.free_bus import FreeBus
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 VALID, STALE, DEAD, SATURATED = TaxelStatus.VALID, TaxelStatus.STALE, TaxelStatus.DEAD, TaxelStatus.SATURATED

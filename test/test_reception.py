@@ -10,10 +10,11 @@ import can
 import pytest
 from can_bench import serial_line, wait_until
 
+from tactile_node.assembly.free_bus import SyncPause
 from tactile_node.bus import traffic as traffic_module
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.reception import MOST_IN_BATCH, Batch, Reception
-from tactile_node.bus.traffic import SyncPause, Traffic
+from tactile_node.bus.traffic import Traffic
 
 pytestmark = pytest.mark.bus
 

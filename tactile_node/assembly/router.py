@@ -9,10 +9,10 @@ import can
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.assembly.frame_source import BusStatistics, OnFrame
+from tactile_node.assembly.free_bus import SLOW_BITRATE, FreeBus
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
-from tactile_node.assembly.sweep_period import SLOW_BITRATE, FreeBus
 from tactile_node.cia301.objects import service_of
 from tactile_node.skin.pads import PadSettings
 
@@ -80,7 +80,7 @@ class Router:
         """A SYNC, own or foreign: every pad's period ends and the next begins."""
         self.bus.sync(stamp)
         for name, assembler in self._assemblers.items():
-            self._hand_over(name, assembler.sync(stamp))
+            self._deliver(name, assembler.sync(stamp))
 
     def feed(self, can_id: int, data: bytes, stamp: float, after: float | None = None) -> None:
         """A data frame with an 11-bit identifier. It came ``after`` this stamp, where its own does not say when."""
@@ -96,7 +96,7 @@ class Router:
             name, assembler, has_sync = owner
             self._counts[assembler.service] += 1
             if self.is_running or has_sync:  # without SYNC, what comes while not active is no sample
-                self._hand_over(name, assembler.feed(can_id, data, stamp))
+                self._deliver(name, assembler.feed(can_id, data, stamp))
         elif can_id == self._sync_id:
             self._counts['sync'] += 1
             if self._foreign_sync and self.is_running:
@@ -116,13 +116,13 @@ class Router:
     def end(self) -> None:
         """End the last period, since no more CAN frames will come."""
         for name, assembler in self._assemblers.items():
-            self._hand_over(name, assembler.end_period())
+            self._deliver(name, assembler.end_period())
 
     def statistics(self) -> BusStatistics:
         pads = {name: assembler.statistics() for name, assembler in self._assemblers.items()}
         return BusStatistics(pads, dict(self._counts), consumer_errors=self._consumer_errors)
 
-    def _hand_over(self, name: str, frames: Frames) -> None:
+    def _deliver(self, name: str, frames: Frames) -> None:
         for frame in frames:
             try:
                 self._on_frame(name, frame)

@@ -1,63 +1,9 @@
 """What was received of one pad between two SYNCs. ``assembler`` states the rules."""
 
-from math import inf
-
 import numpy as np
 
 from tactile_node.assembly.sender_run import Payload, SenderRun
-from tactile_node.cia301.frame_bits import Frame, worst_case_bits
 from tactile_node.cia301.objects import MAX_PDO_BYTES
-
-#: s that the bus was free for: more than adapters hold frames back (2 ms), or a busy device pauses between two TPDOs
-FREE_TIME = 0.006
-SLOW_BITRATE = 125_000  #: bit/s, of a log, which does not say how long its frames have kept the bus busy
-
-
-class FreeBus:
-    """For how long the bus was free, by stamps [s], when the answer to a SYNC was due and no TPDO came any more.
-
-    A node answers a SYNC within half a period while the bus is free. One that then sends nothing has nothing to send.
-    Frames that are no TPDOs may go first, and take their time at ``bitrate`` [bit/s]. A period without any TPDO proves
-    nothing: an adapter may hold them back.
-
-    >>> bus = FreeBus(1_000_000)
-    >>> bus.sync(0.00); bus.sync(0.02); bus.take(0.021); bus.sync(0.04)
-    >>> bus.proves(until=0.032), bus.proves(until=0.041)
-    (False, True)
-    """
-
-    def __init__(self, bitrate: int):
-        self._frame_time = worst_case_bits(Frame(0, bytes(8), is_extended=True)) / bitrate
-        self.restart()
-
-    def restart(self) -> None:
-        """SYNC was off."""
-        self._synced = inf
-        self._due = self._due_before = inf  # the answer to the last SYNC, and to the one before
-        self._since = self._since_before = inf  # the bus is free, and they did not come
-
-    def sync(self, stamp: float) -> None:
-        self._due_before, self._since_before = self._due, self._since
-        self._due = inf if self._synced == inf else stamp + (stamp - self._synced) / 2
-        self._since = inf
-        self._synced = stamp
-
-    def take(self, stamp: float) -> None:
-        """A TPDO was received, and another may follow."""
-        self._since_before = max(self._due_before, stamp)
-        self._since = max(self._due, stamp)
-
-    def occupy(self, stamp: float, seconds: float | None = None) -> None:
-        """Until this stamp the bus may have carried something else for so long, or a frame that is no TPDO."""
-        seconds = self._frame_time if seconds is None else seconds
-        if stamp > self._since_before:
-            self._since_before += seconds
-        if stamp > self._since:
-            self._since += seconds
-
-    def proves(self, until: float) -> bool:
-        """Whether no answer to the SYNC before the last one is to come, if no TPDO came until this stamp."""
-        return until - self._since_before >= FREE_TIME + self._frame_time  # which may be under way
 
 
 class SweepPeriod:

@@ -5,57 +5,20 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
-from math import ceil, inf
+from math import inf
 from queue import SimpleQueue
 
 import can
 
+from tactile_node.assembly.free_bus import SyncPause
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router, non_data_kind
-from tactile_node.assembly.sweep_period import FREE_TIME
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, OnFailure
 from tactile_node.bus.reception import Batch
 from tactile_node.bus.stamp_clock import StampClock
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
-
-PAUSE_SPACING = 4  #: SYNCs that are sent between two pauses
-
-
-class SyncPause:
-    """``period``: of SYNC [s].
-
-    >>> pause = SyncPause(period=0.02)
-    >>> [pause.is_due(doubt) for doubt in (False, True, True, True, True, False, False, True)]
-    [False, True, True, True, False, False, False, False]
-    """
-
-    def __init__(self, period: float):
-        # SYNCs: two periods for the sweeps that wait; and the driver sees a free bus 2 ms too short
-        self._length = 2 + ceil((FREE_TIME + 2e-3) / period)
-        self.count = 0  #: SYNCs left out
-        self.restart()
-
-    def restart(self) -> None:
-        """SYNC was off."""
-        self._since = PAUSE_SPACING  # SYNCs sent since the last pause
-        self._left = 0  # SYNCs to be left out
-
-    def is_due(self, is_in_doubt: bool) -> bool:
-        """Whether to leave out the SYNC that is due, where it is in doubt how far a node is."""
-        if not is_in_doubt:
-            self._left = 0
-        elif not self._left and self._since >= PAUSE_SPACING:
-            self._left = self._length
-            self._since = 0
-        if self._left:
-            self._left -= 1
-            self.count += 1
-            return True
-        self._since += 1
-        return False
-
 
 logger = logging.getLogger(__name__)
 
