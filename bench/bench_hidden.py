@@ -22,10 +22,10 @@ from scipy import ndimage
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.package_files import config_path
+from tactile_node.shape.fusion import RecognitionFusion
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, Recognition, Shape
-from tactile_node.shape.recognitions import RecognitionFusion
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.field import NOMINAL_ON_OFF, Conditions, field_frame

@@ -9,9 +9,9 @@ from pose_world import PAD, PRESS, RELEASE
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import TactileError
+from tactile_node.shape.fusion import FusionSettings, RecognitionFusion
 from tactile_node.shape.methods import METHODS, make_recogniser
 from tactile_node.shape.recognition import Shape
-from tactile_node.shape.recognitions import FusionSettings, RecognitionFusion
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import CLASSES, random_contact
 from training.ground_truth.seeds import Purpose, generator

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from tactile_node.pose.box import ContactBox
     from tactile_node.pose.fit import ShapeFit
     from tactile_node.pose.pipeline import StreamedContact
+    from tactile_node.shape.fusion import FusedRecognition, FusionSettings
     from tactile_node.shape.recognition import Recognition, Shape
-    from tactile_node.shape.recognitions import FusedRecognition, FusionSettings
 
     __version__: str
 
@@ -47,7 +47,7 @@ _HOMES = {
     'contact.pattern': ('ContactPattern',),
     'contact.press': ('PressThresholds',),
     'errors': ('ConfigurationError', 'InputError', 'TactileError'),
-    'shape.recognitions': ('FusedRecognition', 'FusionSettings'),
+    'shape.fusion': ('FusedRecognition', 'FusionSettings'),
     'helmholtz.features': ('Features', 'Group'),
     'library.contacts': ('Recogniser', 'contact_box', 'find_contact', 'fit_shape', 'paper_features',
                          'plot_frame'),

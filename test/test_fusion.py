@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tactile_node.errors import ConfigurationError
+from tactile_node.shape.fusion import FusionSettings, RecognitionFusion
 from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
-from tactile_node.shape.recognitions import FusionSettings, RecognitionFusion
 from training.ground_truth.seeds import Purpose, generator
 
 PERIOD = 0.01

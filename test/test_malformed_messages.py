@@ -54,8 +54,8 @@ from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.shape_messages import shape_message
 from tactile_node.ros.source_guard import SOURCE_HOLD
 from tactile_node.ros.time_messages import duration_message, time_message
+from tactile_node.shape.fusion import FusedRecognition, RecognitionFusion
 from tactile_node.shape.recognition import Recognition, Shape
-from tactile_node.shape.recognitions import FusedRecognition, RecognitionFusion
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import (
     Contact,

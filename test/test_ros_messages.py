@@ -25,8 +25,8 @@ from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_grasp, check_taxel_array
 from tactile_node.ros.shape_messages import pose_message, shape_message
 from tactile_node.ros.time_messages import time_message
+from tactile_node.shape.fusion import FusedRecognition
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
-from tactile_node.shape.recognitions import FusedRecognition
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, TpdoAges
 from tactile_skin.msg import ContactShape, Grasp
 

@@ -10,7 +10,7 @@ from tactile_node.learning.response import SkinResponse
 from tactile_node.library.contacts import Recogniser, checked_frame, instance, known_response, scale_by, seconds
 from tactile_node.pose.moments import check_pitch
 from tactile_node.pose.pipeline import ContactPipeline, StreamedContact, Taxels
-from tactile_node.shape.recognitions import FusionSettings
+from tactile_node.shape.fusion import FusionSettings
 
 
 class ContactStream:

@@ -16,10 +16,10 @@ from tactile_node.pose.box import ContactBox, contact_box
 from tactile_node.pose.fit import Finder, FitFollower, ShapeFit, fit_contact
 from tactile_node.pose.moments import ContactMoments, contact_moments
 from tactile_node.pose.profiles import Layer
+from tactile_node.shape.fusion import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition, ShapeClass
-from tactile_node.shape.recognitions import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.taxel_frame import ON_OFF_UNIT
 
 DEFAULT_FUSION = FusionSettings()
