@@ -17,7 +17,7 @@ WALL_CLOCK = {
     'tactile_node/nodes/guarded_subscription.py': 'a warning that the stamps are of another clock',
     'tactile_node/nodes/state_publisher.py': 'stamp of a diagnostic, as REP-107 has it',
     'tactile_node/nodes/node_health.py': 'the same',
-    'tactile_node/nodes/pad_frames.py': 'stamps on tf, of the host that publishes: see docs/hosts.md',
+    'tactile_node/nodes/pad_transforms.py': 'stamps on tf, of the host that publishes: see docs/hosts.md',
     'tactile_node/viewing/page_parts.py': 'a warning that the stamps are of another clock',
     'examples/demo/bag.py': 'when a message was recorded, beside its stamp',
     'examples/demo/watcher.py': 'one host',

@@ -17,7 +17,7 @@ from tactile_node.nodes.grasp_requests import CurrentGrasp, GraspRequests
 from tactile_node.nodes.hand_over import HandOver, StageInput, StageNode
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.opening_source import make_opening_source
-from tactile_node.nodes.pad_frames import publish_pad_frames
+from tactile_node.nodes.pad_transforms import publish_pad_frames
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import Arrival

@@ -22,7 +22,7 @@ TRANSFORM_PERIOD = 0.05  # s; robot_state_publisher's
 SAME_MEASUREMENT = 1e-4  # s; measurements less apart are one
 
 
-class PadFrames:
+class PadTransforms:
     """Publishes where both pads are in the frame of the gripper, as long as its opening is known.
 
     At an opening that is a parameter, the transforms are static; at a measured one they are on /tf, with the time of
@@ -63,7 +63,7 @@ class PadFrames:
 
 
 def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource) -> None:
-    """Start `PadFrames` where the parameter publish_pad_frames is set and tf2_msgs is installed, else log a warning.
+    """Start `PadTransforms` where the parameter publish_pad_frames is set and tf2_msgs is installed, else log a warning.
 
     Raises ConfigurationError for frames that cannot be published.
     """
@@ -81,6 +81,6 @@ def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper
         raise ConfigurationError('parameter publish_pad_frames', expected='a source of the opening', got='none',
                                  remedy='Set gap_source: where the pads are depends on the opening.')
     try:
-        PadFrames(node, settings, gripper, source)
+        PadTransforms(node, settings, gripper, source)
     except ConfigurationError as error:
         logger.warning('%s: the frames of the pads are not published: %s', node.get_fully_qualified_name(), error)

@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.nodes.opening_source import make_opening_source
-from tactile_node.nodes.pad_frames import publish_pad_frames
+from tactile_node.nodes.pad_transforms import publish_pad_frames
 from tactile_node.ros.opening_messages import quaternion
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
