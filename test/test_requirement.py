@@ -9,7 +9,7 @@ import pytest
 
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
 from tactile_node.grasp.gripper import Line
-from tactile_node.grasp.requirement import MOST_SHAPES, Missing, Requirement, SideShape, missing
+from tactile_node.grasp.requirement import MOST_REQUIRED, Missing, Requirement, SideShape, missing
 from tactile_node.grasp.tracker import GraspContact, GraspState, SideState
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -84,7 +84,7 @@ def test_a_limit_that_is_none_is_refused(name, value):
     ({'shapes': frozenset({'none'})}, RequirementRefusal.NO_SUCH_SHAPE),
     ({'shapes': frozenset({'unknown'})}, RequirementRefusal.NO_SUCH_SHAPE),
     ({'shapes': frozenset({''})}, RequirementRefusal.NO_SUCH_SHAPE),
-    ({'shapes': frozenset(f'shape {i}' for i in range(MOST_SHAPES + 1))}, RequirementRefusal.TOO_MANY_SHAPES)])
+    ({'shapes': frozenset(f'shape {i}' for i in range(MOST_REQUIRED + 1))}, RequirementRefusal.TOO_MANY_SHAPES)])
 def test_what_nothing_can_fulfil_is_refused(required, refusal):
     with pytest.raises(RefusedRequirementError) as error:
         Requirement(**required)

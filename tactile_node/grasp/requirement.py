@@ -11,7 +11,7 @@ from tactile_node.grasp.gripper import Line
 from tactile_node.grasp.tracker import GraspContact, GraspState
 from tactile_node.shape.recognition import Shape
 
-MOST_SHAPES = 100  #: shapes of one requirement; there are far fewer classes
+MOST_REQUIRED = 100  #: shapes of one requirement; there are far fewer classes
 NO_SHAPES = ('', Shape.NONE.value, Shape.UNKNOWN.value)
 
 
@@ -76,8 +76,8 @@ class Requirement:
         if 0 < self.max_width < self.min_width:
             raise _refused(RequirementRefusal.EMPTY_RANGE, 'min_width up to max_width',
                            f'{self.min_width} and {self.max_width}', 'Leave max_width 0 for no limit.')
-        if len(self.shapes) > MOST_SHAPES:
-            raise _refused(RequirementRefusal.TOO_MANY_SHAPES, f'at most {MOST_SHAPES} shapes', f'{len(self.shapes)}',
+        if len(self.shapes) > MOST_REQUIRED:
+            raise _refused(RequirementRefusal.TOO_MANY_SHAPES, f'at most {MOST_REQUIRED} shapes', f'{len(self.shapes)}',
                            'Leave them empty for any shape.')
         for name in self.shapes & set(NO_SHAPES):
             raise _refused(RequirementRefusal.NO_SUCH_SHAPE, 'shapes that can be held', repr(name),

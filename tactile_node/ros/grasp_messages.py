@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
 from tactile_node.grasp.gripper import Line
 from tactile_node.grasp.opening import Opening
-from tactile_node.grasp.requirement import MOST_SHAPES, Missing, Requirement
+from tactile_node.grasp.requirement import MOST_REQUIRED, Missing, Requirement
 from tactile_node.grasp.steadiness import FIT_RESOLUTION, PATTERN_RESOLUTION, PRESSURE_RESOLUTION
 from tactile_node.grasp.tracker import GraspState, SideResult, SideState
 from tactile_node.ros.message_age import age_message
@@ -23,7 +23,8 @@ from tactile_node.shape.recognition import SHAPES
 from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, RequirementState
 
 MOST_HIDDEN = 0.25  #: fraction of a contact or of the ring around it; 3 % of dead taxels hide less
-NAME_OF_CODE = {code: shape.value for code, shape in SHAPE_OF_NUMBER.items() if shape in SHAPES}
+#: code -> name, of the shapes that a requirement may ask for
+REQUIRABLE = {code: shape.value for code, shape in SHAPE_OF_NUMBER.items() if shape in SHAPES}
 LONGEST = 3600.0  #: s, timeout of a goal; a longer one is taken for a mistake
 NANOSECONDS = 10**9
 
@@ -128,8 +129,8 @@ def requirement_of(message: GraspRequirement, known_names: Collection[str] = ())
     Raises RefusedRequirementError for a limit that is none, and for a shape that no recogniser reports, for which a
     goal would wait in vain.
     """
-    if len(message.shapes) + len(message.class_names) > 2 * MOST_SHAPES:  # before anything is made of them
-        raise _refused(RequirementRefusal.TOO_MANY_SHAPES, f'at most {MOST_SHAPES} shapes',
+    if len(message.shapes) + len(message.class_names) > 2 * MOST_REQUIRED:  # before anything is made of them
+        raise _refused(RequirementRefusal.TOO_MANY_SHAPES, f'at most {MOST_REQUIRED} shapes',
                        f'{len(message.shapes)} codes and {len(message.class_names)} names')
     shapes = frozenset((*map(_name, message.shapes), *message.class_names))
     requirement = Requirement(
@@ -157,9 +158,9 @@ def state_message(found: Sequence[Missing]) -> RequirementState:
 
 
 def _name(code: int) -> str:
-    if code not in NAME_OF_CODE:
-        raise _refused(RequirementRefusal.NO_SUCH_SHAPE, f'codes {", ".join(map(str, NAME_OF_CODE))}', str(code))
-    return NAME_OF_CODE[code]
+    if code not in REQUIRABLE:
+        raise _refused(RequirementRefusal.NO_SUCH_SHAPE, f'codes {", ".join(map(str, REQUIRABLE))}', str(code))
+    return REQUIRABLE[code]
 
 
 def _duration(message: Duration, name: str) -> float:
