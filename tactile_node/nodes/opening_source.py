@@ -44,11 +44,11 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-NONE = 'none'  #: value of the parameter gap_source
-GAP_SOURCES = {source.name.lower(): source for source in GapSource if source}
+#: Values of the parameter gap_source
+GAP_SOURCES = PARAMETER, JOINT_STATES, TF, NONE = 'parameter', 'joint_states', 'tf', 'none'
 #: parameter -> the sources that read it
-READ_BY = {'gap': ('parameter',), 'gap_joints': ('joint_states',), 'gap_frames': ('tf',),
-           'gap_scale': ('joint_states', 'tf'), 'gap_offset': ('joint_states', 'tf')}
+READ_BY = {'gap': (PARAMETER,), 'gap_joints': (JOINT_STATES,), 'gap_frames': (TF,), 'gap_scale': (JOINT_STATES, TF),
+           'gap_offset': (JOINT_STATES, TF)}
 MOST_FRAMES = 10_000  #: of the robot and of one message: made-up names must not fill the memory
 
 
@@ -80,7 +80,7 @@ def refuse_a_gap_that_nothing_reads(node: Node, source: str) -> None:
     """Refuse a change of ``gap`` at run time that the ``source`` of the opening would ignore."""
     def check(parameters: Sequence[Parameter]) -> SetParametersResult:
         is_set = any(each.name == 'gap' and each.value >= 0 for each in parameters)
-        refused = is_set and source != 'parameter'
+        refused = is_set and source != PARAMETER
         return SetParametersResult(successful=not refused,
                                    reason=f'the opening comes from gap_source {source}' if refused else '')
     node.add_on_set_parameters_callback(check)
@@ -202,9 +202,9 @@ def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.nda
     _check(settings)
     refuse_a_gap_that_nothing_reads(node, settings.gap_source)
     law = LinearGap(settings.gap_offset, settings.gap_scale)
-    if settings.gap_source == 'joint_states':
+    if settings.gap_source == JOINT_STATES:
         return JointStatesOpening(node, settings, law)
-    if settings.gap_source == 'tf':
+    if settings.gap_source == TF:
         return TfOpening(node, settings, law, closing)
     source = ParameterOpening(node)
     if math.isnan(source.current(time.monotonic()).gap):
@@ -215,8 +215,8 @@ def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.nda
 
 def _check(settings: GraspNodeSettings) -> None:
     source, joints, frames = settings.gap_source, settings.gap_joints, settings.gap_frames
-    if source not in (*GAP_SOURCES, NONE):
-        raise ConfigurationError('parameter gap_source', expected=', '.join((*GAP_SOURCES, NONE)), got=repr(source),
+    if source not in GAP_SOURCES:
+        raise ConfigurationError('parameter gap_source', expected=', '.join(GAP_SOURCES), got=repr(source),
                                  remedy='Name where the opening of the gripper comes from.')
     for row in table(GraspNodeSettings):
         value, readers = getattr(settings, row.name), READ_BY.get(row.name, (source,))
@@ -224,9 +224,9 @@ def _check(settings: GraspNodeSettings) -> None:
         if is_set and source not in readers:
             raise ConfigurationError(f'parameter {row.name}', expected=f'no value with gap_source {source}',
                                      got=str(value), remedy=f'Remove it, or set gap_source to {" or ".join(readers)}.')
-    if source == 'joint_states' and (not all(joints) or not joints or len(set(joints)) < len(joints)):
+    if source == JOINT_STATES and (not all(joints) or not joints or len(set(joints)) < len(joints)):
         raise ConfigurationError('parameter gap_joints', expected='names of joints, each once', got=f'{list(joints)}',
                                  remedy='Take them from the URDF; leave out a mimic joint and double gap_scale.')
-    if source == 'tf' and (len(frames) != 2 or not all(frames) or len(set(map(frame_name, frames))) < 2):
+    if source == TF and (len(frames) != 2 or not all(frames) or len(set(map(frame_name, frames))) < 2):
         raise ConfigurationError('parameter gap_frames', expected='a frame on the left and one on the right finger',
                                  got=f'{list(frames)}', remedy='Take both from the URDF.')

@@ -9,9 +9,8 @@ from rclpy.time import Duration
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import Gripper
-from tactile_node.grasp.opening import GapSource
 from tactile_node.nodes.node_health import start_health_timer
-from tactile_node.nodes.opening_source import OpeningSource
+from tactile_node.nodes.opening_source import NONE, PARAMETER, OpeningSource
 from tactile_node.ros.opening_messages import frame_name, pad_transform, tf_message_type
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
 from tactile_node.ros.settings import GraspNodeSettings
@@ -37,7 +36,7 @@ class PadTransforms:
         self._source = source
         self._gap = math.nan  # of the last transforms
         self._measured = -math.inf
-        is_static = settings.gap_source == GapSource.PARAMETER.name.lower()
+        is_static = settings.gap_source == PARAMETER
         self._publisher = node.create_publisher(self._message, '/tf_static' if is_static else '/tf',
                                                 TF_STATIC_QOS if is_static else TF_QOS)
         start_health_timer(node, self._publish_static if is_static else self._publish_moving, TRANSFORM_PERIOD)
@@ -63,7 +62,7 @@ class PadTransforms:
 
 
 def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource) -> None:
-    """Start `PadTransforms` where the parameter publish_pad_frames is set and tf2_msgs is installed, else log a warning.
+    """Start `PadTransforms` where publish_pad_frames is set and tf2_msgs is installed, else log a warning.
 
     Raises ConfigurationError for frames that cannot be published.
     """
@@ -77,8 +76,8 @@ def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper
         raise ConfigurationError(
             'parameter publish_pad_frames', expected='two pad_frames other than frame_id and gap_frames',
             got=', '.join(settings.frames_of_pads), remedy='Leave it false where a URDF has the frames of the pads.')
-    if settings.gap_source == 'none':
-        raise ConfigurationError('parameter publish_pad_frames', expected='a source of the opening', got='none',
+    if settings.gap_source == NONE:
+        raise ConfigurationError('parameter publish_pad_frames', expected='a source of the opening', got=NONE,
                                  remedy='Set gap_source: where the pads are depends on the opening.')
     try:
         PadTransforms(node, settings, gripper, source)
