@@ -25,10 +25,9 @@ from bench.recognition.stamp import pressed
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.learning.head_fit import load_background
 from tactile_node.learning.taught_file import examples_of, write_taught
-from tactile_node.learning.teach import Taught, teach
+from tactile_node.learning.teach import Rate, Taught, teach
 from tactile_node.learning.touches import find_touches
 from tactile_node.package_files import config_path
-from tactile_node.rate import Rate
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, Shape

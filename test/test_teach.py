@@ -14,10 +14,9 @@ from tactile_node.cli.main import main
 from tactile_node.cli.touch_sources import _guide
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.taught_file import examples_in
-from tactile_node.learning.teach import LEAST_RIGHT, teach
+from tactile_node.learning.teach import LEAST_RIGHT, Rate, teach
 from tactile_node.learning.touches import Unused, find_touches
 from tactile_node.package_files import config_path
-from tactile_node.rate import Rate
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import Shape, TaughtShape, UnknownReason

@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.stats import norm
 
-from tactile_node import rate
+from tactile_node.learning import teach
 
 
-class Rate(rate.Rate):
+class Rate(teach.Rate):
     """As the tables of recognition give it: in percent, without the sign."""
 
     def __str__(self) -> str:
@@ -14,9 +14,9 @@ class Rate(rate.Rate):
         return f'{100 * self.value:.2f} ({100 * low:.2f}-{100 * high:.2f})'
 
 
-def rate_of(right: np.ndarray) -> rate.Rate:
+def rate_of(right: np.ndarray) -> teach.Rate:
     """Return the rate of the True ones in ``right``, bool, shape (n,)."""
-    return rate.Rate(int(np.count_nonzero(right)), len(right))
+    return teach.Rate(int(np.count_nonzero(right)), len(right))
 
 
 def calibration_error(confidence: np.ndarray, right: np.ndarray, bins: int = 15) -> float:

@@ -20,7 +20,7 @@ from bench.reproduction.methods import (
 from bench.reproduction.sampling import Drawn, Wanted, draw
 from bench.reproduction.worlds import WORLDS, draw_pattern
 from tactile_node.helmholtz.features import Group
-from tactile_node.rate import Rate
+from tactile_node.learning.teach import Rate
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from training.curve_fitting import AREAS, READINGS, Samples, answers, fit_classifier
 from training.ground_truth.seeds import Purpose, generator

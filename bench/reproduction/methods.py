@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from bench.recognition.figures import rate_of
-from tactile_node.rate import Rate
+from tactile_node.learning.teach import Rate
 from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from training.curve_fitting import COLUMNS, READINGS, Samples, answers, fit_classifier
 

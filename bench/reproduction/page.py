@@ -15,7 +15,7 @@ from bench.reproduction.experiments import Results
 from bench.reproduction.methods import PUBLISHED, SIZES, Method
 from bench.reproduction.wording import explained, findings
 from bench.reproduction.worlds import LONG_RECTANGLES
-from tactile_node.rate import Rate
+from tactile_node.learning.teach import Rate
 from tactile_node.shape.volf import ANSWERS
 
 Row = Sequence[str | int | float]

@@ -13,7 +13,6 @@ import numpy as np
 from tactile_node.errors import InputError
 from tactile_node.learning.head_fit import FOREIGN, Background, Seen, fit_head, seen_by
 from tactile_node.learning.taught_file import Examples
-from tactile_node.rate import Rate
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser
 from tactile_node.shape.taught import Head, join
 from tactile_node.taxel_frame import read_only
@@ -26,6 +25,36 @@ MOST_TAKEN = 0.0015     #: share of the five shapes' contacts, by each taught sh
 OWN_QUANTILE, OWN_SHARE = 0.02, 0.5
 LEAST_RIGHT = 0.95      #: share of the touches held out, for a shape to be worth using: one of 30 may be wrong
 MOST_LOST = 0.003       #: share of the five shapes' contacts
+
+
+class Rate(NamedTuple):
+    """``right`` ones of ``total``: a share with its 95 % interval."""
+
+    right: int
+    total: int
+
+    @property
+    def value(self) -> float:
+        """NaN of nothing."""
+        return self.right / self.total if self.total else float('nan')
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval by E. B. Wilson, J. Am. Stat. Assoc. 22 (1927).
+
+        >>> [round(end, 3) for end in Rate(29, 30).interval]
+        [0.833, 0.994]
+        """
+        from scipy.stats import binomtest  # slow to import
+
+        if not self.total:
+            return 0.0, 1.0
+        low, high = binomtest(self.right, self.total).proportion_ci(method='wilson')
+        return float(low), float(high)
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        return f'{100 * self.value:.1f} % ({100 * low:.1f}-{100 * high:.1f})'
 
 
 class HeldOut(NamedTuple):
