@@ -4,7 +4,6 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -50,7 +49,7 @@ class BusDiagnostics:
         self._looks: deque[Look] = deque()  # ascending; the first is the one to compare with
 
     def evaluate(self, counts: BusStatistics, health: BusHealth,
-                 conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> tuple[Finding, ...]:
+                 conditions: Mapping[str, PadCondition]) -> tuple[Finding, ...]:
         """Return what is found now, of the bus and then of each pad."""
         before = self._before(Look(self._steady(), counts, health))
         findings = [_worst(_bus_findings(counts, before.counts, health, before.health))]
@@ -66,7 +65,7 @@ class BusDiagnostics:
         return tuple(findings)
 
     def message_of(self, findings: Sequence[Finding], counts: BusStatistics, health: BusHealth,
-                   conditions: Mapping[str, PadCondition] = MappingProxyType({})) -> DiagnosticArray:
+                   conditions: Mapping[str, PadCondition]) -> DiagnosticArray:
         """Return the message of what ``evaluate`` has found."""
         statuses = [self._status('bus', findings[0], _bus_values(counts, health))]
         for finding, (name, pad) in zip(findings[1:], counts.pads.items()):
