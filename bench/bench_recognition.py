@@ -2,8 +2,9 @@
 
 Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. Both anchors
 are trained in this run, on the samples of `make train`. Writes recognition.csv, blind_spots.csv, the page and its
-picture. With --validation the patterns come from seeds that are never reported: for a look while something is changed.
-With --alone there are no anchors, and neither torch nor OpenCV is needed: .venv/bin/python does.
+picture. With --validation seeds, and families of foreign and blemished figures, are such that are never reported: what
+choices in the training are judged by. With --alone there are no anchors, and neither torch nor OpenCV is needed:
+.venv/bin/python does.
 """
 
 import argparse
@@ -127,7 +128,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument('--quick', action='store_true', help='a few minutes, wide intervals, anchors half trained')
     parser.add_argument('--only', nargs='+', choices=list(SECTIONS), default=list(SECTIONS), metavar='SECTION',
                         help=f'of {", ".join(SECTIONS)}; default all')
-    parser.add_argument('--validation', action='store_true', help='validation seeds: for a look, not for the report')
+    parser.add_argument('--validation', action='store_true', help='what is never reported, to choose by')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
     parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help="folder of training's samples")
     parser.add_argument('--jobs', type=int, default=2, help='processes, default %(default)s')

@@ -162,9 +162,9 @@ def five_contacts(counts: dict[str, int]) -> Iterator[tuple[tuple[str, bool], Co
 
 def foreign_contacts(count: int) -> Iterator[tuple[str, ContactPattern]]:
     """Family and pattern of ``count`` figures of each family, of 35 to 70 taxels."""
-    for number, family in enumerate(foreign.FAMILIES):
+    for number, (family, drawing) in enumerate(foreign.FAMILIES.items()):
         rng = generator(Purpose.EVALUATION, SEED + 9100 + number)
-        for stamp in foreign.bank(rng, family, count):
+        for stamp in foreign.bank(rng, family, drawing, count):
             frame = pressed(stamp, rng, float(np.exp(rng.uniform(*np.log((35, 70))))), False)
             yield family, PatternExtractor().extract(frame)
 

@@ -18,7 +18,7 @@ def random_stream(seed):
 
 @pytest.mark.parametrize('family', foreign.FAMILIES)
 def test_a_foreign_figure_is_of_one_piece_and_like_none_of_the_five(family):
-    stamp, = foreign.bank(random_stream(1), family, 1)
+    stamp, = foreign.bank(random_stream(1), family, foreign.FAMILIES[family], 1)
     assert ndimage.label(stamp.filled)[1] == 1
     rng, filled = random_stream(2), np.pad(ndimage.binary_fill_holes(stamp.filled)[::2, ::2], 40)
     rows, cols = np.nonzero(filled)
@@ -33,7 +33,7 @@ def test_a_foreign_figure_is_of_one_piece_and_like_none_of_the_five(family):
 @pytest.mark.parametrize('kind', blemish.BLEMISHES)
 @pytest.mark.parametrize('shape', ['circle', 'right_triangle'])
 def test_a_blemished_figure_is_still_most_like_its_shape(kind, shape):
-    stamp, = blemish.bank(random_stream(3), kind, shape, 1)
+    stamp, = blemish.bank(random_stream(3), kind, blemish.reported(kind, shape), shape, 1)
     assert stamp.shape == shape
     assert 0.92 <= stamp.overlap < 0.995
     assert best_overlap(ndimage.binary_fill_holes(stamp.filled)).iou >= 0.915

@@ -25,7 +25,7 @@ LEAST_BIAS = 0.5  #: large clean contacts would allow less, but the same contact
 CLEAN = ((9, 60, 30, 80), (60, 130, 36, 40), (130, 500, 56, 16))  #: areas, pad, batches of 250 or what memory holds
 NEAR = 0.3  #: contacts of sizes within this logarithm count alike
 SOLUTIONS, FRAMES, POSES = 150, 12_000, 3  #: of contact mechanics
-MECHANICS_SEED = 910_000
+MECHANICS_SEED, MECHANICS_AREAS = 910_000, (9.0, 250.0)
 REAL, REAL_SEED = 6000, 920_000  #: of real arrays
 PRESSURE, NOISE, DEAD = (0.05, 0.8), 0.01, 0.03  #: of clean contacts by mechanics; tilt and depth as in training
 
@@ -55,14 +55,13 @@ def validation_solutions(folder: Path) -> list[Solution]:
     return solution_pool(folder, SOLUTIONS, MECHANICS_SEED, Purpose.VALIDATION)
 
 
-def mechanics_samples(rng: np.random.Generator, on_off: bool, count: int, folder: Path,
-                      areas: tuple[float, float] = (9.0, 250.0)) -> Samples:
+def mechanics_samples(rng: np.random.Generator, on_off: bool, count: int, folder: Path) -> Samples:
     """Clean contacts by mechanics, as they are pressed in most grips; the areas log-uniform."""
     solutions = validation_solutions(folder)
     found = []
     while len(found) < count:
         solution = solutions[rng.integers(len(solutions))]
-        area = np.exp(rng.uniform(*np.log(areas)))
+        area = np.exp(rng.uniform(*np.log(MECHANICS_AREAS)))
         field, side = stress_field(solution, area, rng.uniform(*DEPTH)), int(np.ceil(3.2 * np.sqrt(area))) + 8
         for _ in range(POSES):
             x, y = rng.uniform(-0.5, 0.5, 2) + (side - 1) / 2

@@ -56,14 +56,13 @@ def make_forms(rng: np.random.Generator, families: dict[str, Figure], count: int
     return Forms(*arrays, labels_of(arrays[3]))
 
 
-def stored_forms(folder: Path, name: str, families: dict[str, Figure], count: int, purpose: Purpose,
-                 seed: int) -> Forms:
+def stored_forms(folder: Path, name: str, families: dict[str, Figure], count: int, seed: int) -> Forms:
     """Read the pool, or draw and store it where ``folder`` does not hold it."""
     path = folder / f'forms_{name}.npz'
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
         unfinished = path.with_suffix('.part.npz')
-        drawn = make_forms(generator(purpose, seed), families, count)._asdict()
+        drawn = make_forms(generator(Purpose.TRAINING, seed), families, count)._asdict()
         np.savez_compressed(unfinished, **{name: array for name, array in drawn.items() if name != 'labels'})
         unfinished.rename(path)
     with np.load(path) as data:

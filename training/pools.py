@@ -69,7 +69,7 @@ class Part(NamedTuple):
 
 def forms_of(folder: Path, pool: str) -> Forms:
     """The figures of a pool that have a label; of the foreign families no triangles, which may be of any angles."""
-    forms = stored_forms(folder, pool, ALL[pool], FORMS[pool], Purpose.TRAINING, FORMS_SEED + FIRST[pool])
+    forms = stored_forms(folder, pool, ALL[pool], FORMS[pool], FORMS_SEED + FIRST[pool])
     triangle = np.isin(forms.labels, TRIANGLES) & (pool == 'foreign')
     return forms.chosen((forms.labels >= 0) & ~triangle)
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
-from bench.recognition.stamp import Stamp, cropped, drawn, points
+from bench.recognition.stamp import Drawing, Stamp, cropped, drawn, points
 from tactile_node.simulator.world import Contact, random_contact
 from training.ground_truth.overlap import Limits
 
@@ -23,11 +23,11 @@ LIMITS = Limits(ratio=(1.5, 3), legs=(1.5, 2.5), apex=(40, 75))
 Blemish = Callable[[np.random.Generator, Contact, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def bank(rng: np.random.Generator, kind: str, shape: str, count: int) -> list[Stamp]:
+def bank(rng: np.random.Generator, kind: str, drawing: Drawing, shape: str, count: int) -> list[Stamp]:
     """Draw ``count`` figures of ``shape`` with a blemish of ``kind``."""
     stamps: list[Stamp] = []
     while len(stamps) < count:
-        stamp = drawn(kind, rng, lambda rng, x, y: _blemished(rng, kind, shape, x, y), LIMITS)
+        stamp = drawn(kind, rng, drawing, LIMITS)
         if stamp.shape == shape and stamp.overlap >= KEPT:
             stamps.append(stamp)
     return stamps
@@ -42,14 +42,17 @@ def _middle(rng: np.random.Generator, shape: str) -> Contact:
     return replace(random_contact(rng, shape, AREA, rows=1, cols=1), x=0.0, y=0.0)
 
 
-def _blemished(rng: np.random.Generator, kind: str, shape: str, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    while True:
-        contact = _middle(rng, shape)
-        whole = contact.depth(x, y) >= 0
-        figure = BLEMISHES[kind](rng, contact, whole, x, y)
-        overlap = np.count_nonzero(figure & whole) / np.count_nonzero(figure | whole)
-        if KEPT <= overlap <= 1 - SPOILED and ndimage.label(figure)[1] == 1:
-            return figure
+def reported(kind: str, shape: str) -> Drawing:
+    """Return the drawing of figures of ``shape`` with one of BLEMISHES."""
+    def figure_of(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        while True:
+            contact = _middle(rng, shape)
+            whole = contact.depth(x, y) >= 0
+            figure = BLEMISHES[kind](rng, contact, whole, x, y)
+            overlap = np.count_nonzero(figure & whole) / np.count_nonzero(figure | whole)
+            if KEPT <= overlap <= 1 - SPOILED and ndimage.label(figure)[1] == 1:
+                return figure
+    return figure_of
 
 
 def _at_edge(rng: np.random.Generator, contact: Contact) -> tuple[np.ndarray, np.ndarray]:

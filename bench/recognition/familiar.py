@@ -9,11 +9,15 @@ from bench.recognition.cases import Case, patches, seeded
 from bench.recognition.contest import ORDER, OURS, Result, rejection_at_loss
 from bench.recognition.figures import Rate
 from bench.recognition.page import KIND, Table
-from bench.recognition.stamp import Stamp, pressed
+from bench.recognition.stamp import Drawing, Stamp, pressed
 from tactile_node import Shape, find_contact
 from tactile_node.shape.recogniser import OUTPUTS
 from tactile_node.simulator.world import CLASSES
+from training.blemishes import BLEMISHES
+from training.forms import EXTENT
 from training.ground_truth.seeds import Purpose
+from training.held_out import HELD_OUT
+from training.shapes import Figure
 
 FOREIGN_AREAS = (12, 20, 40, 50, 100, 200)
 BLEMISH_AREAS = (40, 100, 200)
@@ -41,19 +45,28 @@ def _cases(name: str, seed: int, stamps: list[Stamp], labels: list[int], areas: 
 
 
 def foreign_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
-    """``figures`` of each family, pressed ``count`` times for each size and kind of frame."""
-    for number, family in enumerate(foreign.FAMILIES):
+    """``figures`` of each family, pressed ``count`` times for each size and kind of frame.
+
+    Validation has families of its own: what is chosen by its figures is not chosen by the families of the report.
+    """
+    families = _validated(HELD_OUT) if purpose is Purpose.VALIDATION else foreign.FAMILIES
+    for number, (family, drawing) in enumerate(families.items()):
         seed = SEEDS['foreign'] + 10_000 * number
-        stamps = foreign.bank(seeded(seed, purpose), family, figures)
+        stamps = foreign.bank(seeded(seed, purpose), family, drawing, figures)
         yield from _cases(family, seed, stamps, [UNKNOWN] * figures, FOREIGN_AREAS, count, purpose)
 
 
 def blemish_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
-    """``figures`` of each kind and shape, pressed ``count`` times for each size and kind of frame."""
-    for number, kind in enumerate(blemish.BLEMISHES):
+    """``figures`` of each kind and shape, pressed ``count`` times for each size and kind of frame.
+
+    Validation has the kinds of the training, for the reason above.
+    """
+    validated = _validated(BLEMISHES) if purpose is Purpose.VALIDATION else {}
+    for number, kind in enumerate(validated or blemish.BLEMISHES):
         seed = SEEDS['blemish'] + 10_000 * number
         rng = seeded(seed, purpose)
-        banks = [blemish.bank(rng, kind, shape, figures) for shape in CLASSES]
+        banks = [blemish.bank(rng, kind, validated.get(kind) or blemish.reported(kind, shape), shape, figures)
+                 for shape in CLASSES]
         stamps = [stamp for of_all in zip(*banks) for stamp in of_all]
         yield from _cases(kind, seed, stamps, [LABEL[stamp.shape] for stamp in stamps], BLEMISH_AREAS, count, purpose)
 
@@ -64,6 +77,12 @@ def whole_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
     stamps = [stamp for _ in range(figures) for stamp in map(lambda shape: blemish.whole(rng, shape), CLASSES)]
     labels = [LABEL[stamp.shape] for stamp in stamps]
     yield from _cases('known', SEEDS['whole'], stamps, labels, FOREIGN_AREAS, count, purpose)
+
+
+def _validated(figures: dict[str, Figure]) -> dict[str, Drawing]:
+    """Return figures of `training` in the square that they are drawn in there."""
+    return {name: lambda rng, x, y, figure=figure: figure(rng, EXTENT * x, EXTENT * y)
+            for name, figure in figures.items()}
 
 
 def foreign_table(known: list[Result], results: list[Result]) -> Table:

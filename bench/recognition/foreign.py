@@ -17,11 +17,11 @@ LETTERS = 'ABCEFGHKLMNPQRSTUVWXYZ2345679&?'
 REACH = 0.9     #: of a figure in its square
 
 
-def bank(rng: np.random.Generator, family: str, count: int) -> list[Stamp]:
+def bank(rng: np.random.Generator, family: str, drawing: Drawing, count: int) -> list[Stamp]:
     """Draw ``count`` foreign figures of ``family``."""
     stamps: list[Stamp] = []
     while len(stamps) < count:
-        stamp = drawn(family, rng, FAMILIES[family])
+        stamp = drawn(family, rng, drawing)
         if stamp.overlap < FOREIGN:
             stamps.append(stamp)
     return stamps
