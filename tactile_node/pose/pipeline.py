@@ -23,6 +23,7 @@ from tactile_node.shape.recognition import Recognition, ShapeClass
 from tactile_node.taxel_frame import ON_OFF_UNIT
 
 DEFAULT_FUSION = FusionSettings()
+SURE = 0.9  #: confidence from which a recognition counts for the frames that are like its own
 
 
 class Curve(Protocol):
@@ -83,10 +84,25 @@ class StreamedContact(NamedTuple):
     """The results for one frame, and for all frames of the contact up to it."""
 
     contact: ContactPattern   #: as recognised: the largest contact with the pieces of it that are torn off
-    recognition: Recognition  #: answer of this frame alone
+    recognition: Recognition  #: answer of this frame alone, or of the one just before it with the same taxels
     fused: FusedRecognition   #: answer of all frames since the contact began
     fit: ShapeFit | None      #: fit of the fused shape; None while nothing with an outline touches
     found: FoundContact       #: the same contact with what is seen of it, its moments and its box
+
+
+class _Answer(NamedTuple):
+    """The recognition of one frame, and what it looked at."""
+
+    found: FoundContact
+    stamp: float
+    recognition: Recognition
+
+    def holds_for(self, found: FoundContact, stamp: float, correlation_time: float) -> bool:
+        """Return whether a frame of ``stamp`` is too soon after this one, and too much like it, to say more."""
+        pattern, before = found.pattern, self.found.pattern
+        return (0 <= stamp - self.stamp < correlation_time and self.recognition.confidence >= SURE
+                and found.visibility == self.found.visibility
+                and np.array_equal(pattern.labels, before.labels) and np.array_equal(pattern.hidden, before.hidden))
 
 
 class ContactPipeline:
@@ -95,6 +111,9 @@ class ContactPipeline:
     ``recogniser`` may be shared; None: the package's own, read when it is first needed. ``thresholds`` replace what
     stands out of the noise. ``smallest_contact``: taxels of the smallest contact that is looked for. ``curve`` turns
     readings into pressures. ``fusion`` None: each frame is answered alone. ``fits`` False: without pose and size.
+
+    A frame in which the same taxels are pressed as in the one that was recognised last is answered as that one, until
+    the correlation time of ``fusion`` has passed: the two err together, and most of a recognition's time is saved.
     """
 
     def __init__(self, recogniser: VisibilityGuard | None = None, *, thresholds: PressThresholds | None = None,
@@ -104,6 +123,8 @@ class ContactPipeline:
         self._thresholds, self._smallest_contact, self._curve = thresholds, smallest_contact, curve
         self._extractors: dict[str | None, PatternExtractor] = {}  # by the unit of the values
         self._fusion = None if fusion is None else RecognitionFusion(fusion)
+        self._correlation_time = 0.0 if fusion is None else fusion.correlation_time
+        self._answer: _Answer | None = None  # of the frame that was recognised last
         self._fits = fits
         self._follower = FitFollower()
 
@@ -120,7 +141,9 @@ class ContactPipeline:
 
     def recognise(self, found: FoundContact, stamp: float) -> StreamedContact:
         """Return the shape of ``found``, which was acquired at ``stamp`` [s], fused with the frames before it."""
-        found, frame = self.recognise_alone(found)
+        if self._answer is None or not self._answer.holds_for(found, stamp, self._correlation_time):
+            self._answer = _Answer(found, stamp, self._method.recognise(found.pattern, visibility=found.visibility))
+        found, frame = _with_pieces(found, self._answer.recognition)
         fused = _alone(frame, stamp) if self._fusion is None else self._fusion.update(stamp, frame)
         if fused.frames == 1:
             self._follower.restart()
@@ -136,8 +159,7 @@ class ContactPipeline:
 
         What the frames before have shown neither counts nor changes.
         """
-        frame = self._method.recognise(found.pattern, visibility=found.visibility)
-        return (found.of_pattern(join_pieces(found.pattern)) if frame.joined else found), frame
+        return _with_pieces(found, self._method.recognise(found.pattern, visibility=found.visibility))
 
     def recognise_each(self, largest: StreamedContact, stamp: float, most: int) -> list[StreamedContact]:
         """Return each of the ``most`` largest contacts by this frame alone; ``largest`` is the result of the first."""
@@ -152,6 +174,7 @@ class ContactPipeline:
     def restart(self) -> None:
         """Forget what the frames before have shown of the shape, as when another object is known to be touched."""
         self._follower.restart()
+        self._answer = None
         if self._fusion is not None:
             self._fusion.reset()
 
@@ -165,6 +188,11 @@ class ContactPipeline:
                    find: Finder | None = None) -> StreamedContact:
         fit = found.fit(fused.recognition.shape, find) if self._fits else None
         return StreamedContact(found.pattern, frame, fused, fit, found)
+
+
+def _with_pieces(found: FoundContact, frame: Recognition) -> tuple[FoundContact, Recognition]:
+    """Return the contact that ``frame`` is the recognition of, with the pieces of it that are torn off."""
+    return (found.of_pattern(join_pieces(found.pattern)) if frame.joined else found), frame
 
 
 def _alone(frame: Recognition, stamp: float) -> FusedRecognition:
