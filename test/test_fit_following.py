@@ -16,7 +16,7 @@ from tactile_node.pose import fit as fitting
 from tactile_node.pose.fit import FitFollower, fit_shape
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.world import Contact
-from training.ground_truth.indenters import flat_punch
+from training.ground_truth.indenters import ball, flat_punch
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import solve
 
@@ -144,6 +144,21 @@ def test_a_contact_that_jumps_is_searched_for_at_once(searches):
     moments = [Moment(), Moment(), Moment(x=5.0), Moment(x=5.0)]
     followed = fits_of('square', moments, FitFollower())
     assert len(searches) == 2 and apart(followed).max() < 0.1
+
+
+@pytest.mark.parametrize('kinds', [('punch', 'ball'), ('ball', 'punch')], ids='-'.join)
+def test_a_punch_that_becomes_a_ball_of_the_same_outline_is_as_large_and_as_sure_as_searched_for(kinds):
+    indenters = {'punch': flat_punch(Contact('circle', PUNCHES['circle'], 0.0, 0.0), 0.03, 0.12), 'ball': ball(0.1)}
+    fields = [stress_field(solve(indenters[kind], (0.05, 0.03)), 60.0, DEPTH) for kind in kinds]
+    follower, rng = FitFollower(), np.random.default_rng(20261126)
+    for number in range(20):  # changed after 10: before the half second is over
+        frame = measured(sample(fields[number // 10], MIDDLE, MIDDLE, 0.4, SIDE, SIDE), 0.4, rng, noise=0.01)
+        contact = find_contact(frame, unit=None)
+        searched, followed = (fit_shape(contact.values, contact.mask, Shape.CIRCLE, find=find)
+                              for find in (None, follower.at(number * PERIOD)))
+        deviation = np.sqrt(searched.covariance[2, 2])
+        assert abs(followed.dimensions[0] - searched.dimensions[0]) < 0.5 * deviation
+        assert np.sqrt(followed.covariance[2, 2]) > 0.8 * deviation
 
 
 def test_stamps_that_go_back_begin_again(searches):
