@@ -112,9 +112,13 @@ class GuardedSubscription(Generic[Message]):
         self._work_on([each for each in (message, *self._waiting()) if self._is_usable(each)], self._callback)
 
     def _count_publishers(self) -> None:
-        """Ask the graph once, for all messages that wait."""
+        """Ask the graph once, for all messages that wait.
+
+        `Node.count_publishers` expands and checks the name each time, in half of its time; this one is full.
+        """
         if self._kind_is_of_chain:
-            self._publishers = self._node.count_publishers(self.topic)
+            with self._node.handle:
+                self._publishers = self._node.handle.get_count_publishers(self.topic)
 
     def _work_on(self, usable: Sequence[Any], callback: Callable[[Any], None]) -> None:
         """Call ``callback`` with the last of what can be used; the others are left out for it."""

@@ -45,7 +45,7 @@ def shape_message(frame: PadFrame, result: StreamedContact, method: str, solid_h
         missing_can_frames=frame.missing_can_frames,
         contacts=pattern.contacts, others_present=pattern.contacts > 1,
         contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
-        pose=_nowhere(), residual=float('nan'), hollow=box.hollow)
+        pose=_nowhere() if result.fit is None else _pose(result.fit), residual=float('nan'), hollow=box.hollow)
     _add_moments(message, result.found.moments)
     _add_box(message, box)
     if result.fit is not None:
@@ -83,7 +83,7 @@ def _add_box(message: ContactShape, box: ContactBox) -> None:
 
 
 def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
-    message.fit_valid, message.pose = True, _pose(fit)
+    message.fit_valid = True
     message.symmetry, message.handedness = fit.symmetry, fit.handedness
     message.dimension_names, message.dimensions = fit.dimension_names, fit.dimensions
     message.dimension_is_bound = fit.is_bound
