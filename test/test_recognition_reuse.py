@@ -69,9 +69,10 @@ def test_each_frame_is_answered_alone_without_fusion_and_after_a_gap_or_a_stamp_
     assert asked_of([pressed()] * 3, Asked(), fusion=FusionSettings(correlation_time=PERIOD)) == [True] * 3
 
 
-def test_another_object_in_the_same_place_is_recognised_after_a_restart():
+@pytest.mark.parametrize('fusion', [FusionSettings(), None])
+def test_another_object_in_the_same_place_is_recognised_after_a_restart(fusion):
     method = Asked()
-    pipeline = ContactPipeline(VisibilityGuard(method))
+    pipeline = ContactPipeline(VisibilityGuard(method), fusion=fusion)
     pipeline.follow(pressed(), TAXELS, 0.0)
     pipeline.restart()
     method.shape = Shape.CIRCLE
