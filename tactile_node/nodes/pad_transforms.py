@@ -18,6 +18,7 @@ from tactile_node.ros.settings import GraspNodeSettings
 logger = logging.getLogger(__name__)
 
 TRANSFORM_PERIOD = 0.05  # s; robot_state_publisher's
+PARAMETER_PERIOD = 0.5  # s, of looks at an opening that only a user changes: each look is a wait of the executor
 SAME_MEASUREMENT = 1e-4  # s; measurements less apart are one
 
 
@@ -39,7 +40,11 @@ class PadTransforms:
         is_static = settings.gap_source == PARAMETER
         self._publisher = node.create_publisher(self._message, '/tf_static' if is_static else '/tf',
                                                 TF_STATIC_QOS if is_static else TF_QOS)
-        start_health_timer(node, self._publish_static if is_static else self._publish_moving, TRANSFORM_PERIOD)
+        if is_static:
+            self._publish_static()
+            start_health_timer(node, self._publish_static, PARAMETER_PERIOD)
+        else:
+            start_health_timer(node, self._publish_moving, TRANSFORM_PERIOD)
 
     def _publish_static(self) -> None:
         gap = self._source.current(time.monotonic()).gap
