@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tactile_node.pose.pipeline import SURE, ContactPipeline, Taxels
+from tactile_node.shape.fusion import FusionSettings
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recognition import Recognition, Shape
-from tactile_node.shape.fusion import FusionSettings
 
 TAXELS = Taxels(pitch=0.002, unit='Pa')
 PERIOD = 0.02  # s
