@@ -14,7 +14,7 @@ import can
 
 RECEIVE_TIMEOUT = 0.1  #: s that a read waits at most
 STOP_TIMEOUT = 1.0  #: s
-READ_PAUSE = 1e-3  #: s from one read to the next on a busy bus, at least: what it adds to the age of taxels, at most
+READ_PAUSE = 0.5e-3  #: s from one read to the next on a busy bus, at least: what it adds to the age of taxels, at most
 MOST_IN_BATCH = 256  #: CAN frames: less than a socket's buffer holds
 BUSY_FRAMES = 4  #: within 0.8 ms are taxels; a dialogue by SDO is not held up
 
