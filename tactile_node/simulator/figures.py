@@ -172,7 +172,7 @@ class Skin:
 def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
     """Return the fraction of each taxel's square that the contact covers, shape (rows, cols).
 
-    Counted on points, not exact as `geometry.coverage`: what touches need not be a polygon (hollow, rounded, any
+    Counted on points, not exact as `pose.outlines.coverages`: what touches need not be a polygon (hollow, rounded, any
     outlier), and the committed weights and figures come from these very numbers.
     """
     covered, near = np.zeros((rows, cols)), _window(contact, rows, cols)

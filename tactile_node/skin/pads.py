@@ -1,4 +1,4 @@
-"""The pads of one CAN bus: their names, node-IDs, layouts and EDS. ``pad_rules`` checks that they can share it."""
+"""The pads of one CAN bus: their names, node-IDs, layouts and EDS, and whether they can share it."""
 
 import itertools
 from collections.abc import Sequence

@@ -1,1 +1,1 @@
-"""What a recording holds, as facts and as one page for a support ticket."""
+"""What the bus, a recording or a bag holds, as facts; the page and the terminal that show it, and the report."""
