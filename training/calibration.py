@@ -13,7 +13,7 @@ from training.batch import draw_many
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution
 from training.ground_truth.seeds import Purpose, generator
-from training.mechanics import DEPTH, ON_OFF_PRESSURE, solution_pool
+from training.mechanics import DEPTH, solution_pool
 from training.model import Model
 from training.real_arrays import draw_real
 from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, joined_samples, samples_from
@@ -46,7 +46,7 @@ def validation(model: Model, on_off: bool, seed: int, folder: Path) -> list[Vali
     rng = generator(Purpose.VALIDATION, seed)
     own = joined_samples([draw_many(rng, min(250, 400_000 // pad ** 2), on_off, (low, high), faulty=0.0, pad=pad)
                           for low, high, pad, batches in CLEAN for _ in range(batches)])
-    worlds = [own] if on_off else [own, mechanics_samples(rng, on_off, FRAMES, folder),
+    worlds = [own] if on_off else [own, mechanics_samples(rng, folder),
                                    draw_real(generator(Purpose.VALIDATION, REAL_SEED), REAL, on_off)]
     return [Validation(logits(model, known), known.labels, known.geometry[:, 0]) for known in worlds]
 
@@ -55,20 +55,20 @@ def validation_solutions(folder: Path) -> list[Solution]:
     return solution_pool(folder, SOLUTIONS, MECHANICS_SEED, Purpose.VALIDATION)
 
 
-def mechanics_samples(rng: np.random.Generator, on_off: bool, count: int, folder: Path) -> Samples:
+def mechanics_samples(rng: np.random.Generator, folder: Path) -> Samples:
     """Clean contacts by mechanics, as they are pressed in most grips; the areas log-uniform."""
     solutions = validation_solutions(folder)
     found = []
-    while len(found) < count:
+    while len(found) < FRAMES:
         solution = solutions[rng.integers(len(solutions))]
         area = np.exp(rng.uniform(*np.log(MECHANICS_AREAS)))
         field, side = stress_field(solution, area, rng.uniform(*DEPTH)), int(np.ceil(3.2 * np.sqrt(area))) + 8
         for _ in range(POSES):
             x, y = rng.uniform(-0.5, 0.5, 2) + (side - 1) / 2
-            pressure = ON_OFF_PRESSURE if on_off else rng.uniform(*PRESSURE)
+            pressure = rng.uniform(*PRESSURE)
             frame = measured(sample(field, x, y, rng.uniform(0, 2 * np.pi), side, side), pressure, rng, noise=NOISE,
-                             dead=0.0 if on_off else DEAD)
-            pattern = as_shipped(frame >= pressure / 2 if on_off else frame, on_off)
+                             dead=DEAD)
+            pattern = as_shipped(frame, on_off=False)
             if pattern.mask.sum() >= SMALLEST:
                 found.append((pattern, joined(pattern), LABELS.index(solution.label)))
     return samples_from(found)
