@@ -47,7 +47,7 @@ def _cases(name: str, seed: int, stamps: list[Stamp], labels: list[int], areas: 
 def foreign_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
     """``figures`` of each family, pressed ``count`` times for each size and kind of frame.
 
-    Validation has families of its own: what is chosen by its figures is not chosen by the families of the report.
+    Validation draws other families: nothing may be chosen by those of the report.
     """
     families = _validated(HELD_OUT) if purpose is Purpose.VALIDATION else foreign.FAMILIES
     for number, (family, drawing) in enumerate(families.items()):

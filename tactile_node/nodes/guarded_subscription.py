@@ -114,7 +114,7 @@ class GuardedSubscription(Generic[Message]):
     def _count_publishers(self) -> None:
         """Ask the graph once, for all messages that wait.
 
-        `Node.count_publishers` expands and checks the name each time, in half of its time; this one is full.
+        `Node.count_publishers` takes twice as long: it expands and checks the name, which is full here.
         """
         if self._kind_is_of_chain:
             with self._node.handle:

@@ -112,8 +112,8 @@ class ContactPipeline:
     stands out of the noise. ``smallest_contact``: taxels of the smallest contact that is looked for. ``curve`` turns
     readings into pressures. ``fusion`` None: each frame is answered alone. ``fits`` False: without pose and size.
 
-    A frame in which the same taxels are pressed as in the one that was recognised last is answered as that one, until
-    the correlation time of ``fusion`` has passed: the two err together, and most of a recognition's time is saved.
+    A sure recognition also answers the frames after it in which the same taxels are pressed, until the correlation time
+    of ``fusion`` has passed: they err together, and most of a recognition's time is saved.
     """
 
     def __init__(self, recogniser: VisibilityGuard | None = None, *, thresholds: PressThresholds | None = None,
@@ -124,7 +124,7 @@ class ContactPipeline:
         self._extractors: dict[str | None, PatternExtractor] = {}  # by the unit of the values
         self._fusion = None if fusion is None else RecognitionFusion(fusion)
         self._correlation_time = 0.0 if fusion is None else fusion.correlation_time
-        self._answer: _Answer | None = None  # of the frame that was recognised last
+        self._answer: _Answer | None = None  # the last that the recogniser gave
         self._fits = fits
         self._follower = FitFollower()
 
