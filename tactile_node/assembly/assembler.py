@@ -32,6 +32,8 @@ Rules, for each node of the pad separately
     for longer, after TPDOs of that period, therefore proves that no run of it comes any more (``FreeBus``, ``settle``).
     The next run is of the period in which it comes, unless another follows in it: then an adapter was held up. While
     it is not known how far a node is (``is_in_doubt``), the SYNC producer leaves out SYNCs, so that the bus is free.
+ 9. A SYNC that may have been on the bus more than MOST_LATE after its stamp begins a period like any other, but the
+    taxels of that period are not given: they are LATE.
 
 Limits
   - A frame mixes two periods only if a SYNC, the end of one sweep and the beginning of the next one are lost within
@@ -52,6 +54,7 @@ from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
 
 ORDER_MEMORY = 100  #: periods after a change of order; a lost SYNC can look like one
+MOST_LATE = 0.01  #: s by which a SYNC may follow its stamp; a busy machine often takes 5 ms to say that it was sent
 
 
 class FrameAssembler(PadAssembler):
@@ -92,7 +95,7 @@ class FrameAssembler(PadAssembler):
         if self._period is not None and node_id in self._node_ids:
             self._period.runs[self._node_ids.index(node_id)].start()
 
-    def sync(self, timestamp: float) -> Frames:
+    def sync(self, timestamp: float, late: float = 0.0) -> Frames:
         """A SYNC was on the bus: end the period and begin the next one; the frames to which nothing more can come."""
         frames, period = self._close_before(), self._period
         if period is not None and not period.is_emitted:
@@ -104,6 +107,7 @@ class FrameAssembler(PadAssembler):
         self._sequence += 1
         self._syncs += 1
         self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period)
+        self._period.is_stamp_wrong = late > MOST_LATE
         if self._is_after_outage:
             self._is_after_outage = False
             for run in self._period.runs:
@@ -209,6 +213,9 @@ class FrameAssembler(PadAssembler):
     def _emit(self, period: SweepPeriod) -> Frames:
         words, fresh = period.payload
         period.is_emitted = True
+        if period.is_stamp_wrong:
+            self._lose(LossReason.LATE, int(fresh.sum()))
+            fresh[:] = False
         self._fresh += fresh
         return self._give(period.stamp, period.sequence, words, fresh)
 

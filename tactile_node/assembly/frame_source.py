@@ -13,7 +13,7 @@ class LossReason(PhrasedCode):
 
     BEFORE_FIRST_SYNC = 1, 'received before the first SYNC'
     OUT_OF_ORDER = 2, 'received after a TPDO that follows it in a sweep'
-    LATE = 3, 'of an earlier period, or possibly so'
+    LATE = 3, 'of an earlier period, possibly so, or of a SYNC that was held up'
     DUPLICATE = 4, 'the same COB-ID and bytes twice in a row'
     SURPLUS = 5, "after the period's frame was complete"
     SHORT = 6, 'fewer bytes than mapped'

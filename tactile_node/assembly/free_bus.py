@@ -33,9 +33,10 @@ class FreeBus:
         self._due = self._due_before = inf  # the answer to the last SYNC, and to the one before
         self._since = self._since_before = inf  # the bus is free, and they did not come
 
-    def sync(self, stamp: float) -> None:
+    def sync(self, stamp: float, late: float = 0.0) -> None:
+        """A SYNC, which may follow its stamp by ``late`` [s]."""
         self._due_before, self._since_before = self._due, self._since
-        self._due = inf if self._synced == inf else stamp + (stamp - self._synced) / 2
+        self._due = inf if self._synced == inf else stamp + late + (stamp + late - self._synced) / 2
         self._since = inf
         self._synced = stamp
 

@@ -50,8 +50,8 @@ class PadAssembler:
     def start(self, node_id: int) -> None:
         """This node, which did not send, was started."""
 
-    def sync(self, timestamp: float) -> Frames:
-        """A SYNC was on the bus."""
+    def sync(self, timestamp: float, late: float = 0.0) -> Frames:
+        """A SYNC was on the bus, at most ``late`` [s] after its timestamp."""
         return ()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Frames:

@@ -76,11 +76,11 @@ class Router:
         for assembler in self._assemblers.values():
             assembler.drop_incomplete = is_wanted
 
-    def sync(self, stamp: float) -> None:
-        """A SYNC, own or foreign: every pad's period ends and the next begins."""
-        self.bus.sync(stamp)
+    def sync(self, stamp: float, late: float = 0.0) -> None:
+        """A SYNC, own or foreign, at most ``late`` [s] after ``stamp``: every pad's period ends and the next begins."""
+        self.bus.sync(stamp, late)
         for name, assembler in self._assemblers.items():
-            self._deliver(name, assembler.sync(stamp))
+            self._deliver(name, assembler.sync(stamp, late))
 
     def feed(self, can_id: int, data: bytes, stamp: float, after: float | None = None) -> None:
         """A data frame with an 11-bit identifier. It came ``after`` this stamp, where its own does not say when."""

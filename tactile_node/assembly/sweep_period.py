@@ -23,6 +23,7 @@ class SweepPeriod:
         self.runs: list[SenderRun] = [SenderRun(own, self.payload, run)
                                       for own, run in zip(ranks_of_senders, runs_before)]
         self.is_emitted = False
+        self.is_stamp_wrong = False  #: or may be, so nothing of it is given
         self.is_discarded = False  #: a SYNC was lost in it, so nothing of it is used
 
     @property

@@ -84,16 +84,15 @@ class BusNetwork(Network):
                                     lambda error: on_failure(BusFault.RECEPTION_FAILED, error))
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False,
-                     stamp: float | None = None, announce: Callable[[], None] = lambda: None) -> None:
-        """Send a frame from any thread, recorded with ``stamp`` or now; BusError when that fails.
+                     announce: Callable[[], float] = lambda: time.time()) -> None:
+        """Send a frame from any thread; BusError when that fails.
 
-        ``announce`` is called before the frame is on the bus, in one order with the recording.
+        ``announce`` gives the time for the recording [s]. It is called before the frame is on the bus, in one order
+        with the recording, while no other thread sends.
         """
-        message = can.Message(time.time() if stamp is None else stamp, can_id, False, data=data,
-                              is_remote_frame=remote, is_rx=False)
         with self.send_lock:
             with self._order:
-                announce()
+                message = can.Message(announce(), can_id, False, data=data, is_remote_frame=remote, is_rx=False)
                 self._on_sent(can_id, data)
                 if self._record:
                     self._record.write(message)

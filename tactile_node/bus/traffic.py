@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection
 from math import inf
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 
 import can
 
@@ -24,6 +24,7 @@ logger = logging.getLogger(__name__)
 
 Call = tuple[Callable[..., object], tuple[object, ...]]
 
+LONGEST_WRITE = 0.1  #: s that the assembler waits for the end of a SYNC's write
 NO_DATA = -1  #: in place of the COB-ID of what is no data frame with an 11-bit identifier
 
 
@@ -150,15 +151,33 @@ class Traffic:
             self.put(self._router.feed, can_id, bytes(data), self.clock.now())
 
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
-        """The SYNC is put into the queue before it is on the bus: no TPDO can overtake it. Raises BusError."""
+        """The SYNC is put into the queue before it is on the bus: no TPDO can overtake it. Raises BusError.
+
+        It was on the bus between the times before and after its write.
+        """
         if self.pause.is_due(self._router.is_in_doubt):
             return
-        stamp = self.clock.now()
+        written: SimpleQueue[float] = SimpleQueue()
+
+        def announce() -> float:
+            stamp = self.clock.now()
+            self.put(self._begin_period, stamp, written)
+            return stamp - self.clock.ahead
+        self.syncs_sent += 1
+        try:
+            network.send_message(can_id, b'', announce=announce)
+        finally:
+            written.put(self.clock.now())
         if self.clock.jumps != self._jumps_reported:
             self._report_jump()
-        self.syncs_sent += 1
-        network.send_message(can_id, b'', stamp=stamp - self.clock.ahead,
-                             announce=lambda: self.put(self._router.sync, stamp))
+
+    def _begin_period(self, stamp: float, written: SimpleQueue[float]) -> None:
+        """On the assembler's thread: no answer to a SYNC is used before it is known how long its write took."""
+        try:
+            late = written.get(timeout=LONGEST_WRITE) - stamp
+        except Empty:
+            late = inf
+        self._router.sync(stamp, late)
 
     def _report_jump(self) -> None:
         self._jumps_reported = self.clock.jumps

@@ -1,0 +1,159 @@
+"""The stamp of the driver's own SYNC where the process, or the write to the bus, is held up; by hand-moved clocks."""
+
+import threading
+
+import can
+import numpy as np
+import pytest
+from can_bench import is_balanced, tiny_layout, wait_until
+from test_stamp_clock import Hands
+
+from tactile_node.assembly.router import Router
+from tactile_node.bus import traffic
+from tactile_node.bus.bus_monitor import BusMonitor
+from tactile_node.bus.bus_network import BusNetwork
+from tactile_node.bus.reception import Batch
+from tactile_node.bus.traffic import Traffic
+from tactile_node.skin.pads import PadSettings
+
+pytestmark = pytest.mark.bus
+PERIOD, STALL = 0.02, 0.3  # s
+ALLOWED = 0.01  # s, what a stamp may be off
+
+
+class HeldUpBus:
+    """A bus with one device, which samples at each SYNC: its taxels are the number of the SYNC.
+
+    ``before`` and ``after`` are called in ``send``, before the frame is on the wire and after its answers came.
+    """
+
+    channel_info = 'held up'
+
+    def __init__(self, hands):
+        self._hands = hands
+        self.sampled = []  # when each SYNC was on the wire
+        self.before = self.after = lambda: None
+        self.received = None
+
+    def recv(self, timeout):
+        threading.Event().wait(0.01)  # what it receives goes to ``received``
+
+    def send(self, message):
+        self.before()
+        self.sampled.append(self._hands.wall)
+        taxels = bytes([10 + len(self.sampled)] * 2)
+        self._hands.wait(0.001)
+        self.received(Batch([can.Message(self._hands.wall, 0x1A0 + 0x100 * i, False, data=taxels) for i in range(3)]))
+        self.after()
+
+    def shutdown(self):
+        pass
+
+
+class HeldUp:
+    """The driver's part that sends SYNC, on a HeldUpBus; ``frames`` are those given."""
+
+    def __init__(self, folder, one_clock=True):
+        self.frames, self.hands = [], Hands()
+        self.bus = HeldUpBus(self.hands)
+        pad = PadSettings('pad', (32,), tiny_layout(folder))
+        self._router = Router((pad,), lambda name, frame: self.frames.append(frame), foreign_sync=False,
+                              one_clock=one_clock)
+        self.traffic = Traffic(self._router, BusMonitor([32]), print, polled=(), queue_limit=999,
+                               is_host_stamped=True, sync_period=PERIOD)
+        self.traffic.clock = self.hands.clock()
+        self.network = BusNetwork(self.bus, self.traffic.received, print)
+        self.bus.received = self.traffic.received
+
+    def __enter__(self):
+        self.traffic.begin()
+        self.traffic.restart()
+        return self
+
+    def __exit__(self, *_):
+        self.network.close()
+        self.traffic.end(60)
+
+    def sync(self, count=1):
+        for _ in range(count):
+            self.hands.wait(PERIOD)
+            self.traffic.send_sync(self.network, 0x80)
+
+    def wait_for(self, frames):
+        assert wait_until(lambda: len(self.frames) >= frames), self.frames
+
+    def check(self):
+        """No valid taxel has a stamp that is off by more than ALLOWED, and none is unaccounted for."""
+        for frame in self.frames:
+            valid = np.isfinite(frame.values)
+            for number in np.unique(frame.values[valid] / 2.0):  # Pa a count
+                assert abs(frame.stamp - self.bus.sampled[int(number) - 1]) < ALLOWED
+        assert is_balanced(self._router._assemblers['pad'])
+
+    def whole(self):
+        """The SYNCs whose taxels were given."""
+        return [int(frame.values[0, 0] / 2.0) for frame in self.frames if np.isfinite(frame.values).all()]
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """The assembler waits for every write: our clocks show it how long that took, however busy the machine is."""
+    monkeypatch.setattr(traffic, 'LONGEST_WRITE', 60)
+
+
+@pytest.mark.parametrize('stall', [STALL, 0.015])
+@pytest.mark.parametrize('one_clock', [True, False])
+@pytest.mark.parametrize('where', ['before', 'after'])
+def test_a_write_held_up_leaves_no_taxels_with_a_wrong_stamp(tmp_path, patient, where, one_clock, stall):
+    with HeldUp(tmp_path, one_clock) as held:
+        held.sync(3)
+        setattr(held.bus, where, lambda: held.hands.wait(stall))
+        held.sync()
+        setattr(held.bus, where, lambda: None)
+        held.sync(3)
+        held.wait_for(7)
+    held.check()
+    assert held.whole() == [1, 2, 3, 5, 6, 7]  # of the fourth it is not known when it was sampled
+
+
+def test_a_write_that_takes_a_millisecond_costs_nothing(tmp_path, patient):
+    with HeldUp(tmp_path) as held:
+        held.bus.before = held.bus.after = lambda: held.hands.wait(0.001)
+        held.sync(5)
+        held.wait_for(5)
+    held.check()
+    assert held.whole() == [1, 2, 3, 4, 5]
+
+
+def test_a_sync_that_waited_for_another_sender_has_the_time_of_its_own_write(tmp_path, patient):
+    class Busy:
+        """A lock that another thread has for STALL."""
+
+        def __enter__(self):
+            held.hands.wait(STALL)
+
+        def __exit__(self, *_):
+            pass
+    with HeldUp(tmp_path) as held:
+        held.network.send_lock = Busy()
+        held.sync(3)
+        held.wait_for(3)
+    held.check()
+    assert held.whole() == [1, 2, 3]
+
+
+def test_a_write_that_does_not_return_holds_up_nothing_else(tmp_path):
+    """Its answers come, and neither they nor the SYNC hold up what the assembler has to do."""
+    released, answered = threading.Event(), threading.Event()
+    with HeldUp(tmp_path) as held:
+        held.bus.after = lambda: answered.set() or released.wait(60)
+        sender = threading.Thread(target=held.sync)
+        sender.start()
+        assert answered.wait(60)
+        done = threading.Event()
+        held.traffic.put(done.set)
+        assert done.wait(30), 'the assembler waits for the write'
+        released.set()
+        sender.join()
+    held.check()
+    assert held.whole() == []
