@@ -1,7 +1,7 @@
 """Skin, adapter or driver stall and go on: a skin in its own process, behind a serial line that can be held up.
 
 `python test/stalls.py` is the skin. Its taxels show when they were sampled, so that a value of the past under a
-present stamp is found.
+present stamp is found. CAN frames on its standard input, as `185#01020304`, are those of another device beside it.
 """
 
 import ctypes
@@ -99,7 +99,8 @@ class StallBench:
         self.detected: float | None = None  #: not measured
 
     def __enter__(self) -> 'StallBench':
-        self._skin = subprocess.Popen([sys.executable, __file__], stdout=subprocess.PIPE, text=True)
+        self._skin = subprocess.Popen([sys.executable, __file__], text=True, stdin=subprocess.PIPE,
+                                      stdout=subprocess.PIPE)
         self._line = Line(self._skin.stdout.readline().strip())
         pads = with_dictionaries(make_pads([LAYOUT], NODE_IDS))
         self.driver = Supervisor(BusSettings('slcan', self._line.port, sync_period=0.02), pads, self._keep)
@@ -117,6 +118,7 @@ class StallBench:
         self._skin.kill()
         self._skin.wait()
         self._skin.stdout.close()
+        self._skin.stdin.close()
         self.log.__exit__()
         if problem[0] is None:
             self._check()
@@ -136,6 +138,10 @@ class StallBench:
         self._line.is_held.set()
         time.sleep(seconds)
         self._line.is_held.clear()
+
+    def send(self, can_id: int, data: str) -> None:
+        """Let another device beside the skin send a frame, when its turn on the wire comes."""
+        print(f'{can_id:X}#{data}', file=self._skin.stdin, flush=True)
 
     def recover(self) -> None:
         """Wait until each pad gives whole frames that were acquired from now on, and no fault stays."""
@@ -210,7 +216,10 @@ def main() -> None:
                               {f'pad{node_id}': sample for node_id in NODE_IDS}, wire=WIRE)
     simulator.start_on(adapter)
     print(adapter.port, flush=True)
-    threading.Event().wait()
+    other = simulator._gateway.network(5) if WIRE else simulator._network
+    for line in sys.stdin:
+        can_id, data = line.split('#')
+        other.send_message(int(can_id, 16), bytes.fromhex(data))
 
 
 if __name__ == '__main__':
