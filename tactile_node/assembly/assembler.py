@@ -54,7 +54,7 @@ from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
 
 ORDER_MEMORY = 100  #: periods after a change of order; a lost SYNC can look like one
-MOST_LATE = 0.01  #: s by which a SYNC may follow its stamp; a busy machine often takes 5 ms to say that it was sent
+MOST_LATE = 0.02  #: s by which a SYNC may follow its stamp; serial adapters take up to 16 ms to say that it was sent
 
 
 class FrameAssembler(PadAssembler):
