@@ -1,6 +1,6 @@
 """A taxel frame: all taxels of one pad of one sweep, from a live bus or a log; from which reading on one is pressed."""
 
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +29,18 @@ class TaxelStatus(IntEnum):
     DEAD = 4       #: known to be dead, by the layout file or by what it sent
     SATURATED = 5  #: at the end of its range: the value is a lower bound, still given
     FAULTY = 6     #: stuck or flickering, by what it sent
+
+
+class SkinSide(IntFlag):
+    """A set of sides of a pad (TaxelArray.msg mirrors these numbers)."""
+
+    FIRST_ROW = 1
+    LAST_ROW = 2
+    FIRST_COL = 4
+    LAST_COL = 8
+
+
+NO_SIDE = SkinSide(0)
 
 
 class TpdoAges(NamedTuple):

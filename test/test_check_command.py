@@ -71,6 +71,14 @@ def test_facts_of_the_bus_are_those_of_can(capsys):
     assert found['load']['50 Hz'] == pytest.approx(0.4375)
 
 
+def test_the_sides_at_which_the_finger_ends_are_named(tmp_path, capsys):
+    path = written(tmp_path, SIM.replace('finger_ends: []', 'finger_ends: [last_col, first_row]'))
+    _, out = check(capsys, path, CONFIG / 'sim16x16.eds', '--json')
+    assert json.loads(out)['finger_ends'] == ['first_row', 'last_col']
+    assert 'ends with the skin at first_row, last_col;' in check(capsys, path, CONFIG / 'sim16x16.eds')[1]
+    assert 'ends with the skin at no side;' in check(capsys, 'sim16x16.yaml')[1]
+
+
 def test_what_is_mapped_nowhere_is_a_warning(tmp_path, capsys):
     text = SIM.replace('rows: 16', 'rows: 17', 1).replace('dead_taxels: []', 'dead_taxels: [[3, 1]]')
     path = written(tmp_path, text)

@@ -18,7 +18,7 @@ from tactile_node.skin.layout import MAX_DOMAIN_BYTES, MAX_SIDE
 from tactile_node.skin.layout_file import load_layout, read_layout
 from tactile_node.skin.pads import PadSettings, check_pads, make_pad
 from tactile_node.skin.taxel_codec import TaxelCodec
-from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.taxel_frame import NO_SIDE, SkinSide, TaxelStatus
 
 
 def one_tpdo(value: str, taxels: str, rows: int = 1, cols: int = 1) -> str:
@@ -99,6 +99,9 @@ BAD = {
     'COB-ID no number': (TINY.replace('$NODEID+0x380', '$NODE+0x380'), 'key "tpdos[2].cob_id"'),
     'COB-ID too large': (TINY.replace('$NODEID+0x380', '0x800'), 'key "tpdos[2].cob_id"'),
     'TPDO number twice': (TINY.replace('number: 3', 'number: 2'), 'tpdos[2].number'),
+    'side of a finger': (TINY + 'finger_ends: [top]\n', 'key "finger_ends": expected some of first_row, last_row, '
+                                                         "first_col, last_col, got 'top'"),
+    'sides that are no list': (TINY + 'finger_ends: first_row\n', 'key "finger_ends": expected a list'),
     'SYNC on a kept COB-ID': (TINY + 'sync_cob_id: 0x701\n', 'key "sync_cob_id"')}
 
 
@@ -111,6 +114,12 @@ def test_bad_layout_is_refused_with_file_and_key(tmp_path, text, says):
 
 def test_an_unusual_pitch_can_be_meant(tmp_path):
     assert tiny_layout(tmp_path, TINY.replace('0.003', '0.04') + 'unusual_pitch: true\n').pitch == 0.04
+
+
+def test_sides_at_which_the_finger_ends_are_none_unless_the_layout_names_them(tmp_path):
+    assert tiny_layout(tmp_path, TINY).finger_ends == NO_SIDE
+    named = tiny_layout(tmp_path, TINY + 'finger_ends: [first_row, last_col]\n')
+    assert named.finger_ends == SkinSide.FIRST_ROW | SkinSide.LAST_COL
 
 
 @pytest.mark.parametrize('name', ['nowhere.yaml', 'binary.yaml'])

@@ -16,7 +16,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.eds_rules import eds_checks
-from tactile_node.skin.layout import SkinLayout
+from tactile_node.skin.layout import SIDES, SkinLayout
 from tactile_node.skin.layout_draft import FILL_IN
 from tactile_node.skin.layout_file import read_layout
 from tactile_node.skin.layout_rules import collect_errors, layout_checks
@@ -93,6 +93,7 @@ def as_json(found: CheckedLayout, use: Use) -> dict:
 def _facts(layout: SkinLayout, use: Use) -> dict:
     bits, kinds, loads = sweep_bits(layout), _map(layout), _loads(layout, use)
     return {'rows': layout.rows, 'cols': layout.cols, 'pitch': layout.pitch, 'unit': layout.value.unit,
+            'finger_ends': [name for name, side in SIDES.items() if side in layout.finger_ends],
             'nodes': layout.nodes, 'tpdos': len(layout.tpdos), 'polled': layout.domain is not None,
             'unmapped_taxels': int((kinds == UNMAPPED_SIGN).sum()), 'dead_taxels': int((kinds == DEAD_SIGN).sum()),
             'sweep_bits': bits or None, 'pads': use.pads,
@@ -151,6 +152,8 @@ def _description(layout: SkinLayout, use: Use) -> list[str]:
     carrier = 'one DOMAIN, polled by SDO' if layout.domain else f'{len(layout.tpdos)} CAN frames a sweep'
     lines = [f'{layout.source}: {layout.rows} x {layout.cols} taxels, pitch {1000 * layout.pitch:g} mm, in '
              f'{layout.value.unit}; {layout.nodes} node{"s" * (layout.nodes > 1)}, {carrier}']
+    lines.append(f'the finger ends with the skin at {", ".join(facts["finger_ends"]) or "no side"}; where it goes on '
+                 'beyond the skin, the force of a contact is a bound')
     if facts['load']:
         loads = ', '.join(f'{load:.0%} at {rate}' for rate, load in facts['load'].items())
         if layout.event_driven:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.cia301 import objects
+from tactile_node.taxel_frame import NO_SIDE, SkinSide
 from tactile_node.yaml_section import Section
 
 SWEEP_SHARE = 0.45  #: a part of the period; twice that leaves a tenth for the device's timer and our stamps
@@ -182,6 +183,11 @@ class DomainLayout:
     taxels: tuple[TaxelField, ...]
 
 
+#: sides of a pad by their names in a layout
+SIDES = {'first_row': SkinSide.FIRST_ROW, 'last_row': SkinSide.LAST_ROW, 'first_col': SkinSide.FIRST_COL,
+         'last_col': SkinSide.LAST_COL}
+
+
 @dataclass(frozen=True)
 class SkinLayout:
     """A pad's taxels and their carriers: TPDOs, in the order in which the device sends them, or one DOMAIN."""
@@ -197,6 +203,7 @@ class SkinLayout:
     nodes: int = 1  #: CANopen nodes that make up the pad
     domain: DomainLayout | None = None  #: polled by SDO; ``tpdos`` is then empty
     event_driven: EventDriven | None = None  #: its TPDOs are not sampled by SYNC
+    finger_ends: SkinSide = NO_SIDE  #: the sides at which the finger ends with the skin
     unusual_pitch: bool = False  #: meant, where it is outside PITCHES of ``layout_rules``
 
     @property

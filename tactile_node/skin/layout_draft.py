@@ -155,6 +155,7 @@ def _head(eds: str, taxels: int, shape: PadShape, is_width_guessed: bool, bits: 
     yield f'rows: {shape.rows}{guess}'
     yield f'cols: {shape.cols}{guess}'
     yield f'pitch: 1.0  # {FILL_IN}: between the centres of neighbouring taxels [m]'
+    yield f'finger_ends: []  # {GUESS}: the finger goes on beyond the skin at every side, see sim16x16.yaml'
     yield 'value:'
     yield f'  unit: Pa  # {FILL_IN}: Pa, N, or 1 for on/off taxels'
     yield f'  scale: 1.0  # {FILL_IN}: unit per count'

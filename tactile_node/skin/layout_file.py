@@ -11,6 +11,7 @@ from tactile_node.package_files import config_path
 from tactile_node.skin.layout import (
     MAX_DOMAIN_BYTES,
     MAX_SIDE,
+    SIDES,
     DomainLayout,
     MappedObject,
     SkinLayout,
@@ -21,6 +22,7 @@ from tactile_node.skin.layout import (
     read_event_driven,
 )
 from tactile_node.skin.layout_rules import layout_checks
+from tactile_node.taxel_frame import SkinSide
 from tactile_node.yaml_section import Section, load_mapping, shown
 
 
@@ -125,9 +127,20 @@ def read_layout(path: str | Path) -> SkinLayout:
             top.checked_integers('dead_taxels', taxel, count=2, low=0, high=MAX_SIDE)
             for taxel in top.sequence('dead_taxels', []))),
         nodes=top.integer('nodes', 1, objects.MAX_NODE_ID, 1), domain=domain,
-        event_driven=read_event_driven(top), unusual_pitch=top.choice('unusual_pitch', (False, True), False))
+        event_driven=read_event_driven(top), finger_ends=_finger_ends(top),
+        unusual_pitch=top.choice('unusual_pitch', (False, True), False))
     top.done()
     return layout
+
+
+def _finger_ends(top: Section) -> SkinSide:
+    """Read ``finger_ends``: the sides at which the finger ends with the skin."""
+    named = top.sequence('finger_ends', [])
+    for name in named:
+        if name not in tuple(SIDES):
+            top.refuse('finger_ends', expected=f'some of {", ".join(SIDES)}', got=shown(name),
+                       remedy='Name the sides at which the finger ends with the skin; [] where it goes on everywhere.')
+    return SkinSide(sum(side for name, side in SIDES.items() if name in named))
 
 
 def _value_format(section: Section) -> ValueFormat:
