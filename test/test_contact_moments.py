@@ -10,8 +10,10 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.pose.moments import contact_moments
+from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import CLASSES, random_contact
+from tactile_node.taxel_frame import NO_SIDE, SkinSide
 from training.ground_truth.seeds import Purpose, generator
 
 PITCH = 0.002
@@ -111,9 +113,46 @@ def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
     assert found.force == pytest.approx(20 * 100e3 * 0.002**2) and found.force_is_bound and found.size_is_bound
 
 
-def test_at_the_pads_edge_the_size_is_a_bound_and_the_force_is_whole():
-    found = moments(block()[4:])
-    assert found.size_is_bound and not found.force_is_bound and not found.centre_of_pressure_is_bound
+#: a bar of 5 N that reaches one side of the pad
+BARS = {SkinSide.FIRST_ROW: np.s_[:5, 6:11], SkinSide.LAST_ROW: np.s_[11:, 6:11],
+        SkinSide.FIRST_COL: np.s_[6:11, :5], SkinSide.LAST_COL: np.s_[6:11, 11:]}
+
+
+def found_in(frame, finger_ends=NO_SIDE, unit='Pa', **masks):
+    """What the pipeline of nodes and library finds."""
+    return ContactPipeline().find(frame, Taxels(PITCH, unit, finger_ends=finger_ends), **masks)
+
+
+def pressed(*places, level=50e3):
+    frame = np.zeros((16, 16))
+    for place in places:
+        frame[place] = level
+    return frame
+
+
+@pytest.mark.parametrize('ends', [NO_SIDE, *SkinSide, SkinSide(15)], ids=str)
+@pytest.mark.parametrize('side', SkinSide, ids=str)
+def test_at_the_pads_edge_the_force_is_whole_where_the_finger_ends_with_the_skin(side, ends):
+    found = found_in(pressed(BARS[side]), ends).moments
+    assert found.force == pytest.approx(25 * 50e3 * PITCH**2) and found.size_is_bound
+    assert found.force_is_bound == found.centre_of_pressure_is_bound == (side not in ends)
+
+
+def test_a_bar_across_the_finger_is_whole_only_where_the_finger_ends_at_both_sides():
+    across = pressed(np.s_[6:10, :])
+    columns = SkinSide.FIRST_COL | SkinSide.LAST_COL
+    assert [found_in(across, ends).moments.force_is_bound for ends in (SkinSide.FIRST_COL, columns)] == [True, False]
+
+
+def test_beyond_a_place_without_a_taxel_the_finger_goes_on():
+    unmapped = np.zeros((16, 16), bool)
+    unmapped[:, 12:] = True
+    found = found_in(np.where(unmapped, np.nan, pressed(np.s_[6:11, 7:12])), SkinSide(15), unmapped=unmapped).moments
+    assert found.force_is_bound and found.centre_of_pressure_is_bound and found.size_is_bound
+
+
+def test_away_from_the_edge_no_force_is_a_bound():
+    assert not found_in(pressed(np.s_[6:11, 6:11])).moments.force_is_bound
 
 
 @pytest.mark.parametrize('dead', [False, True])

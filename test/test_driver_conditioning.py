@@ -1,12 +1,13 @@
 """The driver node's conditioning as a user meets it: files, services, parameters changed while frames flow."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import rclpy
 from driver_bench import WARN, DriverBench
-from fault_bench import PRESSED, SIDE, FaultBench
+from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench
 from std_srvs.srv import Trigger
 
 from tactile_node.conditioning.gain import make_curve
@@ -14,6 +15,7 @@ from tactile_node.conditioning.taxel_faults import TaxelFault, load_faults
 from tactile_node.errors import ConfigurationError
 from tactile_node.learning.response import SkinResponse, save_response
 from tactile_node.nodes.driver_source import driver_pads
+from tactile_node.package_files import config_path
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.conditioning_setup import conditioned_pads, skin_responses
 from tactile_node.ros.settings import DriverSettings
@@ -72,6 +74,16 @@ def test_a_calibrated_skin_publishes_pressures_and_its_layer(make, tmp_path):
     np.testing.assert_allclose(driver.values(), PRESSED / 2, rtol=1e-2)
     message = driver.taxels[-1]
     assert (message.layer_depth, message.layer_deviation) == pytest.approx((0.0015, 0.1))
+
+
+def test_the_sides_at_which_the_finger_ends_are_those_of_the_layout(make, tmp_path):
+    layout = Path(config_path(LAYOUT))
+    path = tmp_path / 'finger.yaml'
+    path.write_text(layout.read_text() + '\nfinger_ends: [last_row, first_col]\n')
+    path.with_suffix('.eds').write_bytes(layout.with_suffix('.eds').read_bytes())
+    driver = make(layouts=[str(path)])
+    driver.values()
+    assert driver.taxels[-1].finger_ends == TaxelArray.LAST_ROW | TaxelArray.FIRST_COL
 
 
 def test_a_response_to_another_unit_is_refused(tmp_path):

@@ -23,7 +23,7 @@ from tactile_node.pose.pipeline import Taxels
 from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.qos import frames_qos
-from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.taxel_frame import SkinSide, TaxelFrame
 from tactile_skin.msg import Contact, ContactShape, Grasp, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
@@ -73,20 +73,21 @@ class Process:
         node = self.nodes[name]
         return node._taxels if name.endswith('processor') else node._contacts
 
-    def send(self, pads=('left', 'right'), press=True):
+    def send(self, pads=('left', 'right'), **drawn):
         """Hand a frame of each pad over, as the driver's thread does."""
         self.sequence += 1
         for pad in pads:
-            frame = pad_frame(self.sequence, press)
+            frame = pad_frame(self.sequence, **drawn)
             taxels = self.input(f'/{pad}/processor')
             taxels.announce(frame)
             taxels.put(frame, time.monotonic())
 
 
-def pad_frame(sequence, press=True):
-    values = 50e3 * (PRESS > 0) * press + np.random.default_rng(sequence).normal(0, 200, PRESS.shape)
+def pad_frame(sequence, press=True, up=0):
+    """A frame of a pad whose finger ends at the first row; ``up``: rows that the contact is moved towards it."""
+    values = 50e3 * (np.roll(PRESS, -up, 0) > 0) * press + np.random.default_rng(sequence).normal(0, 200, PRESS.shape)
     frame = TaxelFrame(1.7e9 + PERIOD * sequence, sequence, values, np.ones(PRESS.shape, np.uint8), 0)
-    return PadFrame.of(frame, Taxels(0.004, 'Pa'), 'pad')
+    return PadFrame.of(frame, Taxels(0.004, 'Pa', finger_ends=SkinSide.FIRST_ROW), 'pad')
 
 
 def heard_by(node, kind, topic):
@@ -102,6 +103,8 @@ def facts(message):
 
 def test_both_ways_give_the_same_results():
     """Frames handed over, and the same as messages to nodes that know of no one: shapes are equal to the last bit."""
+    def drawn(number):
+        return {'press': number > 5, 'up': 4 * (number > 15)}
     with Process() as process:
         shapes, contacts = (heard_by(process.peer, kind, f'/left/{topic}')
                             for kind, topic in ((ContactShape, 'shape'), (Contact, 'contact')))
@@ -109,7 +112,7 @@ def test_both_ways_give_the_same_results():
             publisher.topic_name == f'/left/{topic}' and publisher.get_subscription_count() > 0
             for node in process.system.nodes for publisher in node.publishers) for topic in ('shape', 'contact')))
         for number in range(1, 21):
-            process.send(['left'], press=number > 5)
+            process.send(['left'], **drawn(number))
             until(lambda number=number: len(shapes) == number == len(contacts))
     nodes = [ProcessorNode(namespace='/left'), ClassifierNode(namespace='/left')]
     peer = rclpy.create_node('peer')
@@ -120,12 +123,14 @@ def test_both_ways_give_the_same_results():
               and nodes[1]._shapes._publisher.get_subscription_count())
         time.sleep(0.5)  # until the processor's publisher and the classifier have found each other
         for number in range(1, 21):
-            publisher.publish(taxel_array_message(pad_frame(number, press=number > 5)))
+            publisher.publish(taxel_array_message(pad_frame(number, **drawn(number))))
             until(lambda number=number: len(by_message) == number)
     for node in (*nodes, peer):
         node.destroy_node()
     assert [facts(shape) for shape in shapes] == [facts(shape) for shape in by_message]
-    assert {shape.class_name for shape in shapes} == {'none', 'square'}
+    assert {shape.class_name for shape in shapes if not shape.at_edge} == {'none', 'square'}
+    assert [(shape.at_edge, shape.force_is_bound) for shape in shapes] == (
+        15 * [(False, False)] + 5 * [(True, False)])
 
 
 def test_nothing_is_published_between_nodes_that_share_a_process():

@@ -137,7 +137,7 @@ VALUES: dict[R, list[Change]] = {
     R.UNKNOWN_UNIT: [{'unit': 'psi'}, {'unit': ''}],
     R.NOT_FINITE: [{'values.7': INF}],
     R.INCONSISTENT: [{'values.7': NAN}, {'status.7': TaxelStatus.DEAD}, {'status': array('B', [0] * 256)}],
-    R.UNKNOWN_CODE: [{'status.3': 7}]}
+    R.UNKNOWN_CODE: [{'status.3': 7}, {'finger_ends': 16}]}
 TPDOS: Change = {'taxel_tpdos': array('H', [0] * 256)}
 TAXELS: dict[R, list[Change]] = {
     R.WRONG_LENGTH: [{'tpdo_ages': array('f', [0.1])}],

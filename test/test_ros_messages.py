@@ -309,6 +309,15 @@ def test_a_side_is_empty_only_if_seen_and_a_cut_contact_shows_no_creep(values, k
     assert result.is_bound == hides_creep
 
 
+@pytest.mark.parametrize('kind', (Shape.RECTANGLE, Shape.UNKNOWN))
+def test_what_reaches_the_edge_is_a_bound_for_a_grasp_also_where_the_finger_ends_and_its_force_is_whole(kind):
+    """The object may reach beyond the finger, so its centre is another one, and it may creep along itself."""
+    message = shape(bar(), kind)
+    assert message.at_edge and message.force_is_bound and message.centre_of_pressure_is_bound
+    message.force_is_bound = message.centre_of_pressure_is_bound = False  # as where the finger ends
+    assert side_result(message, 5.0).is_bound and side_result(message, 5.0).hides_creep
+
+
 def test_a_dead_taxel_beside_a_contact_does_not_hide_its_creep():
     rows, cols = np.nonzero(block(6, 6))
     values = dead(block(6, 6), (rows.min() - 1, cols.min() + 2))

@@ -20,7 +20,7 @@ from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.message_age import age_seconds
 from tactile_node.ros.message_checks import check_contact, check_contact_shape
 from tactile_node.ros.qos import frames_qos
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import NO_SIDE, SkinSide, TaxelFrame, TaxelStatus
 from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShapes, TaxelArray
 
 pytestmark = pytest.mark.ros
@@ -57,7 +57,7 @@ class Pad(RosBench):
         return [each for node in (self.processor, self.classifier) for each in node.publishers
                 if each.topic_name == f'/{topic}']
 
-    def send(self, frame, saturated=False, unmapped=False, layer=None) -> SimpleNamespace:
+    def send(self, frame, saturated=False, unmapped=False, layer=None, ends=NO_SIDE) -> SimpleNamespace:
         """Publish a frame [Pa] and return the messages made of it by topic, each checked, None where there is none."""
         self.until(lambda: self._taxels.get_subscription_count())
         values = np.asarray(frame, np.float32)
@@ -65,7 +65,7 @@ class Pad(RosBench):
         status[np.broadcast_to(saturated, status.shape)] = TaxelStatus.SATURATED
         status[np.broadcast_to(unmapped, status.shape)] = TaxelStatus.UNMAPPED
         frame = TaxelFrame(time.time(), self._sequence, values, status, 0)
-        taxels = taxel_array_message(PadFrame.of(frame, Taxels(PITCH, 'Pa', layer), 'left_pad'))
+        taxels = taxel_array_message(PadFrame.of(frame, Taxels(PITCH, 'Pa', layer, ends), 'left_pad'))
         self._taxels.publish(taxels)
         self.until(lambda: all(heard and heard[-1].sequence == taxels.sequence
                                      for topic, heard in self.heard.items() if topic in self._subscriptions))
@@ -147,6 +147,14 @@ def test_sixty_four_newtons_on_a_saturated_skin_are_a_bound(pad):
     assert found.saturated_ring_taxels == 0 and not pad.send(frame).shape.force_is_bound
 
 
+@pytest.mark.parametrize('ends', [NO_SIDE, SkinSide.FIRST_ROW, SkinSide.LAST_ROW], ids=['none', 'this', 'another'])
+def test_at_an_edge_the_force_is_whole_where_the_finger_ends_with_the_skin(pad, ends):
+    found = pad.send(block(slice(0, 7)), ends=ends)
+    assert found.contact.finger_ends == ends and found.shape.at_edge and found.shape.size_is_bound
+    is_bound = ends != SkinSide.FIRST_ROW
+    assert found.shape.force_is_bound == found.shape.centre_of_pressure_is_bound == is_bound
+
+
 def test_force_has_a_standard_deviation_where_noise_is_seen(pad):
     assert np.isnan(pad.send(block()).shape.force_sd)
     noise = 500 * np.random.default_rng(5).standard_normal((16, 16))
@@ -162,12 +170,14 @@ def test_all_contacts_are_counted_and_the_four_largest_have_shapes(pad):
     frame = block(slice(0, 7), slice(1, 8))
     frame[1:5, 11:15] = frame[10:15, 1:5] = 60e3
     frame[10:13, 11:14] = frame[15, 15] = frame[15, 9] = 70e3
-    found = pad.send(frame)
+    found = pad.send(frame, ends=SkinSide(15))
     assert (found.contact.contacts, list(found.contact.contact_taxels)) == (6, [49, 20, 16, 9, 1, 1])
     assert found.shape.contacts == 6 and found.shape.others_present
     np.testing.assert_allclose(found.shape.contact_areas, np.array([49, 20, 16, 9, 1, 1]) * PITCH**2)
     assert [shape.taxels for shape in found.shapes.shapes] == [49, 20, 16, 9] and found.shapes.contacts == 6
     assert found.shapes.shapes[0].shape == ContactShape.SQUARE
+    for shape in (found.shape, *found.shapes.shapes):
+        assert not shape.force_is_bound
     centres = [(round(shape.centre_of_pressure.x / PITCH, 3), round(shape.centre_of_pressure.y / PITCH, 3))
                for shape in found.shapes.shapes]
     assert centres == [(4, 3), (2.5, 12), (12.5, 2.5), (12, 11)]

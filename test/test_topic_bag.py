@@ -46,7 +46,7 @@ def taxel_array(types, sequence, **changed):
     fields = {'header': kinds['std_msgs/msg/Header'](stamp, 'left_pad'), 'sequence': sequence,
               'age': kinds['builtin_interfaces/msg/Duration'](0, 0), 'rows': 2, 'cols': 3, 'pitch': 0.004, 'unit': 'Pa',
               'values': np.array([1, 2, NAN, 4, 5, 6], np.float32), 'status': np.array([1, 1, 2, 1, 1, 5], np.uint8),
-              'missing_can_frames': 1, 'layer_depth': 0.001, 'layer_deviation': 0.2,
+              'missing_can_frames': 1, 'layer_depth': 0.001, 'layer_deviation': 0.2, 'finger_ends': 4,
               'tpdo_ages': np.array([], np.float32), 'taxel_tpdos': np.array([], np.uint16)} | changed
     kind = kinds[TAXELS]
     return kind(**{name: fields[name] for name in signature(kind).parameters if name in fields})
@@ -184,7 +184,7 @@ def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
     {'status': np.full(6, 9, np.uint8)}, {'status': np.ones(6, np.uint8)}, {'unit': 'psi'}, {'pitch': NAN},
     {'pitch': 0.0}, {'tpdo_ages': np.array([1], np.float32)},
     {'tpdo_ages': np.array([1], np.float32), 'taxel_tpdos': np.ones(6, np.uint16)},
-    {'layer_deviation': 0.0}, {'values': np.array([1, 2, np.inf, 4, 5, 6], np.float32)}])
+    {'layer_deviation': 0.0}, {'finger_ends': 16}, {'values': np.array([1, 2, np.inf, 4, 5, 6], np.float32)}])
 def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed):
     reader = TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed) + arrays(1)))
     assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.INCONSISTENT: 1}

@@ -24,7 +24,7 @@ from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.nodes import view_topics
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
-from tactile_node.pose.pipeline import FoundContact, Taxels
+from tactile_node.pose.pipeline import FoundContact
 from tactile_node.ros.contact_messages import PadContact, contact_message, pad_frame_of
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.view_messages import (
@@ -79,7 +79,7 @@ def contact_of(message: TaxelArray):
     pattern = PatternExtractor(unit=message.unit).extract(
         np.array(message.values).reshape(message.rows, message.cols), saturated=having(TaxelStatus.SATURATED),
         unmapped=having(TaxelStatus.UNMAPPED))
-    found = FoundContact.of(pattern, Taxels(message.pitch, message.unit))
+    found = FoundContact.of(pattern, pad_frame_of(message).taxels)
     return contact_message(PadContact(pad_frame_of(message), found)), pattern
 
 
@@ -140,8 +140,9 @@ def test_what_presses_pushes_into_the_skin_with_its_torques_about_taxel_0_0():
 
 def test_all_contacts_count():
     # 4x4: 3.2 N at x = 1.5, y = 2.5 taxels; 3x3: 1.8 N at x = 12, y = 11 taxels
-    both = wrench(taxels(pressed((1, 0, 4, 4), (10, 11, 3, 3))))
-    assert both == pytest.approx([0, 0, -5.0, -(3.2 * 0.005 + 1.8 * 0.022), 3.2 * 0.003 + 1.8 * 0.024, 0])
+    message = taxels(pressed((1, 0, 4, 4), (10, 11, 3, 3)))
+    message.finger_ends = message.FIRST_COL
+    assert wrench(message) == pytest.approx([0, 0, -5.0, -(3.2 * 0.005 + 1.8 * 0.022), 3.2 * 0.003 + 1.8 * 0.024, 0])
 
 
 def test_forces_of_a_skin_in_newtons_are_added():
@@ -150,6 +151,13 @@ def test_forces_of_a_skin_in_newtons_are_added():
 
 def test_a_dead_taxel_inside_a_contact_counts_with_its_neighbours():
     assert wrench(taxels(pressed((3, 7, 3, 5), hidden=[(4, 9, 1, 1)])))[2] == pytest.approx(-3.0)
+
+
+def test_what_presses_at_an_edge_is_known_where_the_finger_ends_with_the_skin():
+    message = taxels(pressed((0, 7, 3, 5)))
+    assert all(map(math.isnan, wrench(message)))
+    message.finger_ends = message.FIRST_ROW
+    assert wrench(message)[2] == pytest.approx(-3.0)
 
 
 def test_an_empty_pad_that_was_seen_has_no_force():

@@ -4,7 +4,7 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_node.contact.press import SMALLEST_CONTACT
-from tactile_node.taxel_frame import read_only
+from tactile_node.taxel_frame import SkinSide, read_only
 
 EIGHT_CONNECTED = read_only(np.ones((3, 3), bool))
 
@@ -98,6 +98,16 @@ def touches_edge(mask: np.ndarray) -> bool:
     (False, True)
     """
     return any(map(np.count_nonzero, (mask[0], mask[-1], mask[:, 0], mask[:, -1])))
+
+
+def sides_reached(mask: np.ndarray) -> SkinSide:
+    """Return the sides of the pad at which ``mask``, bool (rows, cols), has a taxel.
+
+    >>> sides_reached(np.array([[False, True], [False, False]])) == SkinSide.FIRST_ROW | SkinSide.LAST_COL
+    True
+    """
+    ends = zip(SkinSide, (mask[0], mask[-1], mask[:, 0], mask[:, -1]))
+    return SkinSide(sum(side for side, taxels in ends if np.count_nonzero(taxels)))
 
 
 def sum_around(values: np.ndarray) -> np.ndarray:

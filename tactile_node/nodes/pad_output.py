@@ -31,7 +31,7 @@ class PadOutput:
                  layer: Layer | None = None):
         self.conditioned = conditioned
         self.unit = pad.layout.value.unit
-        self._taxels = Taxels(pad.layout.pitch, self.unit, layer)
+        self._taxels = Taxels(pad.layout.pitch, self.unit, layer, pad.layout.finger_ends)
         self._frame_id = frame_id
         self._age = age
         self._node = node

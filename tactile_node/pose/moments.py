@@ -29,8 +29,7 @@ ROUND_DIFFERENCE = 0.02  #: relative difference of the two second moments below 
 class ContactMoments(NamedTuple):
     """Moments of one contact, in the pad's frame; NaN where undefined and where the pad is not seen.
 
-    Standard deviations are those by the noise of the taxels; NaN where that is not known. A contact at the pad's edge
-    ends there: its force is whole, though the object may be larger.
+    Standard deviations are those by the noise of the taxels; NaN where that is not known.
     """
 
     force: float                             #: sum of the taxels' forces [N]; NaN for an on/off skin
@@ -40,7 +39,9 @@ class ContactMoments(NamedTuple):
     filled: int                              #: invalid taxels, taken as the mean of their neighbours
     force_sd: float                          #: [N]
     centre_of_pressure_sd: tuple[float, float]  #: along x and along y [m]
-    force_is_bound: bool  #: a lower bound: taxels are saturated, or the contact may continue in hidden ones
+    #: a lower bound: taxels are saturated, or the contact may continue in hidden ones, or beyond the skin where the
+    #: finger does; where the finger ends with the skin the force is whole, though the object may be larger
+    force_is_bound: bool
     centre_of_pressure_is_bound: bool        #: not that of the whole contact, for the same reasons
     #: it may be larger: hidden taxels or the pad's edge next to it; or taxels are saturated: a fit may be too large
     size_is_bound: bool
@@ -79,8 +80,7 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     share = of_contact / total if total > 0 else np.full(len(rows), np.nan)
     centre = (float(share @ cols), float(share @ rows))
     near, deviation = _deviations(values, mask, of_contact, noise=np.asarray(noise, float))
-    of_unit = {'Pa': pitch**2, 'N': 1.0, '1': np.nan}[unit]  # newtons
-    is_bound = visibility.outline_hidden or visibility.inside_hidden or visibility.saturated_in_contact > 0
+    of_unit, is_bound = _newtons(unit, pitch), visibility.is_part
     return ContactMoments(
         force=float(total * of_unit), centre_of_pressure=(centre[0] * pitch, centre[1] * pitch),
         area=len(rows) * pitch**2, principal_axis=_principal_axis(cols, rows), filled=filled,
@@ -89,6 +89,11 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
                                _centre_sd(deviation, near[0] - centre[1], total) * pitch),
         force_is_bound=is_bound, centre_of_pressure_is_bound=is_bound,
         size_is_bound=is_bound or visibility.at_edge)
+
+
+def _newtons(unit: str, pitch: float) -> float:
+    """Return the force of a taxel that reads 1 [N]."""
+    return {'Pa': pitch**2, 'N': 1.0, '1': np.nan}[unit]
 
 
 def _without_contact(unit: str, pad_seen: bool) -> ContactMoments:

@@ -20,7 +20,7 @@ from tactile_node.shape.fusion import FusedRecognition, FusionSettings, Recognit
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.recognition import Recognition, ShapeClass
-from tactile_node.taxel_frame import ON_OFF_UNIT
+from tactile_node.taxel_frame import NO_SIDE, ON_OFF_UNIT, SkinSide
 
 DEFAULT_FUSION = FusionSettings()
 SURE = 0.9  #: confidence from which a recognition counts for the frames that are like its own
@@ -38,6 +38,7 @@ class Taxels(NamedTuple):
     pitch: float = 1.0          #: distance of neighbours; all lengths come in its unit
     unit: str | None = None     #: unit of the values: 'Pa', 'N' or '1' (on/off); '' or None: not known
     layer: Layer | None = None  #: layer of a calibrated skin
+    finger_ends: SkinSide = NO_SIDE  #: sides at which the finger ends with the skin; at the others it goes on
 
 
 class FoundContact(NamedTuple):
@@ -51,12 +52,13 @@ class FoundContact(NamedTuple):
     @classmethod
     def of(cls, pattern: ContactPattern, taxels: Taxels, smallest_contact: int = SMALLEST_CONTACT) -> 'FoundContact':
         """Return the contact of ``pattern`` with what is seen of it."""
-        return cls(pattern, visibility_of(pattern, smallest_contact), taxels, smallest_contact)
+        visibility = visibility_of(pattern, smallest_contact, taxels.finger_ends)
+        return cls(pattern, visibility, taxels, smallest_contact)
 
     def of_pattern(self, pattern: ContactPattern) -> 'FoundContact':
         """Return the contact of another ``pattern`` of the same frame; whether the pad is seen was found before."""
-        visibility = visibility_of(pattern, self.smallest_contact)._replace(pad_seen=self.visibility.pad_seen)
-        return self._replace(pattern=pattern, visibility=visibility)
+        seen = self.of(pattern, self.taxels, self.smallest_contact).visibility
+        return self._replace(pattern=pattern, visibility=seen._replace(pad_seen=self.visibility.pad_seen))
 
     def fit(self, shape: ShapeClass, find: Finder | None = None) -> ShapeFit | None:
         """Return pose and size as a ``shape``; None where that has no outline, and without a contact.

@@ -11,7 +11,7 @@ from tactile_node.helmholtz.features import UNDEFINED, Extremes, Features
 from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.time_messages import time_message
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, TpdoAges
+from tactile_node.taxel_frame import SkinSide, TaxelFrame, TaxelStatus, TpdoAges
 from tactile_skin.msg import Contact, ContactFeatures, FeatureRange, TaxelArray
 
 
@@ -55,7 +55,8 @@ def taxel_array_message(frame: PadFrame) -> TaxelArray:
     message = TaxelArray(
         header=frame.header, sequence=frame.sequence, rows=frame.values.shape[0], cols=frame.values.shape[1],
         pitch=frame.taxels.pitch, unit=frame.taxels.unit, values=as_array('f', frame.values, np.float32),
-        status=as_array('B', frame.status, np.uint8), missing_can_frames=frame.missing_can_frames)
+        status=as_array('B', frame.status, np.uint8), missing_can_frames=frame.missing_can_frames,
+        finger_ends=int(frame.taxels.finger_ends))
     if frame.taxels.layer is not None:
         message.layer_depth, message.layer_deviation = frame.taxels.layer
     if frame.tpdo_ages is not None:
@@ -69,7 +70,8 @@ def pad_frame_of(message: TaxelArray | Contact) -> PadFrame:
     layer = Layer(message.layer_depth, message.layer_deviation) if message.layer_depth else None
     return PadFrame(message.header, message.sequence, taxel_values(message),
                     np.frombuffer(message.status, np.uint8).reshape(message.rows, message.cols),
-                    Taxels(message.pitch, message.unit, layer), message.missing_can_frames)
+                    Taxels(message.pitch, message.unit, layer, SkinSide(message.finger_ends)),
+                    message.missing_can_frames)
 
 
 def taxel_values(message: TaxelArray | Contact) -> np.ndarray:
@@ -103,7 +105,7 @@ def contact_message(contact: PadContact) -> Contact:
         status=as_array('B', status, np.uint8), labels=as_array('B', pattern.labels, np.uint8),
         contacts=pattern.contacts, contact_taxels=array('I', pattern.sizes),
         noise_floor=as_array('f', pattern.noise, np.float32) if np.isfinite(pattern.noise).all() else array('f'),
-        missing_can_frames=frame.missing_can_frames)
+        missing_can_frames=frame.missing_can_frames, finger_ends=int(taxels.finger_ends))
     if taxels.layer is not None:
         message.layer_depth, message.layer_deviation = taxels.layer
     return message

@@ -24,6 +24,7 @@ from tactile_node.skin.taxel_array import (
     check_grid,
     check_layer,
     check_scale,
+    check_sides,
     check_taxels,
     check_time,
 )
@@ -57,6 +58,7 @@ def check_contact(message: Contact) -> RejectReason | None:
             or check_taxels(message.values, message.status)
             or _noise_floor(message)
             or check_layer(message.layer_depth, message.layer_deviation)
+            or check_sides(message.finger_ends)
             or _state(message.state, message.contacts)
             or _labels(message)
             or _times(message))

@@ -6,8 +6,7 @@ from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 
 from tactile_node.pose.box import ContactBox
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.pose.moments import ContactMoments
-from tactile_node.pose.pipeline import StreamedContact
+from tactile_node.pose.pipeline import FoundContact, StreamedContact
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state, single
 from tactile_node.ros.time_messages import duration_message
@@ -46,7 +45,7 @@ def shape_message(frame: PadFrame, result: StreamedContact, method: str, solid_h
         contacts=pattern.contacts, others_present=pattern.contacts > 1,
         contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
         pose=_nowhere() if result.fit is None else _pose(result.fit), residual=float('nan'), hollow=box.hollow)
-    _add_moments(message, result.found.moments)
+    _add_moments(message, result.found)
     _add_box(message, box)
     if result.fit is not None:
         _add_fit(message, result.fit)
@@ -66,7 +65,8 @@ def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
 
 
-def _add_moments(message: ContactShape, moments: ContactMoments) -> None:
+def _add_moments(message: ContactShape, found: FoundContact) -> None:
+    moments = found.moments
     x, y = moments.centre_of_pressure
     message.force, message.centre_of_pressure = moments.force, Point(x=x, y=y)
     message.contact_area, message.principal_axis = moments.area, moments.principal_axis

@@ -27,7 +27,7 @@ from tactile_node.pose.moments import contact_moments
 from tactile_node.ros.contact_messages import as_array, taxel_values, taxels_of
 from tactile_node.ros.time_messages import duration_message
 from tactile_node.shape.recognition import UnknownReason
-from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
+from tactile_node.taxel_frame import ON_OFF_UNIT, SkinSide, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
 WHOLE_COLOUR = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan: as fitted
@@ -223,7 +223,7 @@ def _known(contact: Contact, pattern: ContactPattern) -> list[_Pressing] | None:
     for number in range(1, pattern.contacts + 1):
         part = of_contact(pattern, number)
         moments = contact_moments(part.values, part.mask, contact.pitch, contact.unit,
-                                  visibility_of(part, contact.smallest_contact))
+                                  visibility_of(part, contact.smallest_contact, SkinSide(contact.finger_ends)))
         each = _Pressing(moments.force, *moments.centre_of_pressure)
         if moments.force_is_bound or moments.centre_of_pressure_is_bound or not all(map(math.isfinite, each)):
             return None

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from tactile_node.skin.layout import MAX_SIDE
-from tactile_node.taxel_frame import PRESS_BY_UNIT, TaxelStatus
+from tactile_node.taxel_frame import PRESS_BY_UNIT, SkinSide, TaxelStatus
 
 NANOSECONDS = 10**9
 #: By TaxelStatus, to its largest number: whether a taxel of this status has a value
@@ -60,6 +60,7 @@ def check_taxel_array(message: Any) -> RejectReason | None:
             or check_codes(message.status, max(TaxelStatus))
             or check_taxels(message.values, message.status)
             or check_layer(getattr(message, 'layer_depth', 0.0), getattr(message, 'layer_deviation', 0.0))
+            or check_sides(getattr(message, 'finger_ends', 0))
             or _tpdo_ages(getattr(message, 'tpdo_ages', ()), getattr(message, 'taxel_tpdos', ()), len(message.values))
             or check_time(message.header.stamp)
             or (check_duration(message.age) if hasattr(message, 'age') else None))
@@ -103,6 +104,11 @@ def check_layer(depth: float, deviation: float) -> RejectReason | None:
     if not (math.isfinite(depth) and math.isfinite(deviation)):
         return RejectReason.NOT_FINITE
     return None if depth > 0 and deviation > 0 or depth == deviation == 0 else RejectReason.INCONSISTENT
+
+
+def check_sides(sides: int) -> RejectReason | None:
+    """Check that a set of sides has no other than the four."""
+    return RejectReason.UNKNOWN_CODE if sides > sum(SkinSide) else None
 
 
 def check_finite(*numbers: float) -> RejectReason | None:
