@@ -155,6 +155,71 @@ def test_away_from_the_edge_no_force_is_a_bound():
     assert not found_in(pressed(np.s_[6:11, 6:11])).moments.force_is_bound
 
 
+# --- All contacts of a pad
+
+LARGEST, SECOND = np.s_[2:8, 2:8], np.s_[10:14, 9:13]  # 36 and 16 taxels: 7.2 N and 3.2 N at 50 kPa
+
+
+def pad_force(found):
+    return found.pad_force(found.moments)
+
+
+def test_the_force_of_a_pad_is_that_of_all_its_contacts():
+    found = found_in(pressed(LARGEST, SECOND))
+    assert found.moments.force == pytest.approx(7.2) and pad_force(found) == (pytest.approx(10.4), False)
+    alone = found_in(pressed(LARGEST))
+    assert pad_force(alone) == (alone.moments.force, False)
+    assert pad_force(found_in(pressed(LARGEST, SECOND, level=0.1), unit='N')).force == pytest.approx(5.2)
+
+
+def test_an_empty_pad_has_no_force_and_one_that_is_not_seen_none_that_is_known():
+    assert pad_force(found_in(np.zeros((16, 16)))) == (0.0, False)
+    hidden = np.zeros((16, 16))
+    hidden[:7] = np.nan
+    assert np.isnan(pad_force(found_in(hidden)).force)
+    assert np.isnan(pad_force(found_in(pressed(LARGEST, SECOND, level=1.0), unit='1')).force)
+
+
+def with_value(frame, place, value):
+    frame[place] = value
+    return frame
+
+
+SECOND_AT_EDGE = np.s_[12:, 9:13]
+
+
+@pytest.mark.parametrize(('frame', 'saturated', 'ends'), [
+    (pressed(LARGEST, SECOND), SECOND, NO_SIDE),
+    (pressed(LARGEST, SECOND_AT_EDGE), None, SkinSide(15) & ~SkinSide.LAST_ROW),
+    (with_value(pressed(LARGEST, SECOND), np.s_[:4, 12:], np.nan), None, NO_SIDE),
+    (with_value(pressed(LARGEST, SECOND), (11, 10), np.nan), None, NO_SIDE),
+    (with_value(pressed(LARGEST, SECOND), (12, 13), np.nan), None, NO_SIDE)],
+    ids=['saturated', 'at an edge', 'not seen elsewhere', 'dead within it', 'dead beside it'])
+def test_a_second_contact_that_may_press_harder_makes_the_force_of_the_pad_a_bound(frame, saturated, ends):
+    mask = np.zeros((16, 16), bool)
+    if saturated is not None:
+        mask[saturated] = True
+    found = found_in(frame, ends, saturated=mask)
+    assert not found.moments.force_is_bound and pad_force(found).is_bound
+    assert pad_force(found).force <= 10.4 + 1e-9
+
+
+def test_a_second_contact_where_the_finger_ends_is_whole_as_the_largest_one():
+    assert pad_force(found_in(pressed(LARGEST, SECOND_AT_EDGE), SkinSide.LAST_ROW)) == (pytest.approx(10.4), False)
+
+
+def test_what_makes_the_largest_force_a_bound_makes_that_of_the_pad_one():
+    saturated = pressed(LARGEST) > 0
+    assert pad_force(found_in(pressed(LARGEST, SECOND), saturated=saturated)).is_bound
+
+
+def test_more_contacts_than_have_labels_are_a_bound():
+    many = np.zeros((64, 64))
+    many[1:-1:3, 1:-1:3] = 50e3
+    found = ContactPipeline().find(many, Taxels(PITCH, 'Pa', finger_ends=SkinSide(15)))
+    assert found.pattern.contacts > 255 and pad_force(found).is_bound
+
+
 @pytest.mark.parametrize('dead', [False, True])
 @pytest.mark.parametrize(('side', 'noise'), [(4, 500.0), (8, 500.0), (8, 4000.0)])
 def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):

@@ -129,8 +129,8 @@ def test_both_ways_give_the_same_results():
         node.destroy_node()
     assert [facts(shape) for shape in shapes] == [facts(shape) for shape in by_message]
     assert {shape.class_name for shape in shapes if not shape.at_edge} == {'none', 'square'}
-    assert [(shape.at_edge, shape.force_is_bound) for shape in shapes] == (
-        15 * [(False, False)] + 5 * [(True, False)])
+    assert [(shape.at_edge, shape.force_is_bound, shape.pad_force_is_bound) for shape in shapes] == (
+        15 * [(False, False, False)] + 5 * [(True, False, False)])
 
 
 def test_nothing_is_published_between_nodes_that_share_a_process():

@@ -153,6 +153,19 @@ def test_at_an_edge_the_force_is_whole_where_the_finger_ends_with_the_skin(pad, 
     assert found.contact.finger_ends == ends and found.shape.at_edge and found.shape.size_is_bound
     is_bound = ends != SkinSide.FIRST_ROW
     assert found.shape.force_is_bound == found.shape.centre_of_pressure_is_bound == is_bound
+    assert (found.shape.pad_force, found.shape.pad_force_is_bound) == (found.shape.force, is_bound)
+
+
+def test_the_force_of_the_pad_is_that_of_both_contacts(pad):
+    frame = block()
+    frame[12:15, 12:15] = 50e3
+    found = pad.send(frame).shape
+    assert found.force == pytest.approx(49 * 0.2) and found.pad_force == pytest.approx(58 * 0.2)
+    assert not found.pad_force_is_bound
+    found = pad.send(frame, saturated=np.pad(frame[12:, 12:] > 0, (12, 0))).shape
+    assert found.pad_force == pytest.approx(58 * 0.2) and found.pad_force_is_bound and not found.force_is_bound
+    empty, hidden = pad.send(np.zeros((16, 16))).shape, pad.send(np.full((16, 16), np.nan)).shape
+    assert empty.pad_force == 0 and not empty.pad_force_is_bound and np.isnan(hidden.pad_force)
 
 
 def test_force_has_a_standard_deviation_where_noise_is_seen(pad):
@@ -177,7 +190,8 @@ def test_all_contacts_are_counted_and_the_four_largest_have_shapes(pad):
     assert [shape.taxels for shape in found.shapes.shapes] == [49, 20, 16, 9] and found.shapes.contacts == 6
     assert found.shapes.shapes[0].shape == ContactShape.SQUARE
     for shape in (found.shape, *found.shapes.shapes):
-        assert not shape.force_is_bound
+        assert shape.pad_force == pytest.approx(frame.sum() * PITCH**2)
+        assert not (shape.force_is_bound or shape.pad_force_is_bound)
     centres = [(round(shape.centre_of_pressure.x / PITCH, 3), round(shape.centre_of_pressure.y / PITCH, 3))
                for shape in found.shapes.shapes]
     assert centres == [(4, 3), (2.5, 12), (12.5, 2.5), (12, 11)]

@@ -6,9 +6,10 @@ import numpy as np
 from scipy.special import ndtr
 
 from tactile_node.contact.neighbours import grown
-from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.pattern import MOST_LABELS, ContactPattern
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.taxel_frame import NO_SIDE, SkinSide
 
 
 def check_pitch(pitch: float) -> None:
@@ -89,6 +90,29 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
                                _centre_sd(deviation, near[0] - centre[1], total) * pitch),
         force_is_bound=is_bound, centre_of_pressure_is_bound=is_bound,
         size_is_bound=is_bound or visibility.at_edge)
+
+
+class PadForce(NamedTuple):
+    """What presses on a pad as a whole."""
+
+    force: float    #: of all its contacts [N]; NaN as that of one
+    is_bound: bool  #: a lower bound: that of a contact is one, or hidden taxels could hold another contact
+
+
+def pad_force(contact: ContactMoments, pattern: ContactPattern, pitch: float, unit: str,
+              visibility: Visibility, finger_ends: SkinSide = NO_SIDE) -> PadForce:
+    """Return the force of the ``contact`` that is the mask of ``pattern`` and of all others; see `contact_moments`.
+
+    Hidden taxels in or next to the others, also single ones, make it a bound: no standard deviation speaks of them.
+    """
+    others = (pattern.labels > 0) & ~pattern.mask
+    is_bound = contact.force_is_bound or not visibility.pad_seen
+    if not np.count_nonzero(others):
+        return PadForce(contact.force, is_bound)
+    seen = visibility_of(pattern._replace(mask=others), 1, finger_ends)
+    total = float(np.nansum(np.maximum(pattern.values[others], 0)))
+    return PadForce(contact.force + total * _newtons(unit, pitch),
+                    is_bound or seen.is_part or pattern.contacts > MOST_LABELS)
 
 
 def _newtons(unit: str, pitch: float) -> float:

@@ -14,7 +14,7 @@ from tactile_node.contact.press import SMALLEST_CONTACT, PressThresholds
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.pose.box import ContactBox, contact_box
 from tactile_node.pose.fit import Finder, FitFollower, ShapeFit, fit_contact
-from tactile_node.pose.moments import ContactMoments, contact_moments
+from tactile_node.pose.moments import ContactMoments, PadForce, contact_moments, pad_force
 from tactile_node.pose.profiles import Layer
 from tactile_node.shape.fusion import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
@@ -75,6 +75,11 @@ class FoundContact(NamedTuple):
         """Force, centre of pressure, area and axis. The force of values without a unit is not known."""
         return contact_moments(self.pattern.values, self.pattern.mask, self.taxels.pitch,
                                self.taxels.unit or ON_OFF_UNIT, self.visibility, self.pattern.noise)
+
+    def pad_force(self, moments: ContactMoments) -> PadForce:
+        """Return the force of all contacts of the pad; ``moments``: those of this one."""
+        return pad_force(moments, self.pattern, self.taxels.pitch, self.taxels.unit or ON_OFF_UNIT, self.visibility,
+                         self.taxels.finger_ends)
 
     @property
     def box(self) -> ContactBox:

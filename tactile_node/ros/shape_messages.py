@@ -73,6 +73,7 @@ def _add_moments(message: ContactShape, found: FoundContact) -> None:
     message.force_sd, message.centre_of_pressure_sd = moments.force_sd, float(max(moments.centre_of_pressure_sd))
     message.force_is_bound, message.size_is_bound = moments.force_is_bound, moments.size_is_bound
     message.centre_of_pressure_is_bound = moments.centre_of_pressure_is_bound
+    message.pad_force, message.pad_force_is_bound = found.pad_force(moments)
 
 
 def _add_box(message: ContactShape, box: ContactBox) -> None:
