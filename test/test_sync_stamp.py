@@ -101,7 +101,7 @@ def patient(monkeypatch):
     monkeypatch.setattr(traffic, 'LONGEST_WRITE', 60)
 
 
-@pytest.mark.parametrize('stall', [STALL, 0.015])
+@pytest.mark.parametrize('stall', [STALL, 0.03])
 @pytest.mark.parametrize('one_clock', [True, False])
 @pytest.mark.parametrize('where', ['before', 'after'])
 def test_a_write_held_up_leaves_no_taxels_with_a_wrong_stamp(tmp_path, patient, where, one_clock, stall):
