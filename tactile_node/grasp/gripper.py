@@ -127,6 +127,13 @@ class Gripper:
         direction = self.left.normal - self.right.normal
         return read_only(direction / np.linalg.norm(direction))
 
+    @cached_property
+    def across(self) -> np.ndarray:
+        """Unit vectors across the closing direction along the left pad's x and y axes, shape (2, 3)."""
+        x = self.left.rotation[:, 0] - self.left.rotation[:, 0] @ self.closing * self.closing
+        x /= np.linalg.norm(x)
+        return read_only(np.array((x, np.cross(self.closing, x))))
+
 
 Point = tuple[float, float]  # of a pad, in its own frame [m]
 
