@@ -191,18 +191,19 @@ class GraspConsumer(Consumer):
 
     def subscribe(self) -> None:
         from tactile_skin.msg import Grasp
-        self._last: object = None  # stamp of the newest SYNC of which both pads have arrived
+        self._last = 0  # sequence of the newest SYNC of which both pads have arrived
         self.node.create_subscription(Grasp, 'grasp', self._on_grasp, 50)
 
     def counted(self, elapsed: float, rate: float) -> dict[str, float]:
         return {'both': 100 * len(self.late['both']) / (elapsed * rate)}
 
     def _on_grasp(self, message) -> None:
-        left, right = message.sides
-        self.pads |= {pad for pad, side in zip(PADS, message.sides) if side.sequence or side.class_names}
-        if left.header.stamp == right.header.stamp != self._last and left.class_names:
-            self._last = left.header.stamp
-            self.late['both'].append(lateness(left))
+        self.pads |= {pad for pad, state in zip(PADS, message.side_states) if state}
+        sides = getattr(message, 'sides', ())  # of commit 23bca48
+        left, right = (side.sequence for side in sides) if sides else message.sequences
+        if left == right > self._last:
+            self._last = left
+            self.late['both'].append(lateness(message))
 
 
 def lateness(message) -> float:

@@ -39,7 +39,8 @@ class Chain:
     def __init__(self) -> None:
         recogniser = make_recogniser('learned', '')
         self._pads = {side: _Pad(side, recogniser) for side in SIDES}
-        self._tracker = GraspTracker(GraspSettings(Gripper(PadPose(), PadPose((0.0, 0.03, 0.0), (np.pi, 0.0, 0.0)))))
+        self._gripper = Gripper(PadPose(), PadPose((0.0, 0.03, 0.0), (np.pi, 0.0, 0.0)))
+        self._tracker = GraspTracker(GraspSettings(self._gripper))
         self._latest = {side: ContactShape() for side in SIDES}
         self._times = dict.fromkeys(SIDES, -np.inf)
 
@@ -51,6 +52,6 @@ class Chain:
         sent = now + DELAY
         message = grasp_message(self._tracker.state(sent, gap), [self._latest[side] for side in SIDES],
                                 Opening(gap, GapSource.PARAMETER, 0.0), 'gripper',
-                                [sent - self._times[side] for side in SIDES])
+                                [sent - self._times[side] for side in SIDES], self._gripper)
         message.age = age_message(max(sent - self._times[side] for side in SIDES))
         return message

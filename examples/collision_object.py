@@ -2,7 +2,8 @@
 
     collision_object(shape, 'held')          # with parameter solid_height: of the height that it gives
     collision_object(shape, 'held', 0.05)    # of this height [m]
-    held_object(grasp, 'held')               # as long as the contacts are apart: needs the gripper's opening
+    held_object(grasp, sides, 'held')        # of `grasp` and `grasp_sides`, as long as the contacts are apart: needs
+                                             # the gripper's opening
 
 The object is what the pad sees of it, in the pad's frame: the contact's outline, extended along the pad's normal.
 What reaches beyond the contact is not seen; let MoveIt pad it. Nothing is made of what is not known: see Refusal.
@@ -27,6 +28,7 @@ class Refusal(IntEnum):
     WIDTH_NOT_KNOWN = 5  # the gripper's opening is not known
     OTHER_SHAPES = 6    # the sides report different shapes: it is no prism
     HOLLOW = 7          # a ring or a frame: whether its inside is solid is not known
+    OTHER_TIME = 8      # the sides are those of another grasp
 
 
 class NoObjectError(ValueError):
@@ -63,8 +65,13 @@ def collision_object(shape, object_id: str, height: float | None = None) -> Coll
     return found
 
 
-def held_object(grasp, object_id: str) -> CollisionObject:
-    """Return what both pads hold, from the left pad to the right one. Raises NoObjectError."""
+def held_object(grasp, sides, object_id: str) -> CollisionObject:
+    """Return what both pads hold, from the left pad to the right one; ``sides``: the GraspSides of ``grasp``.
+
+    Raises NoObjectError.
+    """
+    if sides.header.stamp != grasp.header.stamp:
+        raise NoObjectError(Refusal.OTHER_TIME)
     if not (grasp.fresh and grasp.contact == type(grasp).TWO_SIDED and grasp.stable):
         raise NoObjectError(Refusal.NOT_HELD)
     if grasp.line_is_bound:
@@ -73,7 +80,7 @@ def held_object(grasp, object_id: str) -> CollisionObject:
         raise NoObjectError(Refusal.OTHER_SHAPES)
     if not isfinite(grasp.width):
         raise NoObjectError(Refusal.WIDTH_NOT_KNOWN)
-    return collision_object(grasp.sides[0], object_id, grasp.width)
+    return collision_object(sides.sides[0], object_id, grasp.width)
 
 
 def _height_of(shape) -> float:

@@ -47,9 +47,9 @@ class GraspWatch:
 
 
 class IsGraspStable(py_trees.behaviour.Behaviour):
-    """SUCCESS while both pads hold one of ``shapes`` (names; none: whatever is held) stably, else FAILURE.
+    """SUCCESS while an object of ``shapes`` (names; none: whatever is held) is held stably, else FAILURE.
 
-    ``min_confidence`` is of a known shape: above 0, an unknown one fails, as in GraspRequirement.msg.
+    ``min_confidence``, of both faces together, is of a known shape: above 0, an unknown one fails.
     """
 
     def __init__(self, name: str, watch: GraspWatch, shapes: Collection[str] = (), min_confidence: float = 0.0):
@@ -69,10 +69,8 @@ class IsGraspStable(py_trees.behaviour.Behaviour):
             return 'not held by both pads'
         if not grasp.stable or grasp.line_is_bound:
             return 'not stable' if not grasp.stable else 'seen in part only'
-        if self._shapes and not all(side.class_name in self._shapes for side in grasp.sides):
+        if self._shapes and grasp.class_name not in self._shapes:
             return 'another shape'
-        if self._min_confidence and not all(side.shape not in (ContactShape.NOT_KNOWN, ContactShape.NONE,
-                                                               ContactShape.UNKNOWN)
-                                            and side.confidence >= self._min_confidence for side in grasp.sides):
+        if self._min_confidence and (grasp.shape == ContactShape.UNKNOWN or grasp.confidence < self._min_confidence):
             return 'not sure'
         return ''

@@ -10,37 +10,19 @@ a watchdog decides again when none comes.
 """
 
 import time
-from math import atan2, degrees, hypot, inf, isfinite, nan, pi, remainder
+from math import degrees, hypot, inf, isfinite, nan, pi, remainder
 from typing import NamedTuple
 
-MIN_CONFIDENCE = 0.8         # below, on either side: let go and try elsewhere
+MIN_CONFIDENCE = 0.8         # of the object's class; below: let go and try elsewhere
 MAX_OFFSET = 0.002           # of the two contacts' centres across the closing direction [m]
 MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
 MAX_MISALIGNMENT = 5 * pi / 180  # of the line between the contacts against the closing direction [rad]
 MAX_AGE = 0.3                # of an acquisition [s]
+TAUGHT = 8                   # ContactShape.OTHER
 CLOSING = (0.0, 0.0, 1.0)    # from the left pad to the right one in the gripper's frame, as the grasp node's defaults
 MAX_SILENCE = 0.1            # since the latest grasp arrived [s]
 WATCHDOG_PERIOD = 0.02       # [s]
 REPORT_PERIOD = 0.5          # of an action that stays the same [s]
-
-
-class Side(NamedTuple):
-    """What of one pad's ContactShape decides; angle and symmetry as in the message."""
-
-    confidence: float
-    centre: tuple[float, float]         # of the contact, in the pad's frame [m]
-    aim: tuple[float, float]            # where on the pad it should be [m]
-    angle: float = 0.0                  # [rad]
-    symmetry: int = 0
-    is_bound: bool = False              # too much of it is hidden
-
-
-class Line(NamedTuple):
-    """What of the line between the contacts decides."""
-
-    offset: float                       # of the two centres across the closing direction [m]; NaN: not known
-    misalignment: float = nan           # [rad]; NaN: not known, without an opening
-    axis: tuple[float, float, float] = (nan, nan, nan)  # from left to right, in the gripper's frame
 
 
 class Correction(NamedTuple):
@@ -53,95 +35,67 @@ class Correction(NamedTuple):
 
 
 HOLD = Correction('hold')               # what the gripper holds is not known: keep still
-
-
-def choose(left: Side, right: Side, line: Line, stable: bool) -> Correction:
-    """Decide on the worst flaw of a grasp that both pads touch first.
-
-    Contacts that do not oppose come before all others: on oblique faces neither shape nor place can be relied on.
-    """
-    if left.is_bound or right.is_bound or not isfinite(line.offset):
-        return Correction('wait')  # where the object is, is known in part only
-    if line.offset > MAX_OFFSET or line.misalignment > MAX_MISALIGNMENT:
-        tilt = opposing(line)
-        return Correction('tilt', tilt=tilt) if all(map(isfinite, tilt)) else Correction('regrasp')
-    if min(left.confidence, right.confidence) < MIN_CONFIDENCE:
-        return Correction('regrasp' if stable else 'wait')  # more frames may still decide, unless nothing moves
-    shift = off_aim(left)
-    if hypot(*shift) > MAX_OFFSET:
-        return Correction('shift', shift)
-    angle = nearest_edge(left.angle, left.symmetry)
-    if abs(angle) > MAX_ANGLE:
-        return Correction('rotate', angle=angle)
-    return Correction('lift' if stable else 'wait')
-
-
-def opposing(line: Line) -> tuple[float, float, float]:
-    """Return the rotation of the gripper, about the grasp's midpoint, that closes it along the line; NaN: not known."""
-    (a, b, c), (x, y, z) = CLOSING, line.axis
-    across = (b * z - c * y, c * x - a * z, a * y - b * x)
-    sine = hypot(*across)
-    return tuple(line.misalignment * each / sine if sine else nan for each in across)
-
-
-def off_aim(side: Side) -> tuple[float, float]:
-    return side.centre[0] - side.aim[0], side.centre[1] - side.aim[1]
-
-
-def nearest_edge(angle: float, symmetry: int) -> float:
-    """Return the smallest rotation of the gripper that brings the object's edge along one of the pad's axes."""
-    edges = (angle + k * 2 * pi / symmetry for k in range(symmetry))  # all that look the same
-    return min((remainder(edge, pi / 2) for edge in edges), key=abs, default=0.0)
-
-
-def yaw(orientation) -> float:
-    """Rotation about z of a quaternion message [rad]."""
-    q = orientation
-    return atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
-
-
-def side(shape, aim: tuple[float, float]) -> Side:
-    """What of a ContactShape decides; without a shape its confidence is 0.
-
-    One that was taught (OTHER) has no pose: its centre of pressure stands for the centre, and nothing is to be rotated.
-    """
-    codes = type(shape)
-    if shape.shape == codes.OTHER and not shape.fit_valid:
-        place = shape.centre_of_pressure
-        return Side(confidence=shape.confidence, centre=(place.x, place.y), aim=aim,
-                    is_bound=shape.centre_of_pressure_is_bound)
-    has_shape = shape.fit_valid and shape.shape not in (codes.NOT_KNOWN, codes.NONE, codes.UNKNOWN)
-    place = shape.pose.pose
-    return Side(confidence=shape.confidence if has_shape else 0.0, centre=(place.position.x, place.position.y),
-                aim=aim, angle=yaw(place.orientation), symmetry=shape.symmetry,
-                is_bound=shape.unknown_reason == codes.NOT_SEEN)
+WAIT = Correction('wait')
 
 
 def asked_for(grasp, aim: tuple[float, float]) -> Correction:
-    """What a Grasp asks for while it is current; ``aim``: where on the pad the contact should be [m]."""
+    """What a Grasp asks for while it is current; ``aim``: where on the left pad the object's centre should be [m].
+
+    The worst flaw comes first. Contacts that do not oppose come before all others: on oblique faces neither shape nor
+    place can be relied on.
+    """
     codes = type(grasp)
     if not grasp.fresh or grasp.contact in (codes.NOT_KNOWN, codes.UNSEEN):
         return HOLD
     if grasp.contact == codes.NO_CONTACT:  # both pads are seen and empty: nothing is held
         return Correction('open')
     if grasp.contact != codes.TWO_SIDED:
-        return Correction('wait')
+        return WAIT
+    shift = (grasp.centre[0] - aim[0], grasp.centre[1] - aim[1])
     if grasp.line_is_bound:
-        return from_the_edge(grasp.sides, aim)
-    line = Line(grasp.offset, grasp.misalignment, (grasp.axis.x, grasp.axis.y, grasp.axis.z))
-    return choose(*(side(shape, aim) for shape in grasp.sides), line, grasp.stable)
+        return from_the_edge(grasp, shift)
+    if not isfinite(grasp.offset) or grasp.class_name == 'unknown' and any(grasp.hidden_taxels):
+        return WAIT  # where or what the object is, is known in part only
+    if grasp.offset > MAX_OFFSET or grasp.misalignment > MAX_MISALIGNMENT:
+        tilt = opposing(grasp)
+        return Correction('tilt', tilt=tilt) if all(map(isfinite, tilt)) else Correction('regrasp')
+    if not is_sure(grasp):
+        return Correction('regrasp') if grasp.stable else WAIT  # more frames may still decide, unless nothing moves
+    if hypot(*shift) > MAX_OFFSET:
+        return Correction('shift', shift)
+    angle = nearest_edge(grasp.yaw, grasp.symmetry)
+    if abs(angle) > MAX_ANGLE:
+        return Correction('rotate', angle=angle)
+    return Correction('lift') if grasp.stable else WAIT
 
 
-def from_the_edge(shapes, aim: tuple[float, float]) -> Correction:
+def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
     """Follow a contact that the edge of a pad cuts: the rest of it is farther out on the same side.
 
     What is hidden by taxels without a value may be anywhere.
     """
-    place = shapes[0].centre_of_pressure
-    shift = (place.x - aim[0], place.y - aim[1])
-    is_cut = any(shape.at_edge for shape in shapes)
-    is_seen = all(shape.pad_seen and not shape.hidden_taxels + shape.hidden_ring_taxels for shape in shapes)
-    return Correction('shift', shift) if is_cut and is_seen and hypot(*shift) > MAX_OFFSET else Correction('wait')
+    is_followed = any(grasp.at_edge) and all(grasp.pads_seen) and not any(grasp.hidden_taxels)
+    return Correction('shift', shift) if is_followed and hypot(*shift) > MAX_OFFSET else WAIT
+
+
+def opposing(grasp) -> tuple[float, float, float]:
+    """Return the rotation of the gripper, about the grasp's midpoint, that closes it along the line; NaN: not known."""
+    (a, b, c), (x, y, z) = CLOSING, (grasp.axis.x, grasp.axis.y, grasp.axis.z)
+    across = (b * z - c * y, c * x - a * z, a * y - b * x)
+    sine = hypot(*across)
+    return tuple(grasp.misalignment * each / sine if sine else nan for each in across)
+
+
+def is_sure(grasp) -> bool:
+    """Whether the object can be relied on: with a size and an angle, but of a shape that was taught, which has none."""
+    has_fit = len(grasp.dimensions) and not (grasp.symmetry and not isfinite(grasp.yaw))
+    return grasp.confidence >= MIN_CONFIDENCE and (has_fit or grasp.shape == TAUGHT)
+
+
+def nearest_edge(angle: float, symmetry: int) -> float:
+    """Return the smallest rotation of the gripper that brings an edge along one of the left pad's axes."""
+    edges = (angle + k * 2 * pi / symmetry for k in range(symmetry))  # all that look the same
+    return min((remainder(edge, pi / 2) for edge in edges), key=abs, default=0.0)
 
 
 class Planner:

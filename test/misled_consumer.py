@@ -88,9 +88,9 @@ def shape_facts(message: ContactShape) -> dict:
 def grasp_facts(message: Grasp) -> dict:
     return {**time_facts(message), 'contact': name_of(Grasp, CONTACTS, message.contact),
             'sides': [name_of(Grasp, SIDES, state) for state in getattr(message, 'side_states', ())],
-            'shapes': [name_of(ContactShape, SHAPES, side.shape) for side in message.sides],
+            'shape': name_of(ContactShape, SHAPES, message.shape),
             'fresh': message.fresh, 'stable': message.stable, 'gap': float(message.gap), 'width': float(message.width),
-            'offset': float(message.offset), 'sequences': [side.sequence for side in message.sides],
+            'offset': float(message.offset), 'sequences': [int(each) for each in message.sequences],
             'gap_source': name_of(Grasp, GAPS, getattr(message, 'gap_source', -1))}
 
 

@@ -7,7 +7,7 @@ import pytest
 from geometry_msgs.msg import Point32, Polygon
 from shape_msgs.msg import SolidPrimitive
 
-from tactile_skin.msg import ContactShape, Grasp
+from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
 pytestmark = pytest.mark.ros
 
@@ -33,9 +33,12 @@ def shape(kind=ContactShape.RECTANGLE, dimensions=(0.012, 0.006), corners=(), **
 
 
 def grasp(**fields):
-    side = shape()
-    return Grasp(**{'sides': [side, side], 'contact': Grasp.TWO_SIDED, 'fresh': True, 'stable': True,
+    return Grasp(**{'contact': Grasp.TWO_SIDED, 'fresh': True, 'stable': True,
                     'same_shape': True, 'width': 0.04, **fields})
+
+
+def sides():
+    return GraspSides(sides=[shape(), shape()])
 
 
 def test_a_rectangle_is_a_box_that_stands_on_the_pad(example, collision_object_message):
@@ -76,7 +79,7 @@ def test_the_height_is_that_of_the_solid_in_the_message(example):
 
 
 def test_what_both_pads_hold_is_as_long_as_they_are_apart(example):
-    box, = example.held_object(grasp(), 'held').primitives
+    box, = example.held_object(grasp(), sides(), 'held').primitives
     assert box.dimensions[2] == 0.04
 
 
@@ -93,7 +96,8 @@ def test_a_contact_whose_shape_or_size_is_not_known_is_refused(example, changes,
 
 
 def test_a_default_message_is_refused(example):
-    for make in (lambda: example.collision_object(ContactShape(), 'x', pi), lambda: example.held_object(Grasp(), 'x')):
+    for make in (lambda: example.collision_object(ContactShape(), 'x', pi),
+                 lambda: example.held_object(Grasp(), GraspSides(), 'x')):
         with pytest.raises(example.NoObjectError):
             make()
 
@@ -104,5 +108,13 @@ def test_a_default_message_is_refused(example):
     ({'width': nan}, 'WIDTH_NOT_KNOWN')])
 def test_a_grasp_that_is_not_held_or_not_known_is_refused(example, changes, refusal):
     with pytest.raises(example.NoObjectError) as error:
-        example.held_object(grasp(**changes), 'held')
+        example.held_object(grasp(**changes), sides(), 'held')
     assert error.value.refusal is example.Refusal[refusal]
+
+
+def test_the_sides_of_another_grasp_are_refused(example):
+    later = sides()
+    later.header.stamp.sec = 1
+    with pytest.raises(example.NoObjectError) as error:
+        example.held_object(grasp(), later, 'held')
+    assert error.value.refusal is example.Refusal.OTHER_TIME

@@ -24,7 +24,7 @@ from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.qos import frames_qos
 from tactile_node.taxel_frame import SkinSide, TaxelFrame
-from tactile_skin.msg import Contact, ContactShape, Grasp, TaxelArray
+from tactile_skin.msg import Contact, ContactShape, GraspSides, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -135,7 +135,7 @@ def test_both_ways_give_the_same_results():
 
 def test_nothing_is_published_between_nodes_that_share_a_process():
     with Process() as process:
-        grasps = heard_by(process.peer, Grasp, '/grasp')
+        grasps = heard_by(process.peer, GraspSides, '/grasp_sides')
         for _ in range(30):
             process.send()
             time.sleep(PERIOD)

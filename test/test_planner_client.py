@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from math import cos, inf, nan, pi, radians, sin
+from math import cos, inf, nan, radians, sin
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,30 +18,47 @@ PATH = Path(__file__).resolve().parents[1] / 'examples' / 'planner_client.py'
 AIM = (0.015, 0.015)
 
 
-GOOD = client.Side(confidence=0.99, centre=AIM, aim=AIM, angle=0.0, symmetry=2)
+class Codes:
+    NOT_KNOWN, UNSEEN, NO_CONTACT, ONE_SIDED, TWO_SIDED = range(5)
 
 
-def side(**changes):
-    return GOOD._replace(**changes)
+SQUARE, OTHER, UNKNOWN = 4, 8, 2
+#: As a rectangle has symmetry 2; the fields are those of Grasp.msg
+GOOD = {'contact': Codes.TWO_SIDED, 'fresh': True, 'stable': True, 'line_is_bound': False, 'offset': 0.0,
+        'misalignment': nan, 'axis': (nan, nan, nan), 'shape': SQUARE, 'class_name': 'square', 'confidence': 0.99,
+        'dimensions': [0.01], 'centre': AIM, 'yaw': 0.0, 'symmetry': 2, 'at_edge': [False, False],
+        'pads_seen': [True, True], 'hidden_taxels': [0, 0]}
+UNKNOWN_OBJECT = {'shape': UNKNOWN, 'class_name': 'unknown', 'confidence': 0.3, 'dimensions': [], 'yaw': nan,
+                  'symmetry': 0}
 
 
-def choose(left=GOOD, right=GOOD, offset=0.0, stable=True, **line):
-    return client.choose(left, right, client.Line(offset, **line), stable)
+def grasp(**changes):
+    found = Codes()
+    vars(found).update(GOOD | changes)
+    found.axis = SimpleNamespace(**dict(zip('xyz', found.axis)))
+    return found
+
+
+def choose(**changes):
+    return client.asked_for(grasp(**changes), AIM)
 
 
 @pytest.mark.parametrize(('changes', 'action'), [
-    ({}, 'lift'), ({'stable': False}, 'wait'),
-    ({'right': side(is_bound=True)}, 'wait'), ({'offset': nan}, 'wait'),  # the object is known in part only
-    ({'right': side(confidence=0.5), 'stable': False}, 'wait'), ({'right': side(confidence=0.5)}, 'regrasp'),
+    ({}, 'lift'), ({'stable': False}, 'wait'), ({'offset': nan}, 'wait'),  # where it is is not known
+    (UNKNOWN_OBJECT | {'hidden_taxels': [0, 3]}, 'wait'),  # what it is is known in part only
+    (UNKNOWN_OBJECT, 'regrasp'), (UNKNOWN_OBJECT | {'stable': False}, 'wait'),
+    ({'confidence': 0.5, 'stable': False}, 'wait'), ({'confidence': 0.5}, 'regrasp'),
+    ({'dimensions': [], 'yaw': nan, 'symmetry': 0}, 'regrasp'),  # no fit
+    ({'yaw': nan}, 'regrasp'),  # the sides contradict each other
     ({'offset': 0.004}, 'regrasp'),  # without an opening the angle is not known
     ({'offset': 0.001, 'misalignment': 0.1, 'axis': (sin(0.1), 0.0, cos(0.1))}, 'tilt'),  # a short line
-    ({'left': side(angle=1.0, symmetry=0)}, 'lift')])  # a circle
+    ({'yaw': nan, 'symmetry': 0}, 'lift')])  # a circle
 def test_a_grasp_is_lifted_when_it_is_good_and_stable_and_else_improved(changes, action):
     assert choose(**changes).action == action
 
 
-def test_an_off_centre_contact_shifts_the_gripper_after_it():
-    correction = choose(left=side(centre=(0.018, 0.014)))
+def test_an_off_centre_object_shifts_the_gripper_after_it():
+    correction = choose(centre=(0.018, 0.014))
     assert correction.action == 'shift'
     assert correction.shift == pytest.approx((0.003, -0.001))
 
@@ -50,7 +67,7 @@ def test_an_off_centre_contact_shifts_the_gripper_after_it():
     ((sin(0.2), 0.0, cos(0.2)), (0.0, 0.2, 0.0)), ((0.0, sin(0.2), cos(0.2)), (-0.2, 0.0, 0.0))])
 def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
     """By hand: a rotation about y takes z to x, one about x takes z to -y."""
-    correction = choose(right=side(confidence=0.3), offset=0.006, misalignment=0.2, axis=axis)
+    correction = choose(confidence=0.3, offset=0.006, misalignment=0.2, axis=axis)
     assert correction.action == 'tilt' and correction.tilt == pytest.approx(expected)
 
 
@@ -59,47 +76,27 @@ def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
     (radians(170), 1, radians(-10)),
     (radians(20), 3, radians(-10))])  # of edges at 20, 140 and 260 degrees
 def test_an_oblique_edge_rotates_the_gripper_the_short_way(angle, symmetry, expected):
-    correction = choose(left=side(angle=angle, symmetry=symmetry))
+    correction = choose(yaw=angle, symmetry=symmetry)
     assert correction.action == 'rotate' and correction.angle == pytest.approx(expected)
 
 
-def test_yaw_of_a_quaternion():
-    half = pi / 6
-    assert client.yaw(SimpleNamespace(w=0.5 * 3**0.5, x=0.0, y=0.0, z=0.5)) == pytest.approx(2 * half)
-
-
-class Codes:
-    NOT_KNOWN, UNSEEN, NO_CONTACT, ONE_SIDED, TWO_SIDED = range(5)
-
-
-def cut(x, at_edge=True, pad_seen=True, hidden=0):
-    return SimpleNamespace(at_edge=at_edge, pad_seen=pad_seen, hidden_taxels=0, hidden_ring_taxels=hidden,
-                           centre_of_pressure=SimpleNamespace(x=x, y=AIM[1]))
-
-
-def grasp(contact, fresh=True, line_is_bound=False, left=None, right=None):
-    found = Codes()
-    found.contact, found.fresh, found.line_is_bound = contact, fresh, line_is_bound
-    found.sides = (left or cut(AIM[0], at_edge=False), right or cut(AIM[0], at_edge=False))
-    return found
-
-
-@pytest.mark.parametrize(('left', 'right', 'action'), [
-    (cut(0.025), None, 'shift'), (cut(0.025), cut(0.025, pad_seen=False), 'wait'), (cut(0.025, hidden=1), None, 'wait'),
-    (cut(0.015), None, 'wait'), (cut(0.025, at_edge=False), None, 'wait'),
-    (cut(0.025, at_edge=False), cut(0.025), 'shift')])
-def test_a_contact_that_only_the_edge_cuts_is_followed(left, right, action):
-    correction = client.asked_for(grasp(Codes.TWO_SIDED, line_is_bound=True, left=left, right=right), AIM)
+@pytest.mark.parametrize(('changes', 'action'), [
+    ({}, 'shift'), ({'pads_seen': [True, False]}, 'wait'), ({'hidden_taxels': [1, 0]}, 'wait'),
+    ({'centre': AIM}, 'wait'), ({'at_edge': [False, False]}, 'wait'), ({'at_edge': [False, True]}, 'shift'),
+    ({'centre': (nan, nan)}, 'wait')])
+def test_a_contact_that_only_the_edge_cuts_is_followed(changes, action):
+    beside = {'line_is_bound': True, 'at_edge': [True, False], 'centre': (0.025, AIM[1])}
+    correction = choose(**beside | changes)
     assert correction.action == action
     assert correction.shift == pytest.approx((0.01 if action == 'shift' else 0.0, 0.0))
 
 
-@pytest.mark.parametrize(('found', 'action'), [
-    (grasp(Codes.NOT_KNOWN), 'hold'), (grasp(Codes.UNSEEN), 'hold'), (grasp(Codes.NO_CONTACT), 'open'),
-    (grasp(Codes.ONE_SIDED), 'wait'), (grasp(Codes.TWO_SIDED, line_is_bound=True), 'wait'),
-    *((grasp(contact, fresh=False), 'hold') for contact in range(5))])
-def test_only_what_is_fresh_and_seen_moves_the_gripper(found, action):
-    assert client.asked_for(found, AIM).action == action
+@pytest.mark.parametrize(('changes', 'action'), [
+    ({'contact': Codes.NOT_KNOWN}, 'hold'), ({'contact': Codes.UNSEEN}, 'hold'),
+    ({'contact': Codes.NO_CONTACT}, 'open'), ({'contact': Codes.ONE_SIDED}, 'wait'), ({'line_is_bound': True}, 'wait'),
+    *(({'contact': contact, 'fresh': False}, 'hold') for contact in range(5))])
+def test_only_what_is_fresh_and_seen_moves_the_gripper(changes, action):
+    assert choose(**changes).action == action
 
 
 def test_a_decision_ends_with_the_age_of_its_grasp_or_when_grasps_stop():
@@ -229,17 +226,10 @@ def test_a_planner_opens_when_the_object_is_gone():
 
 
 def test_a_taught_shape_is_centred_and_lifted_and_never_rotated():
-    """It has no pose: the centre of pressure counts, and an angle of 0 would be made up."""
-    codes = SimpleNamespace(NOT_KNOWN=0, NONE=1, UNKNOWN=2, OTHER=8, NOT_SEEN=2)
-
-    def touched(x, is_bound=False):
-        class Shape(SimpleNamespace):
-            pass
-        for name, number in vars(codes).items():
-            setattr(Shape, name, number)
-        return Shape(shape=8, class_name='plug', fit_valid=False, confidence=0.95, unknown_reason=1,
-                     centre_of_pressure=SimpleNamespace(x=x, y=AIM[1]), centre_of_pressure_is_bound=is_bound)
-    held, beside, cut = (client.side(touched(*each), AIM) for each in ((AIM[0],), (0.02,), (AIM[0], True)))
-    assert choose(held, held).action == 'lift'
-    assert choose(beside, beside).action == 'shift' and choose(beside, beside).shift == pytest.approx((0.005, 0.0))
-    assert choose(cut, held).action == 'wait'
+    """It has no size and no yaw, and an angle of 0 would be made up."""
+    plug = {'shape': OTHER, 'class_name': 'plug', 'dimensions': [], 'yaw': nan, 'symmetry': 0}
+    assert choose(**plug).action == 'lift'
+    beside = choose(**plug, centre=(0.02, AIM[1]))
+    assert beside.action == 'shift' and beside.shift == pytest.approx((0.005, 0.0))
+    assert choose(**plug, line_is_bound=True).action == 'wait'
+    assert choose(**plug | {'confidence': 0.5}).action == 'regrasp'

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_node.contact.pattern import ContactPattern
+from tactile_node.grasp.gripper import Gripper
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, Opening
 from tactile_node.grasp.tracker import GraspTracker, SideState
 from tactile_node.helmholtz.features import Extremes, Features, Group, compute_features
@@ -20,7 +21,7 @@ from tactile_node.ros.contact_messages import (
     taxel_array_message,
     taxel_values,
 )
-from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.grasp_messages import face_of, grasp_message, side_result, sides_message
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_grasp, check_taxel_array
 from tactile_node.ros.shape_messages import pose_message, shape_message
@@ -206,10 +207,12 @@ def test_two_taught_shapes_are_the_same_by_their_names_not_by_their_number(right
     sides, tracker = [shape(block(6, 6), TaughtShape(name)) for name in ('plug', right)], GraspTracker()
     tracker.update('left', side_result(sides[0], 5.0), now=5.0)
     state = tracker.update('right', side_result(sides[1], 5.0), now=5.0, gap=0.04)
-    grasp = grasp_message(state, sides, Opening(0.04, GapSource.PARAMETER, 0.0), 'gripper', ages=(0.1, 0.1))
+    grasp = grasp_message(state, sides, Opening(0.04, GapSource.PARAMETER, 0.0), 'gripper', (0.1, 0.1), Gripper())
     assert grasp.same_shape is same and check_grasp(grasp) is None
-    grasp.same_shape = True
-    assert check_grasp(grasp) is (None if same else RejectReason.INCONSISTENT)
+    named = (ContactShape.OTHER, 'plug') if same else (ContactShape.UNKNOWN, 'unknown')
+    assert (grasp.shape, grasp.class_name) == named
+    assert not grasp.dimensions and math.isnan(grasp.yaw)
+    assert grasp.centre[0] == pytest.approx(sides[0].centre_of_pressure.x)
 
 
 def test_two_pads_become_one_grasp():
@@ -217,7 +220,7 @@ def test_two_pads_become_one_grasp():
     opening = Opening(0.0, GapSource.JOINT_STATES, 0.25)
     tracker.update('left', side_result(message, 5.0), now=5.0)
     state = tracker.update('right', side_result(message, 5.0), now=5.0, gap=opening.gap)
-    grasp = grasp_message(state, [message, message], opening, 'gripper', ages=(0.5, 0.4))
+    grasp = grasp_message(state, [message, message], opening, 'gripper', (0.5, 0.4), Gripper())
     assert grasp.age.nanosec == 500_000_000
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh and grasp.same_shape and not grasp.stable
     assert grasp.header.frame_id == 'gripper' and grasp.header.stamp == message.header.stamp
@@ -226,6 +229,55 @@ def test_two_pads_become_one_grasp():
     assert grasp.right_centre.y == pytest.approx(-grasp.left_centre.y)
     assert grasp.width == pytest.approx(2 * grasp.left_centre.y)
     assert (grasp.gap, grasp.gap_source, grasp.gap_age.nanosec) == (0.0, Grasp.GAP_JOINT_STATES, 250_000_000)
+
+
+def test_the_object_of_a_grasp_is_what_both_pads_see():
+    """The same bar of 9 x 4 taxels on both pads, which the default pads mirror: y of the object is 0 between them."""
+    side, tracker = shape(block(4, 9), Shape.RECTANGLE), GraspTracker()
+    side.force_sd, side.sequence, side.hidden_taxels, side.hidden_ring_taxels = 0.02, 7, 2, 3
+    side.saturated_taxels, side.saturated_ring_taxels = 4, 1
+    tracker.update('left', side_result(side, 5.0), now=5.0)
+    state = tracker.update('right', side_result(side, 5.0), now=5.0)
+    grasp = grasp_message(state, [side, side], UNKNOWN_OPENING, 'gripper', (0.1, 0.1), Gripper())
+    assert check_grasp(grasp) is None
+    assert (grasp.shape, grasp.class_name) == (ContactShape.RECTANGLE, 'rectangle')
+    assert grasp.confidence == pytest.approx(0.75 * 0.75)  # a quarter of each side is unknown
+    assert list(grasp.dimension_names) == ['long', 'short'] and not any(grasp.dimension_is_bound)
+    assert list(grasp.dimensions) == pytest.approx([9 * PITCH, 4 * PITCH], rel=0.02)
+    sds = dict(zip(side.parameter_names, side.standard_deviations))
+    assert list(grasp.dimension_sds) == pytest.approx([sds['long'] / math.sqrt(2), sds['short'] / math.sqrt(2)])
+    assert list(grasp.centre) == pytest.approx([7 * PITCH, 0.0], abs=0.02 * PITCH)
+    assert grasp.centre_sd == pytest.approx(max(sds['x'], sds['y']) / math.sqrt(2))
+    assert abs(grasp.yaw) < math.radians(1) and grasp.symmetry == 2
+    assert grasp.yaw_sd == pytest.approx(sds['angle'] / math.sqrt(2))
+    force = 36 * 50e3 * PITCH**2
+    assert [*grasp.forces, grasp.grip_force, grasp.force_imbalance] == pytest.approx([force] * 3 + [0.0])
+    assert grasp.grip_force_sd == pytest.approx(0.02 / math.sqrt(2))
+    assert (list(grasp.sequences), list(grasp.confidences)) == ([7, 7], pytest.approx([0.75, 0.75]))
+    assert (list(grasp.hidden_taxels), list(grasp.saturated_taxels)) == ([5, 5], [5, 5])
+    assert list(grasp.pads_seen) == [True, True] and list(grasp.at_edge) == [False, False]
+
+
+def test_the_sides_of_a_grasp_are_a_message_of_their_own():
+    sides = [shape(block(4, 9), Shape.RECTANGLE), shape(block(6, 6), Shape.SQUARE)]
+    sides[1].header.stamp.nanosec += 1
+    state = GraspTracker().state(0.0)
+    message = sides_message(state, sides, 'gripper', (0.3, 0.1))
+    grasp = grasp_message(state, sides, UNKNOWN_OPENING, 'gripper', (0.3, 0.1), Gripper())
+    assert (message.header, message.age) == (grasp.header, grasp.age) and list(message.sides) == sides
+    assert message.header.frame_id == 'gripper' and message.header.stamp == sides[0].header.stamp
+    assert list(message.side_states) == list(grasp.side_states) == [Grasp.SIDE_NOT_KNOWN] * 2
+
+
+@pytest.mark.parametrize('wrong', [{'standard_deviations': [0.0] * 5}, {'standard_deviations': [math.nan] * 5},
+                                   {'parameter_names': ['a'] * 5}, {'dimension_names': [], 'dimensions': [],
+                                                                    'dimension_is_bound': []}])
+def test_a_fit_without_deviations_is_none_for_the_object(wrong):
+    """The check of a shape lets them pass; no weight follows from them."""
+    side = shape(block(4, 9), Shape.RECTANGLE)
+    for name, value in wrong.items():
+        setattr(side, name, value)
+    assert check_contact_shape(side) is None and face_of(side).fit is None
 
 
 @pytest.mark.parametrize('period', [0.02, 0.05, 0.2])
@@ -242,7 +294,7 @@ def test_a_receiver_of_grasps_knows_their_age_whatever_the_period(period):
             arrivals[id(pad)] = k * period
             if len(arrivals) == 2:
                 since = [now - 50.0 - arrivals[id(side)] for side in (left, right)]
-                found = ages.arrived(grasp_message(state, [left, right], UNKNOWN_OPENING, 'gripper', since))
+                found = ages.arrived(grasp_message(state, [left, right], UNKNOWN_OPENING, 'gripper', since, Gripper()))
     assert found.age_on_arrival == pytest.approx(0.023, abs=0.005)
 
 
@@ -250,7 +302,7 @@ def test_without_an_opening_a_grasp_has_no_width_and_says_so():
     message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
     tracker.update('left', side_result(message, 5.0), now=5.0)
     state = tracker.update('right', side_result(message, 5.0), now=5.0)
-    grasp = grasp_message(state, [message, message], UNKNOWN_OPENING, 'gripper', (math.inf, math.inf))
+    grasp = grasp_message(state, [message, message], UNKNOWN_OPENING, 'gripper', (math.inf, math.inf), Gripper())
     assert math.isinf(age_seconds(grasp.age))
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh
     assert grasp.gap_source == Grasp.GAP_NOT_KNOWN and math.isinf(age_seconds(grasp.gap_age))
@@ -270,7 +322,7 @@ def test_one_touched_pad_is_no_line():
     empty = shape(np.zeros((16, 16), np.float32), Shape.NONE)
     tracker.update('left', side_result(message, 5.0), now=5.0)
     state = tracker.update('right', side_result(empty, 5.0), now=5.0)
-    grasp = grasp_message(state, [message, empty], UNKNOWN_OPENING, 'gripper', (0.0, 0.0))
+    grasp = grasp_message(state, [message, empty], UNKNOWN_OPENING, 'gripper', (0.0, 0.0), Gripper())
     assert grasp.contact == Grasp.ONE_SIDED and math.isnan(grasp.width) and math.isnan(grasp.midpoint.x)
 
 

@@ -96,14 +96,15 @@ def test_a_shape_is_shown_on_the_taxels_that_it_was_recognised_from(nodes, name,
     assert seen.contact.outline is None  # fit_valid is false
 
 
-def grasp(sides, **changed):
-    """Both pads are touched."""
+def grasp(header, **changed):
+    """Both pads are touched; where, and what is held, is not known."""
     from tactile_skin.msg import Grasp
-    message = Grasp(sides=sides, side_states=2 * [Grasp.SIDE_TOUCHED], contact=Grasp.TWO_SIDED, **changed)
-    message.header = sides[0].header
+    message = Grasp(header=header, side_states=2 * [Grasp.SIDE_TOUCHED], contact=Grasp.TWO_SIDED, shape=2,
+                    class_name='unknown', centre=[NAN, NAN], **changed)
     for point in (message.left_centre, message.right_centre, message.midpoint, message.axis):
         point.x = point.y = point.z = NAN
-    message.gap = message.width = message.offset = message.misalignment = message.creep = NAN
+    message.gap = message.width = message.offset = message.misalignment = message.creep = message.centre_sd = NAN
+    message.yaw = message.yaw_sd = message.grip_force = message.grip_force_sd = message.force_imbalance = NAN
     return message
 
 
@@ -114,14 +115,14 @@ def test_a_grasp_has_its_own_age_and_one_that_contradicts_itself_is_not_shown(no
     publisher = node.create_publisher(Grasp, '/grasp', frames_qos(10))
     source.start()
     until(publisher.get_subscription_count)
-    publisher.publish(grasp(2 * [shape(taxels(node, 1, 10e3))], stable=True))  # and not fresh
-    publisher.publish(grasp(2 * [shape(taxels(node, 1, 10e3))]))
+    publisher.publish(grasp(taxels(node, 1, 10e3).header, stable=True))  # and not fresh
+    publisher.publish(grasp(taxels(node, 1, 10e3).header))
     until(lambda: source.store.shown().grasp is not None)
     seen = source.store.shown().grasp
     assert (seen.contact, seen.is_fresh, seen.is_stable, seen.acquired) == ('two_sided', False, False, -np.inf)
 
     def is_age_known():
-        publisher.publish(grasp(2 * [shape(taxels(node, 1, 10e3))], fresh=True))
+        publisher.publish(grasp(taxels(node, 1, 10e3).header, fresh=True))
         return np.isfinite(source.store.shown().grasp.acquired)
     until(is_age_known)
     assert source.store.shown().grasp.is_fresh

@@ -19,20 +19,20 @@ from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_transforms import publish_pad_frames
 from tactile_node.nodes.run import run_node
-from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.grasp_messages import grasp_message, side_result, sides_message
 from tactile_node.ros.message_age import Arrival
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import GraspNodeSettings
 from tactile_node.ros.time_messages import seconds
-from tactile_skin.msg import ContactShape, Grasp
+from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
 ANOTHER_LOG = 60.0  # s by which stamps go back when another log is replayed; pads of one log are less apart
 
 
 class GraspNode(StageNode):
-    """Publishes `grasp` for every usable `<pad>/shape` of its two pads, and when the shapes of a pad stop.
+    """Publishes `grasp` and `grasp_sides` for every usable `<pad>/shape` of its two pads, and when these stop.
 
     Serves `~/wait_for_grasp` and `~/check_grasp`: whether a grasp is what a client requires.
 
@@ -46,8 +46,8 @@ class GraspNode(StageNode):
         super().__init__(NODE_NAMES[Role.GRASP], **options)
         declare(self, GraspNodeSettings)
         self._settings = settings = read(self, GraspNodeSettings)
-        gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),
-                          PadPose(settings.right_xyz, settings.right_rpy))
+        self._gripper = gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),
+                                          PadPose(settings.right_xyz, settings.right_rpy))
         self._tracker = GraspTracker(GraspSettings(
             gripper, SteadinessSettings(settings.max_creep, settings.centre_tolerance), min_hold=settings.min_hold,
             max_skew=settings.max_skew, max_age=settings.max_age))
@@ -56,6 +56,7 @@ class GraspNode(StageNode):
         self._latest = {side: ContactShape() for side in SIDES}
         self._stamp = 0.0  # the latest [s]; the clock of a lossless replay
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
+        self._sides_publisher = self.create_publisher(GraspSides, 'grasp_sides', settings.qos)
         self._requests = GraspRequests(self, self._current)
         # On the steady clock: with use_sim_time and no /clock the node's own clock stands still
         self._silences = {side: self.create_timer(self._tracker.silence_limit(side), self._on_silence,
@@ -115,6 +116,8 @@ class GraspNode(StageNode):
         current = self._described(state, opening)
         if is_wanted(self._publisher, self._settings.lossless):
             self._publisher.publish(current.message())
+        if is_wanted(self._sides_publisher, self._settings.lossless):
+            self._sides_publisher.publish(sides_message(state, current.sides, self._settings.frame, self._ages()))
         if self._requests is not None:
             self._requests.look(current)
 
@@ -131,12 +134,13 @@ class GraspNode(StageNode):
 
     def _described(self, state: GraspState, opening: Opening) -> CurrentGrasp:
         sides = [self._latest[side] for side in SIDES]
-        return CurrentGrasp(state, sides, partial(self._message, state, sides, opening))
+        return CurrentGrasp(state, sides, lambda: grasp_message(state, sides, opening, self._settings.frame,
+                                                                self._ages(), self._gripper))
 
-    def _message(self, state: GraspState, sides: list[ContactShape], opening: Opening) -> Grasp:
+    def _ages(self) -> list[float]:
+        """Return the age of the latest shape of each side [s]; inf: there is none."""
         now = time.monotonic()
-        ages = [self._arrivals[side].age(now) if side in self._arrivals else math.inf for side in SIDES]
-        return grasp_message(state, sides, opening, self._settings.frame, ages)
+        return [self._arrivals[side].age(now) if side in self._arrivals else math.inf for side in SIDES]
 
 
 def main() -> int:

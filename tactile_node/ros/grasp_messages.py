@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Collection, Sequence
-from copy import copy
-from functools import cache
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Duration
@@ -11,18 +10,21 @@ from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import Header
 
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
-from tactile_node.grasp.gripper import Line
+from tactile_node.grasp.gripper import Gripper, Line
+from tactile_node.grasp.held_object import Face, FaceFit, HeldObject, held_object
 from tactile_node.grasp.opening import Opening
 from tactile_node.grasp.requirement import MOST_REQUIRED, Missing, Requirement
 from tactile_node.grasp.steadiness import FIT_RESOLUTION, PATTERN_RESOLUTION, PRESSURE_RESOLUTION
-from tactile_node.grasp.tracker import GraspState, SideResult, SideState
+from tactile_node.grasp.tracker import GraspContact, GraspState, SideResult, SideState
+from tactile_node.ros.contact_messages import single
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import SHAPES
-from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, RequirementState
+from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, GraspSides, RequirementState
 
 MOST_HIDDEN = 0.25  #: fraction of a contact or of the ring around it; 3 % of dead taxels hide less
+NUMBER_OF_NAME = {shape.value: code for code, shape in SHAPE_OF_NUMBER.items()}  #: of our classes
 #: code -> name, of the shapes that a requirement may ask for
 REQUIRABLE = {code: shape.value for code, shape in SHAPE_OF_NUMBER.items() if shape in SHAPES}
 LONGEST = 3600.0  #: s, timeout of a goal; a longer one is taken for a mistake
@@ -31,12 +33,19 @@ NANOSECONDS = 10**9
 
 def side_result(message: ContactShape, time: float) -> SideResult:
     """What one pad reports; ``time`` [s]: of its acquisition, on our clock."""
-    is_hidden = _is_largely_hidden(message)
-    place, resolution, is_bound = _of_fit(message) if message.fit_valid else _of_pressure(message)
-    if not (message.taxels and message.contacts and math.isfinite(place.x) and math.isfinite(place.y)):
+    is_hidden, centre = _is_largely_hidden(message), _centre(message)
+    if centre is None:
         return SideResult(time, _reported_state(message), message.class_name, hides_creep=is_hidden)
-    return SideResult(time, _reported_state(message), message.class_name, (place.x, place.y), resolution,
+    resolution, is_bound = _of_fit(message) if message.fit_valid else _of_pressure(message)
+    return SideResult(time, _reported_state(message), message.class_name, centre, resolution,
                       is_bound=is_bound or is_hidden, hides_creep=is_hidden)
+
+
+def _centre(message: ContactShape) -> tuple[float, float] | None:
+    """The centre of the fit, else that of pressure; None without a contact, and where it is not known."""
+    place = message.pose.pose.position if message.fit_valid else message.centre_of_pressure
+    is_known = message.taxels and message.contacts and math.isfinite(place.x) and math.isfinite(place.y)
+    return (place.x, place.y) if is_known else None
 
 
 def _reported_state(message: ContactShape) -> SideState:
@@ -56,17 +65,17 @@ def _is_largely_hidden(message: ContactShape) -> bool:
             or message.size_is_bound and not message.saturated_taxels)
 
 
-def _of_fit(message: ContactShape) -> tuple[Point, float, bool]:
-    """The centre, its resolution [m], and whether it is a bound: then it is that of the part that is seen."""
+def _of_fit(message: ContactShape) -> tuple[float, bool]:
+    """The resolution of the centre [m], and whether it is a bound: then it is that of the part that is seen."""
     of_values = PATTERN_RESOLUTION if math.isnan(message.force) else FIT_RESOLUTION
     uncertain = 2 * max(message.standard_deviations[:2], default=0.0)
-    return message.pose.pose.position, max(of_values * _pitch(message), uncertain), message.size_is_bound
+    return max(of_values * _pitch(message), uncertain), message.size_is_bound
 
 
-def _of_pressure(message: ContactShape) -> tuple[Point, float, bool]:
-    """Return the centre of pressure like `_of_fit`; saturation shifts it, and so does every hidden taxel at the rim."""
+def _of_pressure(message: ContactShape) -> tuple[float, bool]:
+    """Return the same of the centre of pressure; saturation shifts it, and so does every hidden taxel at the rim."""
     of_values = PATTERN_RESOLUTION if math.isnan(message.force) else PRESSURE_RESOLUTION
-    return message.centre_of_pressure, of_values * _pitch(message), message.centre_of_pressure_is_bound
+    return of_values * _pitch(message), message.centre_of_pressure_is_bound
 
 
 def _pitch(message: ContactShape) -> float:
@@ -74,33 +83,60 @@ def _pitch(message: ContactShape) -> float:
     return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
 
 
-def grasp_message(state: GraspState, sides: list[ContactShape], opening: Opening, frame_id: str,
-                  ages: Sequence[float]) -> Grasp:
+def face_of(message: ContactShape) -> Face:
+    """What one pad reports of its contact, for the object that both pads hold."""
+    of_fit = message.standard_deviations[:2] if message.fit_valid else ()
+    place = _centre(message)
+    return Face(message.class_name, dict(zip(message.class_names, map(float, message.probabilities))),
+                (math.nan, math.nan) if place is None else place,
+                max(of_fit, default=message.centre_of_pressure_sd), _face_fit(message), message.force,
+                message.force_sd, message.force_is_bound)
+
+
+def _face_fit(message: ContactShape) -> FaceFit | None:
+    """Return the fit with its deviations; None without them: what is not known to a degree has no weight."""
+    if not message.fit_valid or not message.dimension_names:
+        return None
+    of_each = dict(zip(message.parameter_names, map(float, message.standard_deviations)))
+    angle_sd = of_each.get('angle', math.inf)
+    sds = tuple(of_each.get(name, 0.0) for name in message.dimension_names)
+    if not all(0 < sd < math.inf for sd in (*sds, *([angle_sd] if message.symmetry else []))):
+        return None
+    turn = message.pose.pose.orientation
+    return FaceFit(2 * math.atan2(turn.z, turn.w), angle_sd, message.symmetry, message.handedness,
+                   tuple(message.dimension_names), tuple(message.dimensions), sds, tuple(message.dimension_is_bound))
+
+
+def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Opening, frame_id: str,
+                  ages: Sequence[float], gripper: Gripper) -> Grasp:
     """``sides``: the latest message of the left and the right pad; ``ages`` of both [s], inf: not known.
 
     Stamp and age are those of the older one: a receiver measures the delay of its path by both together.
     """
     words = state.contact.name, 'fresh' if state.fresh else 'not fresh', 'stable' if state.stable else 'not stable'
-    fields = dict(
-        header=Header(stamp=_older(sides, ages).header.stamp, frame_id=frame_id), message=', '.join(words),
-        age=age_message(max(ages)), sides=sides,
-        side_states=[int(each) for each in state.side_states], contact=int(state.contact), fresh=state.fresh,
+    message = Grasp(
+        **_dated(state, sides, frame_id, ages), message=', '.join(words), contact=int(state.contact), fresh=state.fresh,
         gap=opening.gap, gap_source=int(opening.source), gap_age=age_message(opening.age), same_shape=state.same_shape,
         stable=state.stable, held=duration_message(state.held), creep=state.creep, line_is_bound=state.line_is_bound)
-    message = copy(_blank())
-    for name, value in fields.items():
-        setattr(message, name, value)
     _add_line(message, state.line)
+    is_held = state.fresh and state.contact is GraspContact.TWO_SIDED
+    left, right = sides
+    _add_object(message, held_object(face_of(left), face_of(right), gripper) if is_held else HeldObject())
+    _add_sides(message, state, sides)
     return message
 
 
-@cache
-def _blank() -> Grasp:
-    """A message to copy: the constructor makes both sides, for others to take their place."""
-    return Grasp()
+def sides_message(state: GraspState, sides: Sequence[ContactShape], frame_id: str, ages: Sequence[float]) -> GraspSides:
+    """Return the sides of the grasp that `grasp_message` makes of the same."""
+    return GraspSides(**_dated(state, sides, frame_id, ages), sides=sides)
 
 
-def _older(sides: list[ContactShape], ages: Sequence[float]) -> ContactShape:
+def _dated(state: GraspState, sides: Sequence[ContactShape], frame_id: str, ages: Sequence[float]) -> dict[str, Any]:
+    return {'header': Header(stamp=_older(sides, ages).header.stamp, frame_id=frame_id), 'age': age_message(max(ages)),
+            'side_states': [int(each) for each in state.side_states]}
+
+
+def _older(sides: Sequence[ContactShape], ages: Sequence[float]) -> ContactShape:
     """Return the side of the greater age; one that has no message yet only where neither has."""
     by_age = sorted(zip(ages, sides), key=lambda each: each[0], reverse=True)
     received = [side for _, side in by_age if side.header.stamp.sec or side.header.stamp.nanosec]
@@ -117,6 +153,25 @@ def _add_line(message: Grasp, line: Line | None) -> None:
     message.width = line.width if line else math.nan
     message.offset = line.offset if line else math.nan
     message.misalignment = line.misalignment if line else math.nan
+
+
+def _add_object(message: Grasp, held: HeldObject) -> None:
+    for name, value in held._asdict().items():
+        setattr(message, name, value)
+    message.shape = NUMBER_OF_NAME.get(held.class_name, ContactShape.OTHER)
+    message.confidence = single(held.confidence)
+
+
+def _add_sides(message: Grasp, state: GraspState, sides: Sequence[ContactShape]) -> None:
+    message.forces = [side.force if each >= SideState.EMPTY else math.nan
+                      for each, side in zip(state.side_states, sides)]
+    message.force_is_bound = [side.force_is_bound for side in sides]
+    message.sequences = [side.sequence for side in sides]
+    message.confidences = [side.confidence for side in sides]
+    message.pads_seen = [side.pad_seen for side in sides]
+    message.at_edge = [side.at_edge for side in sides]
+    message.hidden_taxels = [side.hidden_taxels + side.hidden_ring_taxels for side in sides]
+    message.saturated_taxels = [side.saturated_taxels + side.saturated_ring_taxels for side in sides]
 
 
 def _point(place: np.ndarray) -> Point:

@@ -33,6 +33,7 @@ from tactile_node.taxel_frame import TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, Grasp
 
 MAX_CLASSES = 1000  #: of one message; ours have far fewer
+ROUNDING = 1e-9  #: of sums of numbers about 1
 PROBABILITY_TOLERANCE = 1e-3  #: of probabilities, which are float32
 NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
 SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))
@@ -79,13 +80,17 @@ def check_contact_shape(message: ContactShape) -> RejectReason | None:
 
 
 def check_grasp(message: Grasp) -> RejectReason | None:
-    """Check both sides, their states, and the line between them. A side without a result is not looked at."""
+    """Check the states of both sides, the line between them, the object and the forces.
+
+    Of `grasp_sides`, `check_contact_shape` checks each side that has a result.
+    """
     return (_grasp_codes(message)
             or _grasp_states(message)
-            or next((reason for side, state in zip(message.sides, message.side_states)
-                     if state != Grasp.SIDE_NOT_KNOWN and (reason := check_contact_shape(side))), None)
-            or _same_shape(message)
             or _line(message)
+            or _object_class(message)
+            or _sizes(message)
+            or _yaw(message)
+            or _forces(message)
             or _times(message)
             or check_duration(message.held)
             or check_duration(message.gap_age))
@@ -211,32 +216,83 @@ def _grasp_states(message: Grasp) -> RejectReason | None:
     else:
         contact = Grasp.NO_CONTACT + states.count(Grasp.SIDE_TOUCHED)
     fits = (message.contact == contact and not (message.fresh and contact == Grasp.NOT_KNOWN)
-            and not (message.stable and not (message.fresh and contact == Grasp.TWO_SIDED)))
+            and not (message.stable and not _is_held(message))
+            and not (message.same_shape and contact != Grasp.TWO_SIDED))
     return None if fits else RejectReason.INCONSISTENT
-
-
-def _same_shape(message: Grasp) -> RejectReason | None:
-    """By the names: OTHER is the number of every shape that was taught."""
-    left, right = message.sides
-    return RejectReason.INCONSISTENT if message.same_shape and left.class_name != right.class_name else None
 
 
 def _line(message: Grasp) -> RejectReason | None:
     """A fresh grasp of both pads has a line unless a centre is not known; without an opening, only its offset."""
-    if math.isinf(message.gap):
+    if math.isinf(message.gap) or math.isinf(message.centre_sd):
         return RejectReason.NOT_FINITE
     if message.gap_source == Grasp.GAP_NOT_KNOWN and math.isfinite(message.gap):
         return RejectReason.INCONSISTENT
     middle = message.midpoint
     of_gap = (middle.x, middle.y, middle.z, message.width, message.misalignment)
-    has_line = message.fresh and message.contact == Grasp.TWO_SIDED
-    if has_line and not message.stable and all(map(math.isnan, (message.offset, *of_gap))):
+    across, has_line = (message.offset, *message.centre), _is_held(message)
+    if has_line and not message.stable and all(map(math.isnan, (message.centre_sd, *across, *of_gap))):
         return None
     if has_line and math.isfinite(message.gap):
-        return check_finite(message.offset, *of_gap)
-    if not all(map(math.isnan, of_gap)):
+        return check_finite(*across, *of_gap)
+    if not all(map(math.isnan, of_gap if has_line else (message.centre_sd, *across, *of_gap))):
         return RejectReason.INCONSISTENT
-    return check_finite(message.offset) if has_line else None
+    return check_finite(*across) if has_line else None
+
+
+def _is_held(message: Grasp) -> bool:
+    return message.fresh and message.contact == Grasp.TWO_SIDED
+
+
+def _object_class(message: Grasp) -> RejectReason | None:
+    """Only what is held has a class, one that is more probable than all else together."""
+    if message.shape not in SHAPE_NUMBERS_KNOWN or message.shape == ContactShape.NONE:
+        return RejectReason.UNKNOWN_CODE
+    certainties = message.confidence, *message.confidences
+    if not all(map(math.isfinite, certainties)):
+        return RejectReason.NOT_FINITE
+    if not 0 <= min(certainties) <= max(certainties) <= 1 + PROBABILITY_TOLERANCE:
+        return RejectReason.WRONG_PROBABILITIES
+    is_known = message.shape != ContactShape.UNKNOWN
+    fits = (_is_named(message.shape, message.class_name) and (_is_held(message) or not message.confidence)
+            and (message.confidence >= 0.5 if is_known else message.confidence <= 0.5))
+    return None if fits else RejectReason.INCONSISTENT
+
+
+def _sizes(message: Grasp) -> RejectReason | None:
+    sizes, sds = message.dimensions, message.dimension_sds
+    if {len(message.dimension_names), len(sds), len(message.dimension_is_bound)} != {len(sizes)}:
+        return RejectReason.WRONG_LENGTH
+    if len(sizes) and message.shape == ContactShape.UNKNOWN or min(sizes, default=1) <= 0 or min(sds, default=1) <= 0:
+        return RejectReason.INCONSISTENT
+    return check_finite(*sizes, *sds)
+
+
+def _yaw(message: Grasp) -> RejectReason | None:
+    """What has a symmetry may have an angle, within half a turn of that, and only with an angle a handedness."""
+    has_yaw, is_right_triangle = not math.isnan(message.yaw), message.shape == ContactShape.RIGHT_TRIANGLE
+    fits = (has_yaw != math.isnan(message.yaw_sd) and (not message.symmetry or len(message.dimensions))
+            and abs(message.handedness) == (has_yaw and is_right_triangle)
+            and (not has_yaw or message.symmetry and abs(message.yaw) <= math.pi / message.symmetry + ROUNDING))
+    if not fits:
+        return RejectReason.INCONSISTENT
+    return check_finite(message.yaw, message.yaw_sd) if has_yaw else None
+
+
+def _forces(message: Grasp) -> RejectReason | None:
+    """A pad that is not seen has no force; what grips is the mean of two forces that are known."""
+    grip, grip_sd = (message.grip_force, message.force_imbalance), message.grip_force_sd
+    if any(map(math.isinf, (*message.forces, grip_sd))):
+        return RejectReason.NOT_FINITE
+    if not all(math.isnan(force) for force, state in zip(message.forces, message.side_states)
+               if state <= Grasp.SIDE_UNSEEN):
+        return RejectReason.INCONSISTENT
+    if all(map(math.isnan, (*grip, grip_sd))):
+        return None
+    left, right = message.forces
+    fits = (_is_held(message) and not any(message.force_is_bound)
+            and all(math.isclose(found, each, rel_tol=ROUNDING, abs_tol=ROUNDING)
+                    for found, each in zip(grip, ((left + right) / 2, left - right))))
+    return None if fits else RejectReason.INCONSISTENT
 
 
 def _times(message: Staged) -> RejectReason | None:
