@@ -9,12 +9,14 @@ from rclpy.parameter import Parameter
 from ros_bench import TIMEOUT, RosBench
 from test_malformed_messages import good_shape
 
+from tactile_node.nodes import grasp_node
 from tactile_node.nodes.grasp_node import GraspNode
+from tactile_node.ros.grasp_messages import sides_message
 from tactile_node.ros.message_age import age_message, age_seconds
 from tactile_node.ros.message_checks import check_grasp
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.time_messages import time_message
-from tactile_skin.msg import ContactShape, Grasp
+from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
 pytestmark = pytest.mark.ros
 
@@ -86,6 +88,21 @@ class Gripper(RosBench):
 @pytest.fixture
 def make_gripper(ros):
     return partial(Gripper, ros)
+
+
+def test_a_grasp_says_what_is_held_and_its_sides_are_made_while_subscribed_to(make_gripper, monkeypatch):
+    gripper, made, heard = make_gripper(), [], []
+    monkeypatch.setattr(grasp_node, 'sides_message', lambda *given: made.append(1) or sides_message(*given))
+    gripper.run_until(lambda grasp: grasp.fresh, 'a grasp of both')
+    assert gripper.latest.class_name == 'square' and gripper.latest.shape == ContactShape.SQUARE
+    assert list(gripper.latest.dimensions) == pytest.approx([6 * 0.002], rel=0.03) and gripper.latest.symmetry == 4
+    assert gripper.latest.sequences[0] == gripper._sequence
+    assert not made
+    peer = gripper.add('reader')
+    peer.create_subscription(GraspSides, '/grasp_sides', heard.append, 10)
+    gripper.run_until(lambda grasp: heard, 'its sides')
+    assert [side.class_name for side in heard[-1].sides] == ['square', 'square']
+    assert list(heard[-1].side_states) == [Grasp.SIDE_TOUCHED] * 2 and heard[-1].header.frame_id == 'gripper'
 
 
 OFFSETS = [(0.0, 0.0), (3600.0, -86400.0)]

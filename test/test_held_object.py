@@ -134,6 +134,13 @@ def test_a_side_of_another_class_or_without_a_fit_gives_no_size():
     assert held(face(fitted=False), face(fitted=False)).dimensions == ()
 
 
+def test_sizes_of_other_names_are_not_joined():
+    """A class of one name may have other sizes on a side whose nodes are of another version."""
+    found = held(face(), face(dimension_names=('width', 'height'), dimensions=(0.03, 0.02), dimension_sds=(1e-4,) * 2,
+                              dimension_is_bound=(False,) * 2))
+    assert (found.dimension_names, found.dimensions, found.dimension_is_bound) == (('side',), (0.02,), (False,))
+
+
 @pytest.mark.parametrize(('bounds', 'expected'), [
     (((True, False), (False, False)), ((0.030, False), (0.0095, False))),
     (((False, False), (True, False)), ((0.020, False), (0.0095, False))),
