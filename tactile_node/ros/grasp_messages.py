@@ -89,8 +89,8 @@ def face_of(message: ContactShape) -> Face:
     place = _centre(message)
     return Face(message.class_name, dict(zip(message.class_names, map(float, message.probabilities))),
                 (math.nan, math.nan) if place is None else place,
-                max(of_fit, default=message.centre_of_pressure_sd), _face_fit(message), message.force,
-                message.force_sd, message.force_is_bound)
+                max(of_fit, default=message.centre_of_pressure_sd), _face_fit(message), message.pad_force,
+                message.force_sd, message.pad_force_is_bound)
 
 
 def _face_fit(message: ContactShape) -> FaceFit | None:
@@ -163,9 +163,9 @@ def _add_object(message: Grasp, held: HeldObject) -> None:
 
 
 def _add_sides(message: Grasp, state: GraspState, sides: Sequence[ContactShape]) -> None:
-    message.forces = [side.force if each >= SideState.EMPTY else math.nan
+    message.forces = [side.pad_force if each >= SideState.EMPTY else math.nan
                       for each, side in zip(state.side_states, sides)]
-    message.force_is_bound = [side.force_is_bound for side in sides]
+    message.force_is_bound = [side.pad_force_is_bound for side in sides]
     message.sequences = [side.sequence for side in sides]
     message.confidences = [side.confidence for side in sides]
     message.pads_seen = [side.pad_seen for side in sides]
