@@ -91,6 +91,10 @@ class RefusedRequirementError(TactileError):
         self.refusal = refusal
 
 
+class RefusedGoalError(TactileError):
+    """A goal of the gripper cannot be used."""
+
+
 class LogError(TactileError):
     """A recorded CAN log is missing, unreadable or cut short."""
 

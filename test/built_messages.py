@@ -1,6 +1,6 @@
 """Message packages that PyPI lacks: their interfaces, and a build of one in a folder where no ROS installation has it.
 
-Only what our code uses of them, by the names of the real packages: geometry2, MoveIt 2 and tactile_toolbox.
+Only what our code uses of them, by the names of the real packages: geometry2, MoveIt 2, ros2_control, tactile_toolbox.
 """
 
 import ctypes
@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 MESSAGES = Path(__file__).resolve().parents[1] / 'msg'
-#: package -> the packages that it needs, and its messages
+#: package -> the packages that it needs, and its messages and actions
 INTERFACES: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     'tf2_msgs': (('geometry_msgs',), {'TFMessage': 'geometry_msgs/TransformStamped[] transforms'}),
     'tactile_msgs': (('std_msgs', 'sensor_msgs'), {
@@ -34,6 +34,17 @@ byte REMOVE=1
 byte APPEND=2
 byte MOVE=3
 byte operation'''}),
+    'control_msgs': (('sensor_msgs', 'action_msgs'), {
+        'GripperCommand': 'float64 position\nfloat64 max_effort',
+        'action/GripperCommand': 'GripperCommand command\n---\n' + '---\n'.join(2 * [
+            'float64 position\nfloat64 effort\nbool stalled\nbool reached_goal\n']),
+        'action/ParallelGripperCommand': '''sensor_msgs/JointState command
+---
+sensor_msgs/JointState state
+bool stalled
+bool reached_goal
+---
+sensor_msgs/JointState state'''}),
     # As another version of this package could have it: two fields in another order, which no length gives away.
     'tactile_skin': (('std_msgs', 'builtin_interfaces'), {
         'TaxelArray': (MESSAGES / 'TaxelArray.msg').read_text(encoding='utf-8').replace(
@@ -45,7 +56,8 @@ def source(name: str) -> dict[str, str]:
     needs, messages = INTERFACES[name]
     depend = ''.join(f'<depend>{each}</depend>' for each in needs)
     find = '\n'.join(f'find_package({each} REQUIRED)' for each in needs)
-    listed = ' '.join(f'msg/{each}.msg' for each in messages)
+    files = {each if '/' in each else f'msg/{each}': text for each, text in messages.items()}
+    files = {f'{each}.{each.split("/")[0]}': text for each, text in files.items()}
     return {
         'package.xml': f'''<package format="3"><name>{name}</name><version>0.0.0</version><description>for tests
 </description><maintainer email="maintainers@tactile-skin.org">tests</maintainer><license>Apache-2.0</license>
@@ -56,9 +68,9 @@ project({name})
 find_package(ament_cmake REQUIRED)
 find_package(rosidl_default_generators REQUIRED)
 {find}
-rosidl_generate_interfaces({name} {listed} {"DEPENDENCIES " + " ".join(needs) if needs else ""})
+rosidl_generate_interfaces({name} {" ".join(files)} {"DEPENDENCIES " + " ".join(needs) if needs else ""})
 ament_package()''',
-        **{f'msg/{each}.msg': text for each, text in messages.items()}}
+        **files}
 
 
 @contextmanager

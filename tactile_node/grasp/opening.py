@@ -57,6 +57,9 @@ class LinearGap:
     def gap(self, reading: float) -> float:
         return self.offset + self.scale * reading
 
+    def reading(self, gap: float) -> float:
+        return (gap - self.offset) / self.scale
+
 
 class LatestGap:
     """Holds the last value of one source. Times are of a steady clock [s]: a jump of the wall clock changes nothing.

@@ -1,0 +1,232 @@
+"""A gripper that closes until it touches: serves its action, in front of the gripper's own. No safety function."""
+
+import logging
+import math
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from tactile_node.errors import ConfigurationError, RefusedGoalError
+from tactile_node.grasp.closing import NO_TOUCH, SUCCESSES, Closing, Outcome, Touch, TouchLimits, make_goal
+from tactile_node.grasp.opening import GapSource, LinearGap
+from tactile_node.grasp.tracker import GraspContact
+from tactile_node.nodes.gripper_client import GripperClient, StopBy
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.run import run_node
+from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface, touch_of
+from tactile_node.ros.message_age import InputAge
+from tactile_node.ros.message_checks import check_grasp
+from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.settings import GripperSettings
+from tactile_skin.msg import Grasp, GripperOutcome
+
+LOOK_PERIOD = 0.01  #: s between two looks at a goal, beside those at each grasp
+RESULT_TIMEOUT = 2  #: s for which a result is kept for a client that has not asked for it
+#: Of a gripper that opens, or is where it should be, the opening must be measured: a parameter may be an old one.
+MEASURED = (GapSource.JOINT_STATES, GapSource.TF)
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass
+class _Run:
+    """A goal under way."""
+
+    handle: ServerGoalHandle
+    opening: float                     #: to which it goes [m]
+    closing: Closing | None            #: None: it opens, whatever the pads see
+    speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not yet
+    outcome: Outcome | None = None     #: once it is known
+    stopping: StopBy | None = None     #: how it is being stopped
+    stop_since: float = math.inf       #: [s]
+
+
+class GripperNode(Node):
+    """Serves `~/gripper_cmd`; a client uses it as the gripper's own action.
+
+    A goal to close goes on by what `grasp` says and on nothing else. It is under way, with status ACCEPTED, until its
+    result is known. The latest goal replaces the one before. Raises ConfigurationError for a wrong parameter.
+    """
+
+    def __init__(self, **options: Any):
+        self._run: _Run | None = None
+        super().__init__('touch_gripper', **options)
+        declare(self, GripperSettings)
+        self._settings = settings = read(self, GripperSettings)
+        self._limits = _limits(settings)
+        self._law = LinearGap(settings.gap_offset, settings.gap_scale)
+        self._interface = gripper_interface(settings.action_type, settings.joint)
+        self._touch, self._grasp, self._ages = NO_TOUCH, Grasp(gap=math.nan), InputAge()
+        self._stop_by = _stop_by(settings.stop_by)
+        self._client = GripperClient(self, self._interface, settings.gripper_action, self._law,
+                                     effort=settings.gripper_effort, timeout=settings.answer_timeout)
+        self._outcomes = self.create_publisher(GripperOutcome, '~/outcome', QoSProfile(depth=10))
+        self._grasps = GuardedSubscription(self, Grasp, 'grasp', self._on_grasp, settings.input_qos, check=check_grasp,
+                                           newest_only=True)
+        # On the steady clock: with use_sim_time and no /clock a gripper would close on
+        self._timer = self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer.cancel()
+        self._server = ActionServer(
+            self, self._interface.action, '~/gripper_cmd', execute_callback=lambda handle: None,
+            handle_accepted_callback=self._on_accepted, cancel_callback=lambda handle: CancelResponse.ACCEPT,
+            result_timeout=RESULT_TIMEOUT)
+
+    def destroy_node(self) -> None:
+        """Stop a gripper that closes: nobody looks any more."""
+        if self._run is not None and self._run.outcome is None and self.context.ok():
+            self._client.stop(self._stop_by)
+        for part in ('_server', '_client'):
+            if hasattr(self, part):
+                getattr(self, part).destroy()
+        super().destroy_node()
+
+    def _on_grasp(self, grasp: Grasp) -> None:
+        arrival = self._ages.arrived(grasp)
+        is_only_one = self.count_publishers(self._grasps.topic) <= 1  # of two, either may be wrong
+        self._touch = touch_of(grasp, arrival.acquired) if is_only_one else NO_TOUCH
+        self._grasp = grasp
+        self._look()
+        if self._run is not None and self._run.outcome is None:
+            self._run.handle.publish_feedback(self._interface.fill(self._interface.action.Feedback(), self._state()))
+
+    def _on_accepted(self, handle: ServerGoalHandle) -> None:
+        try:
+            run = self._started(handle, self._interface.command(handle.request))
+        except RefusedGoalError as error:
+            logger.error('%s: goal refused: %s', self.get_fully_qualified_name(), error)
+            self._finish(_Run(handle, math.nan, None, outcome=Outcome.REFUSED), str(error))
+            return
+        if self._run is not None:
+            self._run.outcome = Outcome.REPLACED
+            self._finish(self._run)
+        self._run = run
+        self._timer.reset()
+        self._look()
+
+    def _started(self, handle: ServerGoalHandle, command: Command) -> _Run:
+        opening, speed = self._law.gap(command.position), command.speed * abs(self._law.scale)
+        now, present = time.monotonic(), self._opening()
+        if opening >= min(present, self._limits.widest) if math.isfinite(present) else opening >= self._limits.widest:
+            return _Run(handle, min(opening, self._limits.widest), None)
+        goal = make_goal(opening, speed, command.effort, self._limits,
+                         speed_is_fixed=not self._interface.commands_speed)
+        return _Run(handle, opening, Closing(goal, self._limits, now, present))
+
+    def _opening(self) -> float:
+        """Return the opening as measured now [m]; NaN: not known."""
+        is_measured = self._grasp.gap_source in map(int, MEASURED) and self._is_current()
+        return self._grasp.gap if is_measured and math.isfinite(self._grasp.gap) else self._client.opening
+
+    def _is_current(self) -> bool:
+        return time.monotonic() - self._touch.acquired <= self._limits.max_age
+
+    def _look(self) -> None:
+        """Go on, stop or end, by what is known now."""
+        run, now = self._run, time.monotonic()
+        if run is None:
+            return
+        if run.outcome is None:
+            run.outcome = self._outcome(run, now)
+            if run.outcome is None:
+                self._drive(run)
+                return
+            if not self._client.is_stopped:
+                self._stop(run, self._stop_by, now)
+        if self._client.is_stopped:
+            self._finish(run)
+        elif now - run.stop_since > self._settings.answer_timeout:
+            self._insist(run, now)
+
+    def _outcome(self, run: _Run, now: float) -> Outcome | None:
+        if run.handle.is_cancel_requested:
+            return Outcome.CANCELED
+        failure = self._client.failure(now) if run.speed else None
+        if failure is not None:
+            return failure
+        stop = run.closing.look(now, self._touch, self._opening()) if run.closing else None
+        result = self._client.result if run.speed else None
+        if stop in SUCCESSES or result is None:
+            return stop
+        return Outcome.REACHED if result.reached_goal else (
+            Outcome.STALLED if result.stalled else stop or Outcome.GRIPPER_FAILED)
+
+    def _drive(self, run: _Run) -> None:
+        """Send the gripper on its way, and again where its speed changes."""
+        speed = run.closing.speed if run.closing else self._limits.fast_speed
+        if run.speed and (speed == run.speed or not self._interface.commands_speed):
+            return
+        run.speed = speed
+        self._client.drive(run.opening, speed)
+
+    def _stop(self, run: _Run, by: StopBy, now: float) -> None:
+        run.stopping, run.stop_since = by, now
+        self._client.stop(by)
+
+    def _insist(self, run: _Run, now: float) -> None:
+        """Stop it the other way; when that is not confirmed either, say so."""
+        if run.stopping is self._stop_by:
+            self._stop(run, self._stop_by.other, now)
+            return
+        if run.outcome not in (Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT):
+            run.outcome = Outcome.NOT_STOPPED
+        self._finish(run)
+
+    def _state(self, outcome: Outcome | None = None) -> GripperState:
+        """Return what a feedback or a result says, in the gripper's units; the effort is that of the stronger pad."""
+        known = [force for force in self._grasp.forces if math.isfinite(force)]
+        return GripperState(self._law.reading(self._opening()), max(known, default=math.nan),
+                            stalled=outcome in (Outcome.TOUCHED, Outcome.FORCE_REACHED, Outcome.STALLED),
+                            reached_goal=outcome is Outcome.REACHED)
+
+    def _finish(self, run: _Run, reason: str = '') -> None:
+        if run is self._run:
+            self._run = None
+            self._timer.cancel()
+        outcome = run.outcome or Outcome.NOT_KNOWN
+        state = self._state(outcome)
+        self._publish(run, outcome, reason)
+        is_held = self._touch.contact is GraspContact.TWO_SIDED
+        succeeds = outcome in SUCCESSES or (outcome is Outcome.STALLED and is_held)
+
+        def execute(handle: ServerGoalHandle) -> Any:
+            end = handle.canceled if handle.is_cancel_requested else handle.succeed if succeeds else handle.abort
+            end()
+            return self._interface.fill(self._interface.action.Result(), state)
+        run.handle.execute(execute)
+
+    def _publish(self, run: _Run, outcome: Outcome, reason: str) -> None:
+        message = GripperOutcome(goal_id=run.handle.goal_id.uuid, outcome=int(outcome), opening=self._opening(),
+                                 message=outcome.name + (f': {reason}' if reason else ''),
+                                 forces=self._grasp.forces, force_is_bound=self._grasp.force_is_bound)
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._outcomes.publish(message)
+        if outcome not in SUCCESSES and not reason:
+            logger.warning('%s: goal ended: %s', self.get_fully_qualified_name(), outcome.name)
+
+
+def _limits(settings: GripperSettings) -> TouchLimits:
+    names = TouchLimits.__dataclass_fields__
+    return TouchLimits(**{name: getattr(settings, name) for name in names})
+
+
+def _stop_by(name: str) -> StopBy:
+    try:
+        return StopBy(name)
+    except ValueError:
+        raise ConfigurationError('stop_by', expected=' or '.join(each.value for each in StopBy), got=repr(name),
+                                 remedy='See how the gripper behaves when its action is cancelled.') from None
+
+
+def main() -> int:
+    return run_node(GripperNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,141 @@
+"""Goals, states and results of a gripper's action as numbers, and what a grasp says of the touch.
+
+The interfaces are those of control_msgs, which is optional: `GripperCommand` and `ParallelGripperCommand`.
+"""
+
+import math
+from typing import Any, NamedTuple, Protocol
+
+from tactile_node.errors import ConfigurationError, RefusedGoalError
+from tactile_node.grasp.closing import PadForce, Touch
+from tactile_node.grasp.tracker import GraspContact
+from tactile_skin.msg import Grasp
+
+INTERFACES = PARALLEL, SINGLE = 'ParallelGripperCommand', 'GripperCommand'
+
+
+class Command(NamedTuple):
+    """What a goal asks for, in the gripper's own units; speed and effort 0: not given."""
+
+    position: float
+    speed: float = 0.0
+    effort: float = 0.0
+
+
+class GripperState(NamedTuple):
+    """What the gripper says of itself, in its own units; NaN: not known."""
+
+    position: float = math.nan
+    effort: float = math.nan
+    stalled: bool = False
+    reached_goal: bool = False
+
+
+class GripperInterface(Protocol):
+    """Reads and makes the messages of one of the two actions."""
+
+    action: Any             #: the type of the action
+    commands_speed: bool
+
+    def command(self, goal: Any) -> Command:
+        """Return what ``goal`` asks for. Raises RefusedGoalError where it does not say that of one joint."""
+        ...
+
+    def goal(self, command: Command) -> Any: ...
+
+    def state(self, message: Any) -> GripperState:
+        """Return what a feedback or a result says."""
+        ...
+
+    def fill(self, message: Any, state: GripperState) -> Any:
+        """Return a feedback or a result with ``state`` in it."""
+        ...
+
+
+def gripper_interface(name: str, joint: str) -> GripperInterface:
+    """Return the interface of this name; ``joint``: as a ParallelGripperCommand names it, '' for any.
+
+    Raises ConfigurationError for another name, and where control_msgs is not installed.
+    """
+    if name not in INTERFACES:
+        raise ConfigurationError('action_type', expected=' or '.join(INTERFACES), got=repr(name),
+                                 remedy="Give the type of the gripper's own action: ros2 action list -t.")
+    try:
+        from control_msgs import action
+    except ImportError:
+        raise ConfigurationError('control_msgs', expected='the package of the gripper actions', got='none',
+                                 remedy='Install it: apt install ros-$ROS_DISTRO-control-msgs.') from None
+    return _Parallel(action.ParallelGripperCommand, joint) if name == PARALLEL else _Single(action.GripperCommand)
+
+
+class _Single:
+    commands_speed = False
+
+    def __init__(self, action: Any):
+        self.action = action
+
+    def command(self, goal: Any) -> Command:
+        return Command(goal.command.position, 0.0, goal.command.max_effort)
+
+    def goal(self, command: Command) -> Any:
+        goal = self.action.Goal()
+        goal.command.position, goal.command.max_effort = command.position, command.effort
+        return goal
+
+    def state(self, message: Any) -> GripperState:
+        return GripperState(message.position, message.effort, message.stalled, message.reached_goal)
+
+    def fill(self, message: Any, state: GripperState) -> Any:
+        message.position, message.effort = state.position, state.effort
+        message.stalled, message.reached_goal = state.stalled, state.reached_goal
+        return message
+
+
+class _Parallel:
+    """Its feedback says neither stalled nor reached."""
+
+    commands_speed = True
+
+    def __init__(self, action: Any, joint: str):
+        self.action, self._joint = action, joint
+
+    def command(self, goal: Any) -> Command:
+        asked = goal.command
+        names, counts = list(asked.name), (len(asked.position), len(asked.velocity), len(asked.effort))
+        if counts[0] != 1 or max(counts) > 1 or (self._joint and names and names != [self._joint]):
+            raise RefusedGoalError(
+                'command', expected=f'one position of {self._joint or "one joint"}, at most one velocity and effort',
+                got=f'{counts[0]}, {counts[1]} and {counts[2]} of {", ".join(names) or "no name"}',
+                remedy='Command the joint that the parameter joint names.')
+        return Command(asked.position[0], _first(asked.velocity, 0.0), _first(asked.effort, 0.0))
+
+    def goal(self, command: Command) -> Any:
+        goal = self.action.Goal()
+        goal.command.name = [self._joint] if self._joint else []
+        goal.command.position, goal.command.effort = [command.position], [command.effort]
+        goal.command.velocity = [command.speed] if command.speed else []
+        return goal
+
+    def state(self, message: Any) -> GripperState:
+        names = list(message.state.name)
+        at = names.index(self._joint) if self._joint in names else 0
+        return GripperState(_first(message.state.position[at:], math.nan), _first(message.state.effort[at:], math.nan),
+                            getattr(message, 'stalled', False), getattr(message, 'reached_goal', False))
+
+    def fill(self, message: Any, state: GripperState) -> Any:
+        message.state.name = [self._joint] if self._joint else []
+        message.state.position, message.state.effort = [state.position], [state.effort]
+        if hasattr(message, 'stalled'):
+            message.stalled, message.reached_goal = state.stalled, state.reached_goal
+        return message
+
+
+def _first(values: Any, default: float) -> float:
+    return values[0] if len(values) else default
+
+
+def touch_of(grasp: Grasp, acquired: float) -> Touch:
+    """Return what ``grasp``, whose taxels were ``acquired`` [s, steady clock], says of the touch."""
+    pads = [PadForce(force, is_bound, bool(hidden or saturated)) for force, is_bound, hidden, saturated in zip(
+        grasp.forces, grasp.force_is_bound, grasp.hidden_taxels, grasp.saturated_taxels)]
+    return Touch(acquired, grasp.fresh, GraspContact(grasp.contact), (pads[0], pads[1]))

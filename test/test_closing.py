@@ -1,0 +1,179 @@
+"""Closing until touched: what stops it, and how much force comes after, with springs that are pressed."""
+
+import math
+
+import pytest
+
+from tactile_node.errors import ConfigurationError, RefusedGoalError
+from tactile_node.grasp.closing import NO_TOUCH, Closing, Outcome, PadForce, Touch, TouchLimits, make_goal
+from tactile_node.grasp.tracker import GraspContact
+
+PERIOD, LATENCY = 0.02, 0.04  # s: of the frames, and until one is seen
+THRESHOLD = 0.05  # N, from which on a pad is touched
+EMPTY = PadForce(0.0)
+LIMITS = TouchLimits()
+
+
+class World:
+    """Two pads that close on an object of ``width``, off the middle by ``off`` [m]; ``stiffness`` [N/m] of each pad."""
+
+    def __init__(self, width=0.04, off=0.0, stiffness=1000.0, start=0.06, bends=None):
+        self.width, self.off, self.stiffness, self.opening = width, off, stiffness, start
+        self.bends = bends or (lambda pad, now: pad)
+        self.seen = []  # (acquired, touch)
+        self.strongest = 0.0
+
+    def depth(self, side):
+        """How far a pad is beyond the side of the object, which stays where it is until both touch."""
+        return (self.width - self.opening) / 2 - side * self.off
+
+    def touch(self, now):
+        depths = [self.depth(1), self.depth(-1)]
+        forces = [max(0.0, 2 * self.stiffness * each) for each in depths]
+        self.strongest = max(self.strongest, *forces)
+        pads = [self.bends(PadForce(force), now) for force in forces]
+        contact = GraspContact(GraspContact.NO_CONTACT + sum(force > THRESHOLD for force in forces))
+        return Touch(now, True, contact, tuple(pads))
+
+    def close(self, closing, limit=30.0, seen=None, step=0.001):
+        """Close until it stops; return why, and when."""
+        now, outcome, frames = 0.0, None, []
+        while outcome is None and now < limit:
+            if round(now / PERIOD) * PERIOD == pytest.approx(now, abs=step / 2):
+                frames.append((now, self.touch(now)))
+            current = [touch for at, touch in frames if at <= now - LATENCY]
+            touch = current[-1] if current else Touch(now, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
+            outcome = closing.look(now, seen(touch, now) if seen else touch, self.opening)
+            self.opening -= closing.speed * step
+            now += step
+        return outcome, now
+
+
+def closing(force=0.0, opening=0.0, speed=0.0, limits=LIMITS, start=0.06):
+    return Closing(make_goal(opening, speed, force, limits), limits, 0.0, start)
+
+
+def test_without_a_force_it_stops_when_both_pads_are_touched():
+    world = World()
+    outcome, _ = world.close(closing())
+    assert outcome is Outcome.TOUCHED and 0 < world.strongest < LIMITS.overshoot(LIMITS.fast_speed)
+
+
+@pytest.mark.parametrize('force', [1.0, 5.0, 12.0])
+def test_with_a_force_it_stops_once_the_stronger_pad_reads_it(force):
+    world = World()
+    outcome, _ = world.close(closing(force))
+    assert outcome is Outcome.FORCE_REACHED
+    assert force <= world.strongest <= force + THRESHOLD + LIMITS.overshoot(LIMITS.slow_speed)
+
+
+def test_a_force_on_one_pad_alone_is_no_firm_grasp():
+    world = World(off=0.02, start=0.1)
+    assert world.close(closing(1.0, start=0.1))[0] is Outcome.ONE_SIDED
+    assert world.depth(1) < 0 and 1.0 < world.strongest < 1.4
+
+
+@pytest.mark.parametrize('travel', [0.0, 0.003])
+def test_with_one_pad_touched_it_goes_on_for_a_limited_travel(travel):
+    limits = TouchLimits(one_sided_travel=travel)
+    world = World(off=0.02, stiffness=10.0, start=0.1)
+    outcome, _ = world.close(closing(5.0, limits=limits, start=0.1))
+    assert outcome is Outcome.ONE_SIDED
+    first_touch = 0.04 + 2 * 0.02 - THRESHOLD / 10  # opening at which one pad reads the threshold
+    assert 0 <= first_touch - world.opening - travel < limits.fast_speed * (LATENCY + 2 * PERIOD)
+
+
+@pytest.mark.parametrize(('fault', 'expected'), [
+    (lambda touch, now: touch._replace(contact=GraspContact.UNSEEN), Outcome.NOT_SEEN),
+    (lambda touch, now: touch._replace(contact=GraspContact.NOT_KNOWN), Outcome.NOT_SEEN),
+    (lambda touch, now: touch._replace(fresh=False), Outcome.NOT_SEEN),
+    (lambda touch, now: touch._replace(acquired=now - 0.2), Outcome.NOT_SEEN),
+    (lambda touch, now: touch._replace(acquired=-math.inf), Outcome.NOT_SEEN),
+    (lambda touch, now: NO_TOUCH, Outcome.NOT_SEEN)])
+@pytest.mark.parametrize('at', [0.0, 0.5])
+def test_it_closes_only_by_what_is_seen_and_current(fault, expected, at):
+    world = World()
+    outcome, now = world.close(closing(), seen=lambda touch, now: fault(touch, now) if now >= at else touch)
+    assert outcome is expected and now == pytest.approx(at, abs=0.002)
+    assert world.opening == pytest.approx(0.06 - at * LIMITS.fast_speed, abs=1e-4)
+
+
+@pytest.mark.parametrize('pad', [PadForce(0.1, is_hidden=True), PadForce(math.nan)], ids=['hidden', 'on/off'])
+def test_a_force_that_may_be_any_is_not_trusted(pad):
+    world = World(bends=lambda real, now: pad if real.force > 0 else real)
+    assert world.close(closing(5.0))[0] is Outcome.FORCE_NOT_KNOWN
+    assert world.strongest < 2 * LIMITS.overshoot(LIMITS.fast_speed)
+
+
+def test_of_a_contact_that_goes_on_beyond_the_pad_the_limit_has_a_margin():
+    world = World(bends=lambda real, now: PadForce(real.force * 0.6, is_bound=True))
+    assert world.close(closing(5.0))[0] is Outcome.FORCE_REACHED
+    assert world.strongest <= 5.0 + LIMITS.overshoot(LIMITS.slow_speed)
+
+
+def test_the_weaker_pad_does_not_hold_the_limit_back():
+    forces = iter([PadForce(6.0), PadForce(0.1)] * 1000)
+    world = World(bends=lambda real, now: next(forces) if real.force > 0.05 else real)
+    assert world.close(closing(5.0))[0] is Outcome.FORCE_REACHED and world.strongest < 2.0
+
+
+def test_an_object_that_was_held_and_is_gone_is_lost():
+    def lose(touch, now):
+        return Touch(now, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY)) if now > 1.3 else touch
+    world = World(stiffness=100.0)
+    outcome, now = world.close(closing(12.0), seen=lose)
+    assert outcome is Outcome.LOST and 1.4 < now < 1.45
+
+
+def test_a_gripper_that_hardly_moves_is_too_slow():
+    control = closing()
+    outcome = None
+    for step in range(20000):
+        outcome = control.look(0.001 * step, Touch(0.001 * step, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY)), 0.0599)
+        if outcome:
+            break
+    assert outcome is Outcome.TOO_SLOW and step * 0.001 == pytest.approx(1.0 + 3 * 0.06 / LIMITS.fast_speed, rel=0.01)
+
+
+def test_it_slows_down_at_the_first_touch_and_from_a_width_on():
+    control = closing()
+    empty = Touch(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
+    control.look(0.0, empty, 0.06)
+    assert control.speed == LIMITS.fast_speed
+    control.look(0.02, empty._replace(acquired=0.02, contact=GraspContact.ONE_SIDED, pads=(PadForce(0.1), EMPTY)), 0.05)
+    assert control.speed == LIMITS.slow_speed
+    control.look(0.04, empty._replace(acquired=0.04), 0.05)
+    assert control.speed == LIMITS.slow_speed  # what was touched is near
+    narrow = closing(limits=TouchLimits(slow_from=0.055))
+    narrow.look(0.0, empty, 0.0551)
+    assert narrow.speed == LIMITS.fast_speed
+    narrow.look(0.02, empty._replace(acquired=0.02), 0.0549)
+    assert narrow.speed == LIMITS.slow_speed
+
+
+@pytest.mark.parametrize(('asked', 'name'), [
+    ((math.nan, 0, 0), 'opening'), ((math.inf, 0, 0), 'opening'), ((-0.01, 0, 0), 'opening'),
+    ((0, math.nan, 0), 'velocity'), ((0, -0.01, 0), 'velocity'), ((0, math.inf, 0), 'velocity'),
+    ((0, 0, math.nan), 'effort'), ((0, 0, -1), 'effort'), ((0, 0, math.inf), 'effort'), ((0, 0, 20.1), 'effort')])
+def test_a_goal_of_impossible_numbers_is_refused(asked, name):
+    with pytest.raises(RefusedGoalError, match=name):
+        make_goal(*asked, LIMITS)
+
+
+def test_a_speed_whose_overshoot_exceeds_the_force_is_refused_with_the_numbers():
+    """0.06 s x 0.05 m/s x 1000 N/m are 3 N."""
+    with pytest.raises(RefusedGoalError, match=r'at most 0\.0333 m/s for a force of 2 N.*= 3 N'):
+        make_goal(0.0, 0.05, 0.0, LIMITS)
+    with pytest.raises(RefusedGoalError, match=r'at most 0\.01 m/s'):
+        make_goal(0.0, 0.0, 0.6, LIMITS, speed_is_fixed=True)  # this gripper takes no speed: it cannot be slower
+    assert make_goal(0.0, 0.0, 0.6, LIMITS).speed == pytest.approx(0.01)  # one that was not asked for is lowered
+    with pytest.raises(ConfigurationError, match='fast_speed'):
+        TouchLimits(fast_speed=0.05)
+
+
+@pytest.mark.parametrize('changed', [
+    {'widest': 0.0}, {'edge_share': 1.1}, {'slow_speed': 0.03}, {'touch_force': 30.0}, {'max_age': math.nan},
+    {'latency': -1.0}, {'slow_from': -0.1}, {'one_sided_travel': math.inf}], ids=str)
+def test_limits_that_are_none_are_refused(changed):
+    with pytest.raises(ConfigurationError):
+        TouchLimits(**changed)
