@@ -6,6 +6,7 @@ Only what our code uses of them, by the names of the real packages: geometry2, M
 import ctypes
 import fcntl
 import hashlib
+import importlib
 import importlib.util
 import json
 import os
@@ -90,6 +91,13 @@ def built_messages(name: str, folder: Path) -> Iterator[None]:
         sys.path.remove(str(modules))
         for module in [each for each in sys.modules if each.split('.')[0] == name]:
             del sys.modules[module]
+
+
+def environment_with(name: str) -> dict[str, str]:
+    """Return the environment of a process that imports package ``name``, which can be imported here."""
+    modules = Path(importlib.import_module(name).__file__).parents[1]
+    paths = {'PYTHONPATH': modules, 'LD_LIBRARY_PATH': modules.parents[2] / 'lib'}
+    return {**os.environ, **{key: f'{path}:{os.environ.get(key, "")}' for key, path in paths.items()}}
 
 
 def built(name: str, folder: Path) -> Path:

@@ -58,6 +58,14 @@ def tf_message():
 
 
 @pytest.fixture(scope='session')
+def control_msgs():
+    """The actions of grippers."""
+    from built_messages import built_messages
+    with built_messages('control_msgs', BUILT):
+        yield
+
+
+@pytest.fixture(scope='session')
 def collision_object_message():
     """What MoveIt's planning scene takes."""
     from built_messages import built_messages

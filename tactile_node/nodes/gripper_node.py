@@ -57,6 +57,7 @@ class GripperNode(Node):
 
     def __init__(self, **options: Any):
         self._run: _Run | None = None
+        self._actions: list[GripperClient | ActionServer] = []
         super().__init__('touch_gripper', **options)
         declare(self, GripperSettings)
         self._settings = settings = read(self, GripperSettings)
@@ -67,24 +68,25 @@ class GripperNode(Node):
         self._stop_by = _stop_by(settings.stop_by)
         self._client = GripperClient(self, self._interface, settings.gripper_action, self._law,
                                      effort=settings.gripper_effort, timeout=settings.answer_timeout)
+        self._actions.append(self._client)
         self._outcomes = self.create_publisher(GripperOutcome, '~/outcome', QoSProfile(depth=10))
         self._grasps = GuardedSubscription(self, Grasp, 'grasp', self._on_grasp, settings.input_qos, check=check_grasp,
                                            newest_only=True)
         # On the steady clock: with use_sim_time and no /clock a gripper would close on
         self._timer = self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
-        self._server = ActionServer(
+        self._actions.append(ActionServer(
             self, self._interface.action, '~/gripper_cmd', execute_callback=lambda handle: None,
             handle_accepted_callback=self._on_accepted, cancel_callback=lambda handle: CancelResponse.ACCEPT,
-            result_timeout=RESULT_TIMEOUT)
+            result_timeout=RESULT_TIMEOUT))
 
     def destroy_node(self) -> None:
         """Stop a gripper that closes: nobody looks any more."""
         if self._run is not None and self._run.outcome is None and self.context.ok():
             self._client.stop(self._stop_by)
-        for part in ('_server', '_client'):
-            if hasattr(self, part):
-                getattr(self, part).destroy()
+        self._run = None
+        while self._actions:
+            self._actions.pop().destroy()
         super().destroy_node()
 
     def _on_grasp(self, grasp: Grasp) -> None:

@@ -1,0 +1,185 @@
+"""A gripper with its own action, what its pads read of a spring, and a client: nodes of one executor."""
+
+import math
+import time
+
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.parameter import Parameter
+from ros_bench import RosBench
+
+from tactile_node.nodes.gripper_node import GripperNode
+from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface
+from tactile_node.ros.message_age import age_message
+from tactile_node.ros.time_messages import time_message
+from tactile_skin.msg import Grasp, GripperOutcome
+
+STEP, PERIOD = 0.005, 0.02  # s: of the motor, and of the frames
+THRESHOLD, AGE = 0.05, 0.015  # N from which on a pad is touched; s, of a grasp when it is sent
+MAX_AGE = 0.5  # s, for a busy machine
+
+
+class Motor:
+    """The gripper's own action: it goes where it is sent, holds where it is cancelled, and preempts."""
+
+    def __init__(self, bench, interface, scale=1.0, offset=0.0, action='/gripper_controller/gripper_cmd'):
+        self.node = bench.add('motor')
+        self.interface, self.scale, self.offset = interface, scale, offset
+        self.opening, self.slowness = 0.06, 1.0
+        self.rejects = self.cancels = self.stays = False  # it rejects goals; refuses to be cancelled; goes on then
+        self.commands: list[Command] = []
+        self.default_speed, self.blocked_at = 0.02, -1.0
+        self._goal = None
+        self._target, self._speed = self.opening, 0.0
+        self.server = ActionServer(
+            self.node, interface.action, action, execute_callback=lambda handle: None,
+            goal_callback=lambda goal: GoalResponse.REJECT if self.rejects else GoalResponse.ACCEPT,
+            cancel_callback=lambda handle: CancelResponse.REJECT if self.stays else CancelResponse.ACCEPT,
+            handle_accepted_callback=self._accept)
+        bench.stack.callback(self.kill)
+        self._timer = self.node.create_timer(STEP, self._step)
+
+    def kill(self):
+        if self.server is not None:
+            self.server.destroy()
+            self.server = None
+
+    def _accept(self, handle):
+        if self._goal is not None:
+            self._end(self._goal.abort)
+        command = self.interface.command(handle.request)
+        self.commands.append(command)
+        self._goal = handle
+        self._target = self.offset + self.scale * command.position
+        self._speed = abs(self.scale) * command.speed or self.default_speed
+
+    def _step(self):
+        if self._goal is not None and self._goal.is_cancel_requested:
+            self.cancels = True
+            self._target = self.opening
+            self._end(self._goal.canceled)
+        travel = self._speed * STEP / self.slowness
+        target = max(self._target, self.blocked_at)
+        self.opening += max(-travel, min(travel, target - self.opening))
+        if self._goal is None:
+            return
+        if self.opening == self._target:
+            self._end(self._goal.succeed, reached_goal=True)
+        elif self.opening == target:
+            self._end(self._goal.abort, stalled=True)
+        else:
+            self._goal.publish_feedback(self.interface.fill(self.interface.action.Feedback(), self._state()))
+
+    def _state(self, **flags):
+        return GripperState((self.opening - self.offset) / self.scale, 1.0, **flags)
+
+    def _end(self, end, **flags):
+        handle, self._goal, state = self._goal, None, self._state(**flags)
+
+        def execute(_):
+            end()
+            return self.interface.fill(self.interface.action.Result(), state)
+        handle.execute(execute)
+
+    @property
+    def moves(self):
+        return self._goal is not None
+
+
+class Pads:
+    """Publishes the grasp of an object of ``width`` [m] as the pads feel it; ``change`` bends the message."""
+
+    def __init__(self, bench, motor, width=0.04, off=0.0, stiffness=1000.0):
+        self._node, self._motor = bench.add('pads'), motor
+        self.width, self.off, self.stiffness = width, off, stiffness
+        self.change = lambda message: message
+        self.is_silent, self.knows_gap = False, True
+        self.strongest, self.touched_at = 0.0, None
+        self._publisher = self._node.create_publisher(Grasp, '/grasp', 10)
+        self._timer = self._node.create_timer(PERIOD, self._publish)
+        self._fast = self._node.create_timer(STEP, self._feel)
+
+    def forces(self):
+        closed = self.width - self._motor.opening
+        return [max(0.0, self.stiffness * (closed + side * 2 * self.off)) for side in (-1, 1)]
+
+    def _feel(self):
+        self.strongest = max(self.strongest, *self.forces())
+
+    def _publish(self):
+        self._feel()
+        if self.is_silent:
+            return
+        forces, nan = self.forces(), math.nan
+        states = [Grasp.SIDE_TOUCHED if force > THRESHOLD else Grasp.SIDE_EMPTY for force in forces]
+        contact = Grasp.NO_CONTACT + states.count(Grasp.SIDE_TOUCHED)
+        if contact > Grasp.NO_CONTACT and self.touched_at is None:
+            self.touched_at = time.monotonic()
+        message = Grasp(contact=contact, side_states=states, fresh=True, forces=forces, creep=nan, width=nan,
+                        offset=nan, misalignment=nan, gap=self._motor.opening if self.knows_gap else nan,
+                        gap_source=Grasp.GAP_JOINT_STATES if self.knows_gap else Grasp.GAP_NOT_KNOWN)
+        for point in (message.midpoint, message.left_centre, message.right_centre):
+            point.x = point.y = point.z = nan
+        message.header.stamp = time_message(1.7e9 + time.monotonic() - AGE)
+        message.age = age_message(AGE)
+        self._publisher.publish(self.change(message))
+
+
+class Client:
+    """Commands the gripper node as a planner commands a gripper."""
+
+    def __init__(self, bench, interface, action='/touch_gripper/gripper_cmd'):
+        self._bench, self._interface = bench, interface
+        node = bench.add('client')
+        self._client = ActionClient(node, interface.action, action)
+        bench.stack.callback(self._client.destroy)
+        self.outcomes: list[GripperOutcome] = []
+        node.create_subscription(GripperOutcome, '/touch_gripper/outcome', self.outcomes.append, 10)
+        bench.until(lambda: self._client.server_is_ready() and node.count_publishers('/touch_gripper/outcome'))
+
+    def send(self, position=0.0, speed=0.0, effort=0.0, goal=None):
+        goal = goal or self._interface.goal(Command(position, speed, effort))
+        sent = self._client.send_goal_async(goal)
+        self._bench.until(sent.done)
+        return sent.result()
+
+    def result(self, handle):
+        """Return status, state and outcome of a goal."""
+        asked = handle.get_result_async()
+        self._bench.until(asked.done)
+        mine = handle.goal_id.uuid.tolist()
+        self._bench.until(lambda: any(each.goal_id.tolist() == mine for each in self.outcomes))
+        outcome, = (each for each in self.outcomes if each.goal_id.tolist() == mine)
+        return asked.result().status, self._interface.state(asked.result().result), outcome
+
+
+class GripperBench(RosBench):
+    """Motor, pads, the gripper node and a client."""
+
+    def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, with_motor=True,
+                 **pads):
+        super().__init__(stack)
+        self.interface = gripper_interface(kind, '')
+        self.motor = Motor(self, self.interface, scale, offset, '/gripper_controller/gripper_cmd' if with_motor
+                           else '/elsewhere/gripper_cmd')
+        self.pads = Pads(self, self.motor, **pads)
+        given = {'action_type': kind, 'gap_scale': scale, 'gap_offset': offset, 'max_age': MAX_AGE, **dict(parameters)}
+        self.node = self.add(GripperNode(parameter_overrides=[Parameter(name, value=value)
+                                                              for name, value in given.items()]))
+        self.client = Client(self, self.interface)
+        self.until_seen()
+
+    def until_seen(self):
+        """Wait until what the pads feel is believed: ages settle."""
+        self.until(self.node._is_current)
+
+    def open(self):
+        """Open the gripper, whatever was before; forget what it was commanded."""
+        self.motor.opening = self.motor._target = 0.06
+        self.motor.commands.clear()
+        self.pads.change, self.pads.is_silent, self.pads.strongest = (lambda message: message), False, 0.0
+        self.wait(2 * PERIOD)
+        self.until_seen()
+
+    def close(self, **goal):
+        """Close until it ends; return status, state and outcome."""
+        return self.client.result(self.client.send(**goal))

@@ -1,0 +1,292 @@
+"""The gripper node between a client, the pads' grasp and the gripper's own action, both interfaces of control_msgs."""
+
+import math
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+
+import pytest
+from action_msgs.msg import GoalStatus
+from built_messages import environment_with
+
+from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.closing import Outcome, TouchLimits
+from tactile_skin.msg import Grasp, GripperOutcome
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
+
+LIMITS = TouchLimits()
+MAX_AGE = 0.5  # s, of gripper_bench
+SILENT = None
+SUCCEEDED, ABORTED, CANCELED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_ABORTED, GoalStatus.STATUS_CANCELED
+KINDS = ['ParallelGripperCommand', 'GripperCommand']
+
+
+@pytest.fixture
+def make_bench(ros):
+    from gripper_bench import GripperBench
+    return partial(GripperBench, ros)
+
+
+def set_(**fields):
+    """Return a change of a grasp."""
+    def change(message):
+        for name, value in fields.items():
+            setattr(message, name, value)
+        return message
+    return change
+
+
+def unseen(message):
+    return set_(contact=Grasp.UNSEEN, side_states=[Grasp.SIDE_UNSEEN, message.side_states[1]])(message)
+
+
+def test_the_outcomes_of_the_message_are_those_of_the_code():
+    assert {each.name: getattr(GripperOutcome, each.name) for each in Outcome} == {
+        each.name: int(each) for each in Outcome}
+
+
+@pytest.mark.parametrize('stop_by', ['cancel', 'goal'])
+@pytest.mark.parametrize('kind', KINDS)
+def test_without_effort_it_stops_when_both_pads_are_touched(make_bench, kind, stop_by):
+    bench = make_bench(kind, {'stop_by': stop_by})
+    status, state, outcome = bench.close(position=0.0)
+    assert (status, outcome.outcome, state.stalled, state.reached_goal) == (SUCCEEDED, Outcome.TOUCHED, True, False)
+    before = bench.motor.opening
+    bench.wait(0.3)
+    assert bench.motor.opening == pytest.approx(before, abs=2e-4)  # it holds
+    assert state.position == pytest.approx(before, abs=1e-3) and outcome.opening == pytest.approx(before, abs=1e-3)
+    assert 0.05 < bench.pads.strongest < LIMITS.overshoot(LIMITS.fast_speed) + 0.5  # N: on a busy machine
+    assert bench.motor.cancels == (stop_by == 'cancel')
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_with_an_effort_it_stops_at_that_force_and_goes_slowly_from_the_touch_on(make_bench, kind):
+    bench = make_bench(kind)
+    status, state, outcome = bench.close(position=0.0, effort=5.0)
+    assert (status, outcome.outcome, state.stalled) == (SUCCEEDED, Outcome.FORCE_REACHED, True)
+    assert 5.0 <= state.effort and 5.0 <= bench.pads.strongest < 7.0
+    assert list(outcome.forces) == pytest.approx([state.effort] * 2, abs=0.5)
+    if kind == 'ParallelGripperCommand':
+        assert [each.speed for each in bench.motor.commands] == pytest.approx([LIMITS.fast_speed, LIMITS.slow_speed])
+    assert {each.effort for each in bench.motor.commands} == {10.0}  # the gripper's own limit, never the client's
+
+
+def test_a_gripper_in_radians_that_close_it_is_commanded_in_radians(make_bench):
+    bench = make_bench('GripperCommand', scale=-0.1, offset=0.08)
+    bench.motor.opening = bench.motor._target = 0.06
+    status, state, outcome = bench.close(position=0.8)
+    assert outcome.outcome == Outcome.TOUCHED and outcome.opening == pytest.approx(0.039, abs=2e-3)
+    assert state.position == pytest.approx((outcome.opening - 0.08) / -0.1, abs=1e-6)
+    assert [each.position for each in bench.motor.commands] == pytest.approx([0.8])
+    assert bench.close(position=0.0)[2].outcome == Outcome.REACHED and bench.motor.opening == pytest.approx(0.08)
+
+
+def test_without_an_object_it_reaches_its_goal(make_bench):
+    bench = make_bench(width=0.0)
+    status, state, outcome = bench.close(position=0.03)
+    assert (status, outcome.outcome, state.stalled, state.reached_goal) == (SUCCEEDED, Outcome.REACHED, False, True)
+    assert bench.motor.opening == pytest.approx(0.03)
+
+
+NOT_SEEN = [unseen, set_(fresh=False), SILENT, set_(gap_source=77)]  # the last one is malformed
+
+
+def hide(bench, change):
+    bench.pads.is_silent = change is SILENT
+    bench.pads.change = change or bench.pads.change
+
+
+def test_closing_is_refused_and_opening_is_not_while_a_pad_is_not_seen(make_bench):
+    bench = make_bench()
+    for change in NOT_SEEN:
+        bench.open()
+        hide(bench, change)
+        bench.wait(MAX_AGE + 0.1)
+        status, _, outcome = bench.close(position=0.0)
+        assert (status, outcome.outcome, bench.motor.commands) == (ABORTED, Outcome.NOT_SEEN, [])
+        status, _, outcome = bench.close(position=0.08)
+        assert (status, outcome.outcome, bench.motor.opening) == (SUCCEEDED, Outcome.REACHED, 0.08)
+
+
+def test_it_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
+    bench = make_bench()
+    for change in NOT_SEEN:
+        bench.open()
+        handle = bench.client.send(position=0.0)
+        bench.wait(0.2)
+        before = bench.motor.opening
+        hide(bench, change)
+        status, _, outcome = bench.client.result(handle)
+        stopped = bench.motor.opening
+        assert (status, outcome.outcome) == (ABORTED, Outcome.NOT_SEEN)
+        assert before < 0.06 and 0 <= before - stopped <= LIMITS.fast_speed * (MAX_AGE + 0.2)
+        bench.wait(0.2)
+        assert bench.motor.opening == stopped
+
+
+def test_a_force_that_may_be_larger_stops_it(make_bench):
+    """Saturated, hidden, on/off."""
+    bench = make_bench()
+    for change in (set_(saturated_taxels=[1, 0]), set_(hidden_taxels=[0, 2]), set_(forces=[math.nan, 0.2])):
+        bench.open()
+        bench.pads.change = lambda message, change=change: change(message) if message.contact > 2 else message
+        status, _, outcome = bench.close(position=0.0, effort=10.0)
+        assert (status, outcome.outcome) == (ABORTED, Outcome.FORCE_NOT_KNOWN) and bench.pads.strongest < 3.0
+
+
+def test_a_second_publisher_of_grasp_is_not_believed(make_bench):
+    bench = make_bench()
+    bench.add('other').create_publisher(Grasp, '/grasp', 10)
+    bench.until(lambda: bench.node.count_publishers('/grasp') == 2)
+    bench.wait(0.1)
+    assert bench.close(position=0.0)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
+
+
+def test_one_pad_that_pushes_stops_it_at_the_limit(make_bench):
+    bench = make_bench(off=0.01)
+    status, state, outcome = bench.close(position=0.0)
+    assert (status, outcome.outcome, state.stalled) == (ABORTED, Outcome.ONE_SIDED, False)
+    assert LIMITS.touch_force <= bench.pads.strongest < LIMITS.touch_force + 1.0
+
+
+def test_an_object_that_is_lost_while_it_closes_on_it(make_bench):
+    bench = make_bench(stiffness=100.0)
+    handle = bench.client.send(position=0.0, effort=15.0)
+    bench.until(lambda: min(bench.pads.forces()) > 0.2)
+    bench.pads.width = 0.0
+    assert bench.client.result(handle)[2].outcome == Outcome.LOST and bench.motor.opening > 0.02
+
+
+def test_a_cancelled_goal_stops_the_gripper(make_bench):
+    bench = make_bench()
+    handle = bench.client.send(position=0.0)
+    bench.wait(0.3)
+    handle.cancel_goal_async()
+    status, _, outcome = bench.client.result(handle)
+    assert (status, outcome.outcome, bench.motor.moves) == (CANCELED, Outcome.CANCELED, False)
+
+
+def test_a_later_goal_of_another_client_replaces_the_one_before(make_bench):
+    from gripper_bench import Client
+    bench = make_bench()
+    other = Client(bench.__class__.__base__(bench.stack, bench.executor), bench.interface)
+    first = bench.client.send(position=0.0)
+    bench.wait(0.2)
+    second = other.send(position=0.08)
+    status, _, outcome = bench.client.result(first)
+    assert (status, outcome.outcome) == (ABORTED, Outcome.REPLACED)
+    assert other.result(second)[2].outcome == Outcome.REACHED and bench.motor.opening == pytest.approx(0.08)
+
+
+def test_a_goal_that_cannot_be_used_is_refused_with_a_reason_and_changes_nothing(make_bench):
+    bench = make_bench()
+    two_joints = bench.interface.action.Goal()
+    two_joints.command.position = [0.0, 0.0]
+    first = bench.client.send(position=0.0)
+    for bad in ({'effort': -1.0}, {'effort': math.nan}, {'effort': 1000.0}, {'position': math.nan}, {'position': -0.5},
+                {'speed': -0.1}, {'speed': 0.2}, {'goal': two_joints}):
+        status, _, outcome = bench.close(**{'position': 0.01, **bad})
+        assert (status, outcome.outcome) == (ABORTED, Outcome.REFUSED) and 'expected' in outcome.message
+    assert bench.client.result(first)[2].outcome == Outcome.TOUCHED
+
+
+@pytest.mark.parametrize(('fault', 'expected'), [
+    (lambda bench: setattr(bench.motor, 'rejects', True), Outcome.GRIPPER_REFUSED),
+    (lambda bench: bench.motor.kill(), Outcome.NO_GRIPPER),
+    (lambda bench: bench.executor.remove_node(bench.motor.node), Outcome.GRIPPER_SILENT)],
+    ids=['rejects', 'dead', 'silent'])
+def test_a_gripper_that_does_not_take_the_command(make_bench, fault, expected):
+    bench = make_bench()
+    fault(bench)
+    bench.wait(0.2)
+    status, _, outcome = bench.close(position=0.0)
+    assert (status, outcome.outcome) == (ABORTED, expected)
+
+
+def test_a_gripper_that_dies_while_it_closes(make_bench):
+    bench = make_bench()
+    handle = bench.client.send(position=0.0)
+    bench.wait(0.3)
+    bench.motor.kill()
+    status, _, outcome = bench.client.result(handle)
+    assert (status, outcome.outcome) == (ABORTED, Outcome.NO_GRIPPER)
+
+
+def test_a_gripper_that_stalls_by_itself(make_bench):
+    bench = make_bench(width=0.0)
+    bench.motor.blocked_at = 0.05
+    status, state, outcome = bench.close(position=0.0)
+    assert (status, outcome.outcome, state.stalled) == (ABORTED, Outcome.STALLED, True)
+
+
+def test_a_gripper_that_is_far_too_slow(make_bench):
+    bench = make_bench()
+    bench.motor.slowness = 1000.0
+    began = time.monotonic()
+    assert bench.close(position=0.05)[2].outcome == Outcome.TOO_SLOW
+    assert time.monotonic() - began == pytest.approx(1.0 + 3 * 0.01 / LIMITS.fast_speed, abs=0.5)
+
+
+def test_a_gripper_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(make_bench):
+    bench = make_bench()
+    bench.motor.stays = True
+    outcome = bench.close(position=0.0)[2].outcome
+    assert outcome == Outcome.TOUCHED and bench.motor.opening == pytest.approx(bench.motor.commands[-1].position)
+
+
+def test_a_partial_opening_needs_a_measured_one_or_is_guarded(make_bench):
+    """A gap that is a parameter may be an old one: what seems to open may close."""
+    bench = make_bench()
+    bench.pads.change = lambda message: unseen(set_(gap=0.03, gap_source=Grasp.GAP_PARAMETER)(message))
+    bench.wait(0.1)
+    assert bench.close(position=0.05)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
+    bench.pads.change = unseen
+    bench.motor.opening = bench.motor._target = 0.03
+    bench.wait(0.1)
+    assert bench.close(position=0.05)[2].outcome == Outcome.REACHED
+
+
+def test_a_node_that_ends_stops_the_gripper(make_bench):
+    bench = make_bench()
+    bench.client.send(position=0.0)
+    bench.wait(0.3)
+    bench.node.destroy_node()
+    before = bench.motor.opening
+    bench.wait(0.4)
+    assert before - bench.motor.opening < LIMITS.fast_speed * 0.2 and bench.motor.cancels
+
+
+@pytest.mark.parametrize('wrong', [{'action_type': 'Grip'}, {'stop_by': 'luck'}, {'fast_speed': 0.5}, {'gap_scale': 0.0}])
+def test_a_wrong_parameter_is_one_error(make_bench, wrong):
+    with pytest.raises(ConfigurationError, match=next(iter(wrong)).split('_')[-1]):
+        make_bench(parameters=wrong)
+
+
+def test_without_control_msgs_the_error_names_it(make_bench, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'control_msgs', None)
+    with pytest.raises(ConfigurationError, match='control_msgs'):
+        make_bench()
+
+
+def test_killed_in_mid_close_the_gripper_has_a_safe_command(make_bench):
+    """SIGKILL: what was sent last is all that the gripper has, and its own limit of effort with it."""
+    bench = make_bench()
+    bench.node.destroy_node()
+    bench.executor.remove_node(bench.node)
+    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node'], env=environment_with(
+        'control_msgs'))
+    try:
+        bench.until(lambda: bench.client._client.server_is_ready())
+        bench.wait(1.5)
+        bench.client.send(position=0.0)
+        bench.until(lambda: bench.motor.commands)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        bench.wait(0.2)
+        assert bench.motor.moves and {each.effort for each in bench.motor.commands} == {10.0}
+    finally:
+        process.kill()
+        process.wait()
