@@ -259,7 +259,8 @@ def test_a_node_that_ends_stops_the_gripper(make_bench):
     assert before - bench.motor.opening < LIMITS.fast_speed * 0.2 and bench.motor.cancels
 
 
-@pytest.mark.parametrize('wrong', [{'action_type': 'Grip'}, {'stop_by': 'luck'}, {'fast_speed': 0.5}, {'gap_scale': 0.0}])
+@pytest.mark.parametrize('wrong', [{'action_type': 'Grip'}, {'stop_by': 'luck'}, {'fast_speed': 0.5},
+                                   {'gap_scale': 0.0}])
 def test_a_wrong_parameter_is_one_error(make_bench, wrong):
     with pytest.raises(ConfigurationError, match=next(iter(wrong)).split('_')[-1]):
         make_bench(parameters=wrong)

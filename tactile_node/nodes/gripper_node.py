@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
-from tactile_node.grasp.closing import NO_TOUCH, SUCCESSES, Closing, Outcome, Touch, TouchLimits, make_goal
+from tactile_node.grasp.closing import NO_TOUCH, SUCCESSES, Closing, Outcome, TouchLimits, make_goal
 from tactile_node.grasp.opening import GapSource, LinearGap
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.nodes.gripper_client import GripperClient, StopBy

@@ -242,8 +242,8 @@ LIMITS = TouchLimits()
 
 @dataclass(frozen=True)
 class GripperSettings(ReceiverSettings):
-    gripper_action: str = parameter('gripper_controller/gripper_cmd', "the gripper's own action, which this node stands "
-                                    'in front of')
+    gripper_action: str = parameter('gripper_controller/gripper_cmd', "the gripper's own action, which this node "
+                                    'stands in front of')
     action_type: str = parameter('ParallelGripperCommand', 'type of both actions: ParallelGripperCommand or '
                                  'GripperCommand (control_msgs); the latter has no speed')
     joint: str = parameter('', 'name of the joint in a ParallelGripperCommand; empty: none is given, any is taken')
@@ -255,21 +255,21 @@ class GripperSettings(ReceiverSettings):
     stop_by: str = parameter('cancel', 'how the gripper is stopped: cancel (its action), or goal (at where it is)')
     answer_timeout: float = parameter(0.5, 'time for the gripper to accept a command, and to confirm a stop [s]', 0.02,
                                       60)
-    widest: float = parameter(LIMITS.widest, 'opening of the gripper when it is open [m]; a goal of this or more always '
-                              'opens, whatever is known', 1e-3, HIGHEST_GAP)
+    widest: float = parameter(LIMITS.widest, 'opening of the gripper when it is open [m]; a goal of this or more '
+                              'always opens, whatever is known', 1e-3, HIGHEST_GAP)
     fast_speed: float = parameter(LIMITS.fast_speed, 'speed of the opening until the first touch [m/s]; with a '
                                   "GripperCommand, the gripper's own", 1e-5, 10)
     slow_speed: float = parameter(LIMITS.slow_speed, 'speed from the first touch on, or from slow_from on [m/s]', 1e-5,
                                   10)
-    slow_from: float = parameter(LIMITS.slow_from, 'opening from which on it closes slowly [m]; 0: from the first touch '
-                                 'on', 0, HIGHEST_GAP)
+    slow_from: float = parameter(LIMITS.slow_from, 'opening from which on it closes slowly [m]; 0: from the first '
+                                 'touch on', 0, HIGHEST_GAP)
     touch_force: float = parameter(LIMITS.touch_force, 'limit of the force on the stronger pad where a goal has no '
                                    'effort: it closes until both pads are touched, or up to this [N]', 1e-3, 1e4)
     highest_force: float = parameter(LIMITS.highest_force, 'highest effort that a goal may have [N]', 1e-3, 1e4)
     edge_share: float = parameter(LIMITS.edge_share, 'share of its force that a pad is taken to read of a contact that '
                                   'goes on beyond it', 0.01, 1)
-    one_sided_travel: float = parameter(LIMITS.one_sided_travel, 'travel for which it goes on with one pad touched [m]; '
-                                        '0: it stops at once', 0, HIGHEST_GAP)
+    one_sided_travel: float = parameter(LIMITS.one_sided_travel, 'travel for which it goes on with one pad touched '
+                                        '[m]; 0: it stops at once', 0, HIGHEST_GAP)
     max_age: float = parameter(LIMITS.max_age, 'age of what the pads read from which on it stops [s]', 1e-3, 10)
     latency: float = parameter(LIMITS.latency, 'time from a touch until the gripper stops [s]', 1e-3, 10)
     stiffness: float = parameter(LIMITS.stiffness, 'of pads and object: force for a metre of the opening [N/m]; with '
