@@ -11,7 +11,7 @@ from tactile_node.nodes.gripper_node import GripperNode
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.time_messages import time_message
-from tactile_skin.msg import Grasp, GripperOutcome
+from tactile_skin.msg import ContactShape, Grasp, GripperOutcome
 
 STEP, PERIOD = 0.005, 0.02  # s: of the motor, and of the frames
 THRESHOLD, AGE = 0.05, 0.015  # N from which on a pad is touched; s, of a grasp when it is sent
@@ -114,9 +114,11 @@ class Pads:
         contact = Grasp.NO_CONTACT + states.count(Grasp.SIDE_TOUCHED)
         if contact > Grasp.NO_CONTACT and self.touched_at is None:
             self.touched_at = time.monotonic()
-        message = Grasp(contact=contact, side_states=states, fresh=True, forces=forces, creep=nan, width=nan,
-                        offset=nan, misalignment=nan, gap=self._motor.opening if self.knows_gap else nan,
-                        gap_source=Grasp.GAP_JOINT_STATES if self.knows_gap else Grasp.GAP_NOT_KNOWN)
+        nowhere = dict.fromkeys(('creep', 'width', 'offset', 'misalignment', 'centre_sd', 'yaw', 'yaw_sd', 'grip_force',
+                                 'grip_force_sd', 'force_imbalance'), nan)
+        message = Grasp(contact=contact, side_states=states, fresh=True, forces=forces, shape=ContactShape.UNKNOWN,
+                        class_name='unknown', centre=[nan, nan], gap=self._motor.opening if self.knows_gap else nan,
+                        gap_source=Grasp.GAP_JOINT_STATES if self.knows_gap else Grasp.GAP_NOT_KNOWN, **nowhere)
         for point in (message.midpoint, message.left_centre, message.right_centre):
             point.x = point.y = point.z = nan
         message.header.stamp = time_message(1.7e9 + time.monotonic() - AGE)

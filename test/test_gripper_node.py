@@ -40,7 +40,8 @@ def set_(**fields):
 
 
 def unseen(message):
-    return set_(contact=Grasp.UNSEEN, side_states=[Grasp.SIDE_UNSEEN, message.side_states[1]])(message)
+    return set_(contact=Grasp.UNSEEN, side_states=[Grasp.SIDE_UNSEEN, message.side_states[1]],
+                forces=[math.nan, message.forces[1]])(message)
 
 
 def test_the_outcomes_of_the_message_are_those_of_the_code():
