@@ -16,7 +16,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-MESSAGES = Path(__file__).resolve().parents[1] / 'msg'
+ROOT = Path(__file__).resolve().parents[1]
+MESSAGES, BUILT = ROOT / 'msg', ROOT / 'build' / 'messages'
 #: package -> the packages that it needs, and its messages and actions
 INTERFACES: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     'tf2_msgs': (('geometry_msgs',), {'TFMessage': 'geometry_msgs/TransformStamped[] transforms'}),

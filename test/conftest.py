@@ -35,8 +35,6 @@ def pytest_make_collect_report(collector):
         report.outcome, report.longrepr = 'skipped', (str(collector.path), 0, f'Skipped: {reason}')
 
 
-BUILT = Path(__file__).resolve().parents[1] / 'build' / 'messages'
-
 
 @pytest.fixture
 def ros():
@@ -51,7 +49,7 @@ def ros():
 @pytest.fixture(scope='session')
 def tf_message():
     """The message of /tf."""
-    from built_messages import built_messages
+    from built_messages import BUILT, built_messages
     with built_messages('tf2_msgs', BUILT):
         from tf2_msgs.msg import TFMessage
         yield TFMessage
@@ -60,7 +58,7 @@ def tf_message():
 @pytest.fixture(scope='session')
 def control_msgs():
     """The actions of grippers."""
-    from built_messages import built_messages
+    from built_messages import BUILT, built_messages
     with built_messages('control_msgs', BUILT):
         yield
 
@@ -68,7 +66,7 @@ def control_msgs():
 @pytest.fixture(scope='session')
 def collision_object_message():
     """What MoveIt's planning scene takes."""
-    from built_messages import built_messages
+    from built_messages import BUILT, built_messages
     with built_messages('moveit_msgs', BUILT):
         from moveit_msgs.msg import CollisionObject
         yield CollisionObject
@@ -77,7 +75,7 @@ def collision_object_message():
 @pytest.fixture(scope='session')
 def tactile_state_message():
     """What tactile_toolbox takes."""
-    from built_messages import built_messages
+    from built_messages import BUILT, built_messages
     with built_messages('tactile_msgs', BUILT):
         from tactile_msgs.msg import TactileState
         yield TactileState

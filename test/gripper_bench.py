@@ -15,23 +15,24 @@ from tactile_skin.msg import ContactShape, Grasp, GripperOutcome
 
 STEP, PERIOD = 0.005, 0.02  # s: of the motor, and of the frames
 THRESHOLD, AGE = 0.05, 0.015  # N from which on a pad is touched; s, of a grasp when it is sent
+START = 0.06  # m, opening
 MAX_AGE = 0.5  # s, for a busy machine
 
 
 class Motor:
     """The gripper's own action: it goes where it is sent, holds where it is cancelled, and preempts."""
 
-    def __init__(self, bench, interface, scale=1.0, offset=0.0, action='/gripper_controller/gripper_cmd'):
+    def __init__(self, bench, interface, scale=1.0, offset=0.0):
         self.node = bench.add('motor')
         self.interface, self.scale, self.offset = interface, scale, offset
-        self.opening, self.slowness = 0.06, 1.0
+        self.opening, self.slowness = START, 1.0
         self.rejects = self.cancels = self.stays = False  # it rejects goals; refuses to be cancelled; goes on then
         self.commands: list[Command] = []
-        self.default_speed, self.blocked_at = 0.02, -1.0
+        self.default_speed, self.blocked_at, self.moved_at = 0.02, -1.0, -math.inf
         self._goal = None
         self._target, self._speed = self.opening, 0.0
         self.server = ActionServer(
-            self.node, interface.action, action, execute_callback=lambda handle: None,
+            self.node, interface.action, '/gripper_controller/gripper_cmd', execute_callback=lambda handle: None,
             goal_callback=lambda goal: GoalResponse.REJECT if self.rejects else GoalResponse.ACCEPT,
             cancel_callback=lambda handle: CancelResponse.REJECT if self.stays else CancelResponse.ACCEPT,
             handle_accepted_callback=self._accept)
@@ -59,7 +60,10 @@ class Motor:
             self._end(self._goal.canceled)
         travel = self._speed * STEP / self.slowness
         target = max(self._target, self.blocked_at)
+        before = self.opening
         self.opening += max(-travel, min(travel, target - self.opening))
+        if self.opening != before:
+            self.moved_at = time.monotonic()
         if self._goal is None:
             return
         if self.opening == self._target:
@@ -155,15 +159,13 @@ class Client:
 
 
 class GripperBench(RosBench):
-    """Motor, pads, the gripper node and a client."""
+    """Motor, pads, the gripper node and a client. ``pads`` None: others publish what they feel."""
 
-    def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, with_motor=True,
-                 **pads):
+    def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, pads=()):
         super().__init__(stack)
         self.interface = gripper_interface(kind, '')
-        self.motor = Motor(self, self.interface, scale, offset, '/gripper_controller/gripper_cmd' if with_motor
-                           else '/elsewhere/gripper_cmd')
-        self.pads = Pads(self, self.motor, **pads)
+        self.motor = Motor(self, self.interface, scale, offset)
+        self.pads = None if pads is None else Pads(self, self.motor, **dict(pads))
         given = {'action_type': kind, 'gap_scale': scale, 'gap_offset': offset, 'max_age': MAX_AGE, **dict(parameters)}
         self.node = self.add(GripperNode(parameter_overrides=[Parameter(name, value=value)
                                                               for name, value in given.items()]))
@@ -176,7 +178,7 @@ class GripperBench(RosBench):
 
     def open(self):
         """Open the gripper, whatever was before; forget what it was commanded."""
-        self.motor.opening = self.motor._target = 0.06
+        self.motor.opening = self.motor._target = START
         self.motor.commands.clear()
         self.pads.change, self.pads.is_silent, self.pads.strongest = (lambda message: message), False, 0.0
         self.wait(2 * PERIOD)

@@ -6,15 +6,20 @@ message only, was led to believe, for how long, and what is allowed. `test_misle
 
 import argparse
 import sys
+import threading
 import time
 from array import array
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import rclpy
 import yaml
+from built_messages import BUILT, built_messages
+from gripper_bench import START, GripperBench
 from misled_bench import (
     PERIOD,
     QOS,
@@ -286,6 +291,44 @@ def _has(name: str) -> Claim:
     return lambda record: record[name] is not None
 
 
+def _closes(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
+    """Return the case of a gripper that closes on nothing by its node while ``spoil`` spoils what its pads see."""
+    def case() -> list[Finding]:
+        with World({'is_there': False}, **given) as world, ExitStack() as stack:
+            world.wait(lambda: world.latest('grasp').get('contact') == 'NO_CONTACT', 'empty pads')
+            rclpy.init()
+            stack.callback(rclpy.try_shutdown)
+            bench = GripperBench(stack, parameters={'max_age': MAX_AGE, 'fast_speed': 0.01}, pads=None)
+            bench.client.send(position=0.0)
+            bench.wait(0.5)
+            assert bench.motor.opening < START - 0.002, 'the gripper does not close while all is well'
+            since = time.monotonic()
+            spoiler = threading.Thread(target=spoil, args=(world,))
+            spoiler.start()
+            bench.wait(bound + 1.0)
+            spoiler.join()
+            goes_on = max(0.0, bench.motor.moved_at - since)
+            stall = sum(length for begin, length in world.stalls if since <= begin <= since + bound)
+            return [Finding('closes', goes_on, len(bench.motor.commands), bound, PERIOD, stall,
+                            ', '.join(each.message for each in bench.client.outcomes) or 'no outcome',
+                            has_ended=not bench.motor.moves)]
+    return named(f'gripper_closes_while_{what}', case)
+
+
+MAX_AGE = 0.15  # s, parameter of the gripper node
+STOPPED = MAX_AGE + PERIOD + 0.03  # s; a message, and the way of a cancel
+LOST_ROWS = [tpdo.cob_id.of(NODE_IDS[0]) for tpdo in gripper_pads()[0].layout.tpdos[6:24]]
+CLOSING = (
+    _closes('skin_freezes', lambda world: world.skin.set(is_frozen=True), FROZEN_AFTER + STOPPED,
+            driver={'frozen_after': FROZEN_AFTER}),
+    _closes('bus_fails', lambda world: world.skin.unplug(), STOPPED),
+    _closes('one_pad_loses_power', lambda world: world.skin.power_off(NODE_IDS[1]), STOPPED),
+    _closes('rows_are_hidden', lambda world: world.skin.lose(LOST_ROWS), STOPPED),
+    _closes('driver_ends', lambda world: world.remove('driver'), STOPPED),
+    _closes('classifier_ends', lambda world: world.remove('classifier_right'), STOPPED),
+    _closes('grasp_node_ends', lambda world: world.remove('grasp'), STOPPED))
+
+
 #: with `make misled SHORT=1`
 SHORT: Sequence[Case] = (
     skin_freezes, bus_fails, rows_are_hidden, a_part_is_hidden, taxels_saturate, object_creeps, malformed_messages,
@@ -293,7 +336,7 @@ SHORT: Sequence[Case] = (
 LONG: Sequence[Case] = (
     one_pad_loses_power, driver_ends, classifier_ends, nodes_start_while_held,
     one_pad_never_answers, taxels_are_dead, joint_states_end, opening_is_not_known, object_is_taken_away,
-    messages_held_back,
+    messages_held_back, *CLOSING,
     *(named(f'{link}_held_back', partial(messages_held_back, link=link)) for link in ('contact', 'taxels')),
     object_creeps_slowly)
 HEADER = ('case', 'false claim', 'misled [s]', 'messages', 'allowed [s]', 'latency [s]', 'stalled [s]',
@@ -307,18 +350,23 @@ def main() -> int:
     parser.add_argument('--apart', action='store_true', help='stages get messages alone, as in processes of their own')
     args = parser.parse_args()
     World.hands_over = not args.apart
+    cases = [case for case in (*SHORT, *(() if args.short else LONG)) if args.only in case.__name__]
     print('| ' + ' | '.join(HEADER) + ' |\n|' + ' --- |' * len(HEADER))
-    wrong = 0
-    for case in (*SHORT, *(() if args.short else LONG)):
-        if args.only in case.__name__:
-            for finding in case():
-                wrong += not finding.holds
-                times = (finding.bound, finding.latency, finding.stall)
-                print(f'| {case.__name__.replace("_", " ")} | {finding.claim} | {finding.seconds:.2f} | '
-                      f'{finding.messages} | {" | ".join(f"{time:.2f}" for time in times)} | {finding.seen} |'
-                      + ('' if finding.holds else ' **misled**'), flush=True)
+    with built_messages('control_msgs', BUILT):
+        wrong = sum(map(_run, cases))
     print(f'\n{wrong} claims lasted longer than allowed' if wrong else '\nNo consumer was misled.')
     return int(wrong > 0)
+
+
+def _run(case: Case) -> int:
+    """Print what ``case`` finds; how many of the claims lasted too long."""
+    findings = case()
+    for finding in findings:
+        times = (finding.bound, finding.latency, finding.stall)
+        print(f'| {case.__name__.replace("_", " ")} | {finding.claim} | {finding.seconds:.2f} | '
+              f'{finding.messages} | {" | ".join(f"{time:.2f}" for time in times)} | {finding.seen} |'
+              + ('' if finding.holds else ' **misled**'), flush=True)
+    return sum(not finding.holds for finding in findings)
 
 
 if __name__ == '__main__':

@@ -86,7 +86,7 @@ def test_a_gripper_in_radians_that_close_it_is_commanded_in_radians(make_bench):
 
 
 def test_without_an_object_it_reaches_its_goal(make_bench):
-    bench = make_bench(width=0.0)
+    bench = make_bench(pads={'width': 0.0})
     status, state, outcome = bench.close(position=0.03)
     assert (status, outcome.outcome, state.stalled, state.reached_goal) == (SUCCEEDED, Outcome.REACHED, False, True)
     assert bench.motor.opening == pytest.approx(0.03)
@@ -147,14 +147,14 @@ def test_a_second_publisher_of_grasp_is_not_believed(make_bench):
 
 
 def test_one_pad_that_pushes_stops_it_at_the_limit(make_bench):
-    bench = make_bench(off=0.01)
+    bench = make_bench(pads={'off': 0.01})
     status, state, outcome = bench.close(position=0.0)
     assert (status, outcome.outcome, state.stalled) == (ABORTED, Outcome.ONE_SIDED, False)
     assert LIMITS.touch_force <= bench.pads.strongest < LIMITS.touch_force + 1.0
 
 
 def test_an_object_that_is_lost_while_it_closes_on_it(make_bench):
-    bench = make_bench(stiffness=100.0)
+    bench = make_bench(pads={'stiffness': 100.0})
     handle = bench.client.send(position=0.0, effort=15.0)
     bench.until(lambda: min(bench.pads.forces()) > 0.2)
     bench.pads.width = 0.0
@@ -217,7 +217,7 @@ def test_a_gripper_that_dies_while_it_closes(make_bench):
 
 
 def test_a_gripper_that_stalls_by_itself(make_bench):
-    bench = make_bench(width=0.0)
+    bench = make_bench(pads={'width': 0.0})
     bench.motor.blocked_at = 0.05
     status, state, outcome = bench.close(position=0.0)
     assert (status, outcome.outcome, state.stalled) == (ABORTED, Outcome.STALLED, True)

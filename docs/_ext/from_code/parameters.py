@@ -9,7 +9,8 @@ from . import markdown as md
 
 #: name of the node -> its settings, in the order of the data
 NODES = {'skin_driver': settings.DriverSettings, 'processor': settings.ProcessorSettings,
-         'classifier': settings.ClassifierSettings, 'grasp': settings.GraspNodeSettings}
+         'classifier': settings.ClassifierSettings, 'grasp': settings.GraspNodeSettings,
+         'touch_gripper': settings.GripperSettings}
 
 
 def markdown() -> str:
