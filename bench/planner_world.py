@@ -124,16 +124,25 @@ def _pressed(placed: Placed, side: int) -> tuple[np.ndarray, float]:
     height = reach * _face(placed, side, x, y)  # towards the pad; -inf where the object is not
     if not placed.ends[side] or not np.isfinite(height).any():
         return np.zeros((ROWS, ROWS)), reach * placed.thing.length / 2
+    taxels, level = foundation(height, FORCE)
+    return taxels, reach * level
+
+
+def foundation(height: np.ndarray, force: float) -> tuple[np.ndarray, float]:
+    """Return the pressures by taxel [Pa], and the height at which the skin stops when it carries ``force`` [N].
+
+    ``height``: of an object towards the skin [m], at FINE points of a taxel both ways; -inf where it is not.
+    """
     area = (PITCH / FINE)**2
     high = height[np.isfinite(height)].max()
     low = high - 0.02
     for _ in range(40):
         middle = (low + high) / 2
-        force = STIFFNESS * area * np.maximum(height - middle, 0).sum()
-        low, high = (middle, high) if force > FORCE else (low, middle)
+        carried = STIFFNESS * area * np.maximum(height - middle, 0).sum()
+        low, high = (middle, high) if carried > force else (low, middle)
     pressure = STIFFNESS * np.maximum(height - high, 0)
     taxels = pressure.reshape(ROWS, FINE, ROWS, FINE).mean((1, 3))
-    return np.clip(ndimage.gaussian_filter(taxels, BLUR, mode='constant'), 0, FULL_SCALE), reach * high
+    return np.clip(ndimage.gaussian_filter(taxels, BLUR, mode='constant'), 0, FULL_SCALE), high
 
 
 def _face(placed: Placed, side: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -52,7 +52,7 @@ OF_INTERFACES = {'action_msgs'}
 OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', 'examples', 'from_code',
         *(path.stem for folder in ('tools', 'bench', 'examples') for path in (ROOT / folder).glob('*.py'))}
 #: Imported by single tests or examples that say so: what a robot has that needs the example, or a tool of this machine
-OPTIONAL = {'torch', 'catkin_pkg', 'docutils', 'moveit_msgs', 'tactile_msgs', 'playwright'}
+OPTIONAL = {'torch', 'catkin_pkg', 'docutils', 'moveit_msgs', 'tactile_msgs', 'playwright', 'mujoco', 'control_msgs'}
 
 
 def imported(folder: str) -> dict[str, str]:

@@ -1,0 +1,81 @@
+"""What stands on the table: the five shapes as prisms, a ball, a bottle, a bar, a fragile and a slippery block."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf, pi
+from types import MappingProxyType
+
+import numpy as np
+
+from tactile_node.errors import InputError
+from tactile_node.grasp.gripper import Transform
+from tactile_node.simulator.world import Contact
+
+PAD_HEIGHT = 0.05  #: of the pads' middle above the table when the hand is down [m]
+BLOCK_LENGTH = 0.05  #: m
+
+
+@dataclass(frozen=True)
+class Item:
+    """A rigid object in its own frame: a prism between two equal faces at z = ±length/2, or a ball.
+
+    ``face``: about the origin, in metres; of a ball its silhouette. It lies with z along the closing direction and y
+    down, or stands ``upright``.
+    """
+
+    face: Contact
+    length: float = BLOCK_LENGTH  #: [m]; 0: a ball
+    mass: float = 0.05            #: kg
+    friction: float = 0.5         #: coefficient, against skin and table
+    strength: float = inf         #: force of a pad at which it breaks [N]
+    upright: bool = False
+
+    @cached_property
+    def rest(self) -> Transform:
+        """Pose in the world before anyone has touched it: its centre between the pads of a hand that is down."""
+        lying = np.array(((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
+        return Transform(np.eye(3) if self.upright else lying, np.array((0.0, 0.0, PAD_HEIGHT)))
+
+    @property
+    def below(self) -> float:
+        """How far it reaches below its centre at rest [m]."""
+        return self.length / 2 if self.upright else float(self.face.outline()[:, 1].max())
+
+    @cached_property
+    def planes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Normals (n, 3), outward, and distances (n,) from the origin [m] of a prism's sides and faces."""
+        corners = self.face.outline()
+        edges = np.roll(corners, -1, 0) - corners
+        outward = np.column_stack((edges[:, 1], -edges[:, 0])) / np.hypot(*edges.T)[:, np.newaxis]
+        sides = np.column_stack((outward, np.zeros(len(outward))))
+        return (np.vstack((sides, (0, 0, 1), (0, 0, -1))),
+                np.append((outward * corners).sum(1), (self.length / 2, self.length / 2)))
+
+
+def _lying(shape: str, *lengths: float) -> Contact:
+    """A face whose base is down."""
+    return Contact(shape, lengths, x=0.0, y=0.0, angle=pi)
+
+
+_BLOCK = _lying('square', 0.016)
+
+#: by name
+ITEMS: Mapping[str, Item] = MappingProxyType({
+    'circle': Item(_lying('circle', 0.0085)),
+    'square': Item(_BLOCK),
+    'rectangle': Item(_lying('rectangle', 0.024, 0.012)),
+    'right_triangle': Item(_lying('right_triangle', 0.022, 0.013, 1.0)),
+    'isosceles_triangle': Item(_lying('isosceles_triangle', 0.018, 0.020)),
+    'ball': Item(_lying('circle', 0.018), length=0.0),
+    'bottle': Item(_lying('circle', 0.020), length=0.1, mass=0.15, upright=True),
+    'bar': Item(_lying('rectangle', 0.060, 0.014), length=0.04, mass=0.08),
+    'fragile': Item(_BLOCK, strength=6.0),
+    'slippery': Item(_BLOCK, friction=0.1)})
+
+
+def item_of(name: str) -> Item:
+    """Return the item of that name. Raises InputError for another."""
+    if name not in ITEMS:
+        raise InputError('item', expected=f'one of {", ".join(ITEMS)}', got=repr(name), remedy='Name one of them.')
+    return ITEMS[name]

@@ -1,0 +1,54 @@
+"""What the taxels of a pad feel of an item that is pressed on it: an elastic foundation, as in bench/planner_world.py.
+
+The physics gives force and pose; how the force spreads over the taxels follows from geometry. Frame of a pad as
+everywhere: origin at the centre of taxel (0, 0), x along columns, y along rows, z out of the skin.
+"""
+
+import numpy as np
+
+from bench.planner_world import FINE, PITCH, ROWS, foundation
+from examples.simulated_gripper.items import Item
+from tactile_node.grasp.gripper import Transform
+
+REACH = 0.02  #: of the skin's surface, beyond which nothing can press on it [m]
+
+
+def pressures(item: Item, pose: Transform, force: float) -> np.ndarray:
+    """Return taxel values [Pa], shape (rows, cols), of an item at ``pose`` in the pad's frame.
+
+    ``force``: normal to the pad [N]; 0, or an item that is not before the pad: nothing is felt.
+    """
+    depth = -surface(item, pose)
+    if force <= 0 or not (depth > -REACH).any():
+        return np.zeros((ROWS, ROWS))
+    return foundation(depth, force)[0]
+
+
+def surface(item: Item, pose: Transform) -> np.ndarray:
+    """Return z [m] of the item's side towards the pad over points of the skin, FINE a taxel both ways; inf: none."""
+    steps = ((np.arange(ROWS * FINE) + 0.5) / FINE - 0.5) * PITCH
+    x, y = np.meshgrid(steps, steps)
+    return _ball(item, pose, x, y) if not item.length else _prism(item, pose, x, y)
+
+
+def _ball(item: Item, pose: Transform, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    (across, down, away), radius = pose.translation, item.face.reach
+    square = radius**2 - (x - across)**2 - (y - down)**2
+    return np.where(square > 0, away - np.sqrt(np.maximum(square, 0)), np.inf)
+
+
+def _prism(item: Item, pose: Transform, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Where lines along z enter a convex body: behind the last of the planes that face the pad."""
+    normals, distances = item.planes
+    normals = normals @ pose.rotation.T
+    distances = distances + normals @ pose.translation
+    enter, leave = np.full(x.shape, -np.inf), np.full(x.shape, np.inf)
+    for (a, b, c), distance in zip(normals, distances):
+        room = distance - a * x - b * y
+        if abs(c) < 1e-9:
+            leave[room < 0] = -np.inf
+        elif c < 0:
+            np.maximum(enter, room / c, out=enter)
+        else:
+            np.minimum(leave, room / c, out=leave)
+    return np.where(enter < leave, enter, np.inf)
