@@ -1,33 +1,43 @@
-"""The gripper in physics: its pressures against known solutions, its grasps against what friction can carry."""
+"""The gripper in physics: pressures against known solutions, grasps against friction; as other processes meet it."""
 
+import subprocess
+import sys
+from contextlib import contextmanager
 from importlib.util import find_spec
 from math import pi, radians, sqrt
 
 import numpy as np
 import pytest
+from rclpy.action import ActionClient
+from ros_bench import RosBench
 
-from bench.planner_world import FULL_SCALE, PITCH, ROWS, STIFFNESS
+from bench.planner_world import PITCH, ROWS, STIFFNESS
+from examples.simulated_gripper.console import obey
 from examples.simulated_gripper.drive import DELAY, Command
 from examples.simulated_gripper.items import ITEMS
 from examples.simulated_gripper.pressures import pressures
+from examples.simulated_gripper.session import JOINT, Bench
 from examples.simulated_gripper.world import AIM, GRAVITY, MAX_SHIFT, MAX_TURN, Outcome, Place, World, random_place
-from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import PadPose, Transform
-from tactile_node.skin.layout_file import load_layout
+from tactile_skin.msg import Grasp
 
 MIDDLE = (ROWS - 1) / 2 * PITCH
+ABORTED, CANCELED, SUCCEEDED = 6, 5, 4  # action_msgs/msg/GoalStatus
 physics = pytest.mark.skipif(find_spec('mujoco') is None,
                              reason='no MuJoCo: pip install -r requirements/bench_physics.txt')
 
 
-def felt(name, x=0.0, y=0.0, rpy=(0.0, 0.0, 0.0), force=2.0):
-    """What a pad feels of an item at x, y from its middle [m], whose near side is at the skin."""
-    pose = Transform(PadPose(rpy=rpy).rotation, np.array((MIDDLE + x, MIDDLE + y, ITEMS[name].length / 2)))
+def felt(name, x=0.0, slope=0.0, force=2.0):
+    """What a pad feels of an item on it, its face at x from the pad's middle [m], turned about y by slope [rad]."""
+    pose = Transform(PadPose(rpy=(0.0, slope, 0.0)).rotation, np.array((MIDDLE + x, MIDDLE, ITEMS[name].length / 2)))
     return pressures(ITEMS[name], pose, force)
 
 
-def gripped(name='square', effort=2.0, place=AIM):
+def gripped(name='square', effort=2.0, place=AIM, hand=AIM):
     world = World(ITEMS[name], place)
+    world.move(**hand._asdict())
+    world.step(1.0)
     world.command(Command(0.0, effort=effort))
     world.step(2.0)
     return world
@@ -40,20 +50,11 @@ def lifted(name='square', effort=2.0):
     return world
 
 
-def test_the_pads_are_those_of_the_layout():
-    layout = load_layout('sim16x16.yaml')
-    assert (layout.rows, layout.cols, layout.pitch) == (ROWS, ROWS, PITCH)
-
-
 @pytest.mark.parametrize('name', sorted({*ITEMS} - {'bar', 'bottle'}))  # they reach over the edge of the pad
-@pytest.mark.parametrize('force', [0.5, 4.0])
+@pytest.mark.parametrize('force', [0.0, 0.5, 4.0])
 def test_the_taxels_carry_the_force(name, force):
     assert felt(name, force=force).sum() * PITCH**2 == pytest.approx(force, rel=1e-3)
-
-
-def test_nothing_is_felt_without_a_force_or_an_item():
-    assert not felt('square', force=0.0).any()
-    assert not felt('square', x=0.1).any()
+    assert not felt(name, x=0.1, force=force).any()
 
 
 def test_a_square_in_the_middle_is_even_and_symmetric():
@@ -73,35 +74,23 @@ def test_a_ball_presses_as_on_a_foundation():
     """Winkler: F = pi k R d**2, the pressure k d in the middle falls to 0 at sqrt(2 R d)."""
     radius, force = 0.018, 2.0
     depth = sqrt(force / (pi * STIFFNESS * radius))
-    found = felt('ball', force=force)
+    found, edge = felt('ball', force=force), sqrt(2 * radius * depth)
     distance = np.hypot(*np.meshgrid(*[np.arange(ROWS) * PITCH - MIDDLE] * 2))
     np.testing.assert_allclose(found[7:9, 7:9], STIFFNESS * depth, rtol=0.1)
-    assert found[distance > sqrt(2 * radius * depth) + 1.5 * PITCH].max() < 0.01 * STIFFNESS * depth
-    assert found[distance < sqrt(2 * radius * depth) - PITCH].min() > 0.05 * STIFFNESS * depth
+    assert found[distance > edge + 1.5 * PITCH].max() < 0.01 * STIFFNESS * depth
+    assert found[distance < edge - PITCH].min() > 0.05 * STIFFNESS * depth
 
 
 def test_an_oblique_face_presses_one_side_more():
-    slope = 0.01
-    found = felt('square', rpy=(0.0, slope, 0.0))  # about y: the face comes nearer along x
-    np.testing.assert_allclose(np.diff(found[7, 6:10]), STIFFNESS * slope * PITCH, rtol=0.01)
-
-
-def test_the_other_pad_sees_the_other_face():
-    turned = felt('right_triangle', rpy=(pi, 0.0, 0.0))
-    np.testing.assert_allclose(turned[::-1], felt('right_triangle'), atol=1e-9)
+    found = felt('square', slope=0.01)  # the face comes nearer along x
+    np.testing.assert_allclose(np.diff(found[7, 6:10]), STIFFNESS * 0.01 * PITCH, rtol=0.01)
 
 
 def test_places_are_within_bounds_and_repeat():
     drawn = [random_place(seed) for seed in range(200)]
-    assert drawn[:3] == [random_place(seed) for seed in range(3)]
+    assert drawn == [random_place(seed) for seed in range(200)]
     assert MAX_SHIFT * 0.9 < max(np.hypot(each.x, each.y) for each in drawn) <= MAX_SHIFT
     assert MAX_TURN * 0.9 < max(abs(each.yaw) for each in drawn) <= MAX_TURN
-
-
-@pytest.mark.parametrize('wrong', [{'position': -0.01}, {'position': 1.0}, {'effort': 0.0}, {'velocity': float('nan')}])
-def test_what_the_gripper_cannot_do_is_refused(wrong):
-    with pytest.raises(InputError, match='gripper command'):
-        Command(**{'position': 0.0, **wrong})
 
 
 def test_without_mujoco_the_remedy_is_named(monkeypatch):
@@ -111,34 +100,30 @@ def test_without_mujoco_the_remedy_is_named(monkeypatch):
 
 
 @physics
-@pytest.mark.parametrize('effort', [0.5, 2.0, 10.0])
-def test_at_rest_both_pads_press_with_the_effort(effort):
-    world = gripped(effort=effort)
-    assert world.is_stalled and not world.is_at_goal and world.outcome is Outcome.GRIPPED
-    assert list(world.forces.values()) == pytest.approx([effort, effort], rel=0.02)
-    assert world.effort == pytest.approx(effort, rel=0.02)
+@pytest.mark.parametrize(('name', 'effort', 'outcome'), [
+    ('square', 0.5, Outcome.GRIPPED), ('square', 10.0, Outcome.GRIPPED), ('fragile', 5.0, Outcome.GRIPPED),
+    ('fragile', 7.0, Outcome.BROKEN)])
+def test_at_rest_both_pads_press_with_the_effort(name, effort, outcome):
+    world = gripped(name, effort)
+    assert world.drive.is_stalled and not world.drive.is_at_goal and world.outcome is outcome
+    assert [*world.forces.values(), world.effort] == pytest.approx([effort] * 3, rel=0.02)
 
 
 @physics
 @pytest.mark.parametrize('name', ITEMS)
 def test_the_fingers_do_not_enter_the_item(name):
     world = gripped(name)
-    deepest = -min(contact.dist for contact in world.data.contact)
-    assert 0 < deepest < 0.001
     assert world.outcome is Outcome.GRIPPED
+    assert 0 < -min(contact.dist for contact in world.data.contact) < 0.001
 
 
 @physics
-@pytest.mark.parametrize(('effort', 'outcome'), [(2.0, Outcome.HELD), (0.55, Outcome.HELD), (0.45, Outcome.FREE),
-                                                 (0.2, Outcome.FREE)])
-def test_friction_of_a_half_carries_50_grams_from_half_a_newton_on(effort, outcome):
-    assert lifted(effort=effort).outcome is outcome
-
-
-@physics
-def test_a_slippery_item_slips_where_another_holds():
-    assert lifted('slippery').outcome is Outcome.FREE
-    assert lifted('slippery', effort=3.0).outcome is Outcome.HELD
+@pytest.mark.parametrize(('name', 'effort', 'outcome'), [
+    ('square', 2.0, Outcome.HELD), ('square', 0.55, Outcome.HELD), ('square', 0.45, Outcome.FREE),
+    ('square', 0.2, Outcome.FREE), ('slippery', 2.0, Outcome.FREE), ('slippery', 3.0, Outcome.HELD)])
+def test_two_pads_carry_50_grams_by_friction(name, effort, outcome):
+    """0.49 N: from 0.49 N of each pad on where the coefficient is 0.5, from 2.45 N on where it is 0.1."""
+    assert lifted(name, effort).outcome is outcome
 
 
 @physics
@@ -156,33 +141,17 @@ def test_a_shake_of_2_g_loses_what_is_held_weakly(effort, outcome):
 
 
 @physics
-@pytest.mark.parametrize(('effort', 'outcome'), [(5.0, Outcome.GRIPPED), (7.0, Outcome.BROKEN)])
-def test_the_fragile_item_breaks_above_its_strength(effort, outcome):
-    assert gripped('fragile', effort).outcome is outcome
-
-
-@physics
-def test_the_gripper_obeys_late_and_closes_at_its_speed():
-    world = World(ITEMS['square'])
+def test_the_gripper_obeys_late_closes_at_its_speed_and_stops_where_it_is():
+    world, gaps = World(ITEMS['square']), []
     world.command(Command(0.0, velocity=0.05))
-    world.step(DELAY - 0.002)
-    assert world.gap == pytest.approx(0.09, abs=1e-5)
-    world.step(0.3)
-    before = world.gap
-    world.step(0.2)
-    assert (before - world.gap) / 0.2 == pytest.approx(0.05, rel=0.02)
-
-
-@physics
-def test_a_gripper_that_is_stopped_keeps_its_place_and_its_force():
-    world = World(ITEMS['square'])
-    world.command(Command(0.0))
-    world.step(0.5)
-    world.stop_gripper()
-    world.step(0.5)
-    before = world.gap
-    world.step(0.5)
-    assert 0.055 < before == pytest.approx(world.gap, abs=1e-5)
+    for seconds in (DELAY - 0.002, 0.3, 0.2, 0.3):
+        world.step(seconds)
+        gaps.append(world.gap)
+        if len(gaps) == 3:
+            world.stop_gripper()
+    assert gaps[0] == pytest.approx(0.09, abs=1e-5)
+    assert gaps[1] - gaps[2] == pytest.approx(0.05 * 0.2, rel=0.02)
+    assert gaps[2] - gaps[3] == pytest.approx(0.05 * DELAY, abs=5e-4)
     world = lifted()
     world.stop_gripper()
     world.step(1.0)
@@ -191,27 +160,94 @@ def test_a_gripper_that_is_stopped_keeps_its_place_and_its_force():
 
 @physics
 @pytest.mark.parametrize('seed', range(4))
-def test_the_hand_corrects_an_error_and_the_pads_show_it(seed):
+def test_the_hand_corrects_an_error(seed):
     place = random_place(seed)
-    world = World(ITEMS['square'], place)
-    assert world.off_hand() == pytest.approx(place, abs=1e-4)
-    world.move(x=place.x, y=place.y, yaw=place.yaw)
-    world.step(1.0)
-    world.command(Command(0.0))
-    world.step(2.0)
-    assert world.off_hand() == pytest.approx((0, 0, 0), abs=radians(0.1))
-    for side in ('left', 'right'):
-        taxels = world.pressures(side)
-        rows, cols = np.indices(taxels.shape)
+    assert World(ITEMS['square'], place).off_hand() == pytest.approx(place, abs=1e-4)
+    world = gripped(place=place, hand=place)
+    assert world.off_hand() == pytest.approx(AIM, abs=radians(0.1))
+    for taxels in map(world.pressures, ('left', 'right')):
         assert taxels.sum() * PITCH**2 == pytest.approx(2.0, rel=0.05)
-        assert [(each * taxels).sum() / taxels.sum() for each in (rows, cols)] == pytest.approx([7.5, 7.5], abs=0.2)
-        assert taxels.max() < FULL_SCALE
+        centre = [np.arange(ROWS) @ taxels.sum(axis) / taxels.sum() for axis in (0, 1)]
+        assert centre == pytest.approx([7.5, 7.5], abs=0.2)
 
 
 @physics
-def test_an_item_beside_the_middle_is_seen_there_by_both_pads():
+def test_both_pads_see_an_item_where_it_is():
     world = gripped('right_triangle', place=Place(x=0.006))
-    left, right = (world.pressures(side) for side in ('left', 'right'))
-    cols = np.arange(ROWS)
-    assert [(cols * each).sum() / each.sum() for each in (left, right)] == pytest.approx([10.5, 10.5], abs=0.2)
+    left, right = map(world.pressures, ('left', 'right'))
+    assert [np.arange(ROWS) @ each.sum(0) / each.sum() for each in (left, right)] == pytest.approx([10.5] * 2, abs=0.2)
     np.testing.assert_allclose(left[::-1], right, atol=0.05 * left.max())  # its rows go up
+
+
+@physics
+def test_orders_are_obeyed_and_others_answered_with_what_there_is():
+    world = World(ITEMS['square'])
+    for line in ('close 3', 'move lift=0.02', ''):
+        assert obey(world, line).startswith(world.outcome.value)
+        world.step(2.0)
+    assert world.outcome is Outcome.HELD and world.forces['left'] == pytest.approx(3.0, rel=0.02)
+    for line in ('fly', 'move z=1', 'close 99', 'close hard', 'place'):
+        assert 'expected' in obey(world, line)
+
+
+@contextmanager
+def bringup(channel):
+    process = subprocess.Popen([f'{sys.prefix}/bin/tactile', 'bringup', '--interface', 'slcan', '--channel', channel,
+                                '--pads', 'left,right', '--node-id', '32,64', '--gap-source', 'joint_states',
+                                '--gap-joints', JOINT])
+    yield
+    process.terminate()
+    process.wait(20)
+
+
+@physics
+@pytest.mark.bus
+@pytest.mark.ros
+def test_driver_and_perception_of_another_process_report_the_grasp(ros, tmp_path):
+    world, grasps = World(ITEMS['square']), []
+    ros.enter_context(Bench(world, str(tmp_path / 'skin')))
+    ros.enter_context(bringup(str(tmp_path / 'skin')))
+    bench = RosBench(ros)
+    bench.add('planner').create_subscription(Grasp, 'grasp', grasps.append, 1)
+    bench.until(lambda: grasps and grasps[-1].contact == Grasp.NO_CONTACT and grasps[-1].gap > 0.0899)
+    world.command(Command(0.0))
+    bench.until(lambda: grasps[-1].stable)
+    assert [side.class_name for side in grasps[-1].sides] == ['square', 'square']
+    assert [side.force for side in grasps[-1].sides] == pytest.approx([2.0, 2.0], rel=0.1)
+    assert grasps[-1].gap == pytest.approx(world.gap, abs=1e-4)
+    world.command(Command(0.09))
+    bench.until(lambda: grasps[-1].contact == Grasp.NO_CONTACT)
+
+
+@physics
+@pytest.mark.bus
+@pytest.mark.ros
+def test_the_action_is_that_of_a_gripper(ros):
+    action = pytest.importorskip('control_msgs.action').ParallelGripperCommand
+    ros.enter_context(Bench(World(ITEMS['square'])))
+    bench = RosBench(ros)
+    client = ActionClient(bench.add('planner'), action, 'hand/gripper_cmd')
+    bench.until(client.server_is_ready)
+
+    def answer(future):
+        bench.until(future.done)
+        return future.result()
+
+    def sent(position, velocity=0.05, effort=2.0):
+        goal = action.Goal()
+        goal.command.position, goal.command.velocity, goal.command.effort = [position], [velocity], [effort]
+        return answer(client.send_goal_async(goal))
+
+    def ended(handle):
+        found = answer(handle.get_result_async())
+        return (found.status, found.result.stalled, found.result.reached_goal), found.result.state.position[0]
+
+    assert not sent(-0.01).accepted
+    first, second = sent(0.0), sent(0.08)
+    assert ended(first)[0] == (ABORTED, False, False)
+    assert ended(second)[0] == (SUCCEEDED, False, True)
+    third = sent(0.0, velocity=0.02)
+    bench.wait(0.5)
+    answer(third.cancel_goal_async())
+    assert ended(third) == ((CANCELED, False, False), pytest.approx(0.07, abs=0.008))
+    assert ended(sent(0.0)) == ((SUCCEEDED, True, False), pytest.approx(0.0496, abs=3e-4))

@@ -36,12 +36,13 @@ _MODEL = """
   <option timestep="{step}" integrator="implicitfast" cone="elliptic" impratio="20" noslip_iterations="3"/>
   <visual><headlight ambient=".4 .4 .4"/> <map znear="0.02"/> <global offwidth="960" offheight="720"/></visual>
   <asset>{mesh}
+    <texture type="skybox" builtin="gradient" rgb1=".9 .93 .96" rgb2=".6 .65 .7" width="64" height="64"/>
     <texture name="wood" type="2d" builtin="checker" rgb1=".75 .68 .58" rgb2=".7 .63 .53" width="64" height="64"/>
     <material name="table" texture="wood" texrepeat="8 8"/>
   </asset>
   <worldbody>
     <light pos="0.3 -0.4 0.8" dir="-0.3 0.4 -0.8"/>
-    <camera name="front" pos="0.24 -0.16 0.16" xyaxes="0.55 0.83 0 -0.3 0.2 0.93" fovy="38"/>
+    <camera name="front" pos="0.3 -0.2 0.17" xyaxes="0.55 0.83 0 -0.2 0.13 0.97" fovy="40"/>
     <geom name="table" type="box" size="0.3 0.3 0.02" pos="0 0 -0.02" material="table"/>
     {stand}{hand}
     <body name="item" pos="0 0 {height}">

@@ -60,7 +60,10 @@ def random_place(seed: int) -> Place:
 
 
 class World:
-    """One item on the bench. Every method is for any thread; raises ConfigurationError without MuJoCo."""
+    """One item on the bench. Every method is for any thread; raises ConfigurationError without MuJoCo.
+
+    In the left pad's frame the hand's x is x, its lift is -y, its y is z: a yaw turns it about -y.
+    """
 
     def __init__(self, item: Item, place: Place = AIM):
         if mujoco is None:
@@ -87,21 +90,21 @@ class World:
             mujoco.mju_mat2Quat(pose[3:], (turn @ rest.rotation).ravel())
             for side in SIDES:
                 self.data.joint(side).qpos = MAX_GAP / 2
-            self._drive, self._goals, self._setpoints = Drive(), dict.fromkeys(AXES, 0.0), dict.fromkeys(AXES, 0.0)
+            self.drive, self._goals, self._setpoints = Drive(), dict.fromkeys(AXES, 0.0), dict.fromkeys(AXES, 0.0)
             self._shake = (0.0, 0.0)  # acceleration [m/s²], until [s]
-            self._outcome, self._level, self.most_force = Outcome.FREE, 0.0, 0.0
+            self.outcome, self._level, self.most_force = Outcome.FREE, 0.0, 0.0
             mujoco.mj_forward(self.model, self.data)
             self._observe()
 
     def command(self, command: Command) -> None:
         """Let the gripper go, DELAY later."""
         with self.lock:
-            self._drive.put(self.now, command)
+            self.drive.put(self.now, command)
 
     def stop_gripper(self) -> None:
         """Let the gripper stay where it is, DELAY later, with the force that it has."""
         with self.lock:
-            self._drive.put(self.now, None)
+            self.drive.put(self.now, None)
 
     def move(self, **goals: float) -> None:
         """Send the hand to ``x``, ``y``, ``lift`` [m] or ``yaw`` [rad], each at its speed of SPEEDS."""
@@ -140,18 +143,6 @@ class World:
         """With which the motor closes, of each pad [N]."""
         with self.lock:
             return -float(sum(self.data.actuator(side).force[0] for side in SIDES)) / 2
-
-    @property
-    def is_stalled(self) -> bool:
-        return self._drive.is_stalled
-
-    @property
-    def is_at_goal(self) -> bool:
-        return self._drive.is_at_goal
-
-    @property
-    def outcome(self) -> Outcome:
-        return self._outcome
 
     @property
     def forces(self) -> dict[str, float]:
@@ -212,8 +203,8 @@ class World:
             self._setpoints[axis] += min(max(self._goals[axis] - self._setpoints[axis], -most), most)
             self.data.actuator(axis).ctrl = self._setpoints[axis] + (self._shaken() if axis == 'lift' else 0.0)
         left, right = (self.data.joint(side) for side in SIDES)
-        position, speed = (left.qpos[0] + right.qpos[0]) / 2, (left.qvel[0] + right.qvel[0]) / 2
-        force = self._drive.force(self.now, STEP, position, speed)
+        position, speed = (float(left.qpos[0] + right.qpos[0]) / 2, float(left.qvel[0] + right.qvel[0]) / 2)
+        force = self.drive.force(self.now, STEP, position, speed)
         for side in SIDES:
             self.data.actuator(side).ctrl = force
         mujoco.mj_step(self.model, self.data)
@@ -235,18 +226,18 @@ class World:
             if self._geom not in geoms:
                 continue
             mujoco.mj_contactForce(self.model, self.data, number, wrench)
-            side = self._skins.get((geoms - {self._geom}).pop())
-            if side is not None:
-                self._forces[side] += float(wrench[0])
-            elif wrench[0] > 0:
-                is_on_table = True
+            other = (geoms - {self._geom}).pop()
+            if other in self._skins:
+                self._forces[self._skins[other]] += float(wrench[0])
+            elif not self.model.geom_bodyid[other]:  # of the world, which does not move
+                is_on_table |= bool(wrench[0] > 0)
         self.most_force = max(self.most_force, *self._forces.values())
-        self._outcome = self._judged(is_on_table)
+        self.outcome = self._judged(is_on_table)
 
     def _judged(self, is_on_table: bool) -> Outcome:
         if self.most_force > self.item.strength:
             return Outcome.BROKEN
-        lift, before = float(self.data.joint('lift').qpos[0]), self._outcome
+        lift, before = float(self.data.joint('lift').qpos[0]), self.outcome
         is_gripped = min(self._forces.values()) > 0
         if before is Outcome.DROPPED or before is Outcome.HELD and is_on_table and lift > self._level + LIFTED:
             return Outcome.DROPPED

@@ -1,0 +1,65 @@
+"""A gripper with two tactile pads in physics, to try a grasp planner on without hardware.
+
+    python -m examples.simulated_gripper --item square --seed 1 --link /tmp/skin
+    tactile bringup --interface slcan --channel /tmp/skin --pads left,right --node-id 32,64 \\
+        --gap-source joint_states --gap-joints hand_gap
+
+The item is off where the hand is sent by up to 8 mm and 15 degrees, as --seed draws it; without it, by nothing. The
+second command is that of a real skin. The gripper is commanded by the action hand/gripper_cmd (control_msgs), and the
+hand by what is typed here.
+"""
+
+import argparse
+import sys
+import threading
+
+from examples.simulated_gripper.console import HELP, obey
+from examples.simulated_gripper.items import ITEMS, item_of
+from examples.simulated_gripper.world import AIM, World, random_place
+from tactile_node.errors import TactileError
+from tactile_node.interruption import ignore_interruptions, interruption
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog='simulated_gripper', description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--item', default='square', help=f'{", ".join(ITEMS)} (default: %(default)s)')
+    parser.add_argument('--seed', type=int, help='of where the item is')
+    parser.add_argument('--link', default='', metavar='PATH', help="a symbolic link to the skin's adapter")
+    args = parser.parse_args(argv)
+    try:
+        world = World(item_of(args.item), AIM if args.seed is None else random_place(args.seed))
+        return _serve(world, args)
+    except TactileError as error:
+        print(f'simulated_gripper: error: {error}', file=sys.stderr)
+        return 2
+
+
+def _serve(world: World, args: argparse.Namespace) -> int:
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from examples.simulated_gripper.session import HAS_ACTION, Bench
+
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    with interruption() as stop_requested, Bench(world, args.link, args.seed or 0) as bench:
+        print(f'Simulated gripper with {args.item}, skin at {bench.port}, joint states at /joint_states, '
+              + ('action /hand/gripper_cmd' if HAS_ACTION else 'no action: control_msgs is not installed')
+              + f'\n{HELP}', flush=True)
+        threading.Thread(target=_read, args=(world,), name='console', daemon=True).start()
+        while not stop_requested.wait(0.2) and not bench.failures:
+            pass
+        print(report.text() if (report := bench.skin.report()) else '')
+    return 1 if bench.failures else 0
+
+
+def _read(world: World) -> None:
+    for line in sys.stdin:
+        print(obey(world, line), flush=True)
+
+
+if __name__ == '__main__':
+    try:
+        sys.exit(main())
+    finally:
+        ignore_interruptions()
