@@ -12,6 +12,7 @@ hand by what is typed here.
 import argparse
 import sys
 import threading
+from pathlib import Path
 
 from examples.simulated_gripper.console import HELP, obey
 from examples.simulated_gripper.items import ITEMS, item_of
@@ -26,17 +27,18 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--item', default='square', help=f'{", ".join(ITEMS)} (default: %(default)s)')
     parser.add_argument('--seed', type=int, help='of where the item is')
     parser.add_argument('--link', default='', metavar='PATH', help="a symbolic link to the skin's adapter")
+    parser.add_argument('--picture', type=Path, metavar='FILE', help='draw a grasp at once, and end')
     args = parser.parse_args(argv)
     try:
         world = World(item_of(args.item), AIM if args.seed is None else random_place(args.seed))
-        return _serve(world, args)
+        return _draw(world, args.picture) if args.picture else _serve(world, args)
     except TactileError as error:
         print(f'simulated_gripper: error: {error}', file=sys.stderr)
         return 2
 
 
 def _serve(world: World, args: argparse.Namespace) -> int:
-    import rclpy
+    import rclpy  # a picture needs neither
     from rclpy.signals import SignalHandlerOptions
 
     from examples.simulated_gripper.session import HAS_ACTION, Bench
@@ -56,6 +58,13 @@ def _serve(world: World, args: argparse.Namespace) -> int:
 def _read(world: World) -> None:
     for line in sys.stdin:
         print(obey(world, line), flush=True)
+
+
+def _draw(world: World, file: Path) -> int:
+    from examples.simulated_gripper.picture import draw_grasp
+
+    draw_grasp(world, file)
+    return 0
 
 
 if __name__ == '__main__':
