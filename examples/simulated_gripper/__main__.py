@@ -10,6 +10,7 @@ hand by what is typed here.
 """
 
 import argparse
+import gc
 import sys
 import threading
 from pathlib import Path
@@ -31,7 +32,12 @@ def main(argv: list[str] | None = None) -> int:
     args = parser.parse_args(argv)
     try:
         world = World(item_of(args.item), AIM if args.seed is None else random_place(args.seed))
-        return _draw(world, args.picture) if args.picture else _serve(world, args)
+        if args.picture is None:
+            return _serve(world, args)
+        from examples.simulated_gripper.picture import draw_grasp
+
+        draw_grasp(world, args.picture)
+        return 0
     except TactileError as error:
         print(f'simulated_gripper: error: {error}', file=sys.stderr)
         return 2
@@ -48,23 +54,17 @@ def _serve(world: World, args: argparse.Namespace) -> int:
         print(f'Simulated gripper with {args.item}, skin at {bench.port}, joint states at /joint_states, '
               + ('action /hand/gripper_cmd' if HAS_ACTION else 'no action: control_msgs is not installed')
               + f'\n{HELP}', flush=True)
+        gc.freeze()  # a full collection would delay a sweep
         threading.Thread(target=_read, args=(world,), name='console', daemon=True).start()
         while not stop_requested.wait(0.2) and not bench.failures:
             pass
-        print(report.text() if (report := bench.skin.report()) else '')
+        print(bench.report())
     return 1 if bench.failures else 0
 
 
 def _read(world: World) -> None:
     for line in sys.stdin:
         print(obey(world, line), flush=True)
-
-
-def _draw(world: World, file: Path) -> int:
-    from examples.simulated_gripper.picture import draw_grasp
-
-    draw_grasp(world, file)
-    return 0
 
 
 if __name__ == '__main__':

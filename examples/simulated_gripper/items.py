@@ -13,7 +13,6 @@ from tactile_node.grasp.gripper import Transform
 from tactile_node.simulator.world import Contact
 
 PAD_HEIGHT = 0.05  #: of the pads' middle above the table when the hand is down [m]
-BLOCK_LENGTH = 0.05  #: m
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class Item:
     """
 
     face: Contact
-    length: float = BLOCK_LENGTH  #: [m]; 0: a ball
+    length: float = 0.05          #: [m]; 0: a ball
     mass: float = 0.05            #: kg
     friction: float = 0.5         #: coefficient, against skin and table
     strength: float = inf         #: force of a pad at which it breaks [N]

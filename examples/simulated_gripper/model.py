@@ -10,7 +10,7 @@ from examples.simulated_gripper.items import PAD_HEIGHT, Item
 MAX_GAP = 0.09          #: m
 STEP = 0.001            #: s
 HALF_PAD = ROWS * PITCH / 2
-STAND = (0.0095, 0.0095)  #: half its width and depth [m]: an item displaced by 8 mm does not tip over
+HALF_STAND = 0.0095     #: half the width of the stand [m]: an item displaced by 8 mm does not tip over
 #: The skins give way by some tenths of a millimetre, as 4 mm of silicone would
 SKIN = 'solref="0.009 1" solimp="0.8 0.8 0.001"'
 
@@ -64,7 +64,7 @@ _MODEL = """
 def model_of(item: Item) -> str:
     """Return the model (MJCF) of the bench with this item on it."""
     top = PAD_HEIGHT - item.below
-    stand = '' if item.upright else (f'<geom name="stand" type="box" size="{STAND[0]} {STAND[1]} {top / 2}" '
+    stand = '' if item.upright else (f'<geom name="stand" type="box" size="{HALF_STAND} {HALF_STAND} {top / 2}" '
                                      f'pos="0 0 {top / 2}" rgba=".6 .6 .62 1"/>')
     fingers = ''.join(_finger(name, way) for name, way in (('left', -1), ('right', 1)))
     mesh, geom = _geom(item)

@@ -1,6 +1,7 @@
 """What the taxels of a pad feel of an item that is pressed on it: an elastic foundation, as in bench/planner_world.py.
 
-The physics gives force and pose; how the force spreads over the taxels follows from geometry. Frame of a pad as
+The physics gives force and pose; how the force spreads over the taxels follows from geometry. The physics presses an
+oblique face at its edge alone: there the centre of these pressures is some millimetres farther in. Frame of a pad as
 everywhere: origin at the centre of taxel (0, 0), x along columns, y along rows, z out of the skin.
 """
 
@@ -10,18 +11,15 @@ from bench.planner_world import FINE, PITCH, ROWS, foundation
 from examples.simulated_gripper.items import Item
 from tactile_node.grasp.gripper import Transform
 
-REACH = 0.02  #: of the skin's surface, beyond which nothing can press on it [m]
-
 
 def pressures(item: Item, pose: Transform, force: float) -> np.ndarray:
     """Return taxel values [Pa], shape (rows, cols), of an item at ``pose`` in the pad's frame.
 
     ``force``: normal to the pad [N]; 0, or an item that is not before the pad: nothing is felt.
     """
-    depth = -surface(item, pose)
-    if force <= 0 or not (depth > -REACH).any():
-        return np.zeros((ROWS, ROWS))
-    return foundation(depth, force)[0]
+    if force > 0 and np.isfinite(depth := -surface(item, pose)).any():
+        return foundation(depth, force)[0]
+    return np.zeros((ROWS, ROWS))
 
 
 def surface(item: Item, pose: Transform) -> np.ndarray:

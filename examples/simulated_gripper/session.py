@@ -5,7 +5,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import rclpy
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -61,6 +61,11 @@ class Bench:
         self.skin.stop()
         self.world.stop()
 
+    def report(self) -> str:
+        """What the wire has carried, and whether the machine was fast enough for the physics."""
+        wire = self.skin.report()
+        return f'{wire.text() if wire else ""}\nphysics: {self.world.now:.1f} s, {self.world.left_out:.1f} s left out'
+
     def _start_node(self) -> None:
         publisher = self._node.create_publisher(JointState, 'joint_states', 10)
         self._node.create_timer(STATE_PERIOD, lambda: publisher.publish(joint_state(self._node, self.world)))
@@ -69,14 +74,8 @@ class Bench:
             self._server = GripperServer(self._node, self.world)
         self._executor = MultiThreadedExecutor(num_threads=4)  # a goal waits in one
         self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, name='executor')
+        self._thread = threading.Thread(target=self._executor.spin, name='executor')
         self._thread.start()
-
-    def _spin(self) -> None:
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            pass
 
     def _source(self, side: str, random: np.random.Generator) -> TaxelSource:
         return lambda _: noisy(self.world.pressures(side), random)
