@@ -10,10 +10,7 @@ from tactile_node.errors import InputError, TactileError
 
 
 def _move(world: World, words: list[str]) -> None:
-    goals = {axis: float(value) for axis, _, value in (word.partition('=') for word in words)}
-    if not goals or not goals.keys() <= {*AXES}:
-        raise ValueError
-    world.move(**goals)
+    world.move(**{axis: float(value) for axis, _, value in (word.partition('=') for word in words)})
 
 
 def _close(world: World, words: list[str]) -> None:

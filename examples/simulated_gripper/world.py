@@ -12,7 +12,7 @@ from examples.simulated_gripper.drive import Command, Drive
 from examples.simulated_gripper.items import Item
 from examples.simulated_gripper.model import MAX_GAP, STEP, model_of
 from examples.simulated_gripper.pressures import pressures
-from tactile_node.errors import ConfigurationError
+from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.grasp.gripper import Transform
 
 try:
@@ -21,9 +21,9 @@ except ImportError:  # no dependency of the package
     mujoco = None
 
 SIDES = ('left', 'right')
-AXES = ('x', 'y', 'lift', 'yaw')
 MAX_SHIFT, MAX_TURN = 0.008, radians(15)  #: of an item from where the hand is sent [m, rad]
 SPEEDS = {'x': 0.05, 'y': 0.05, 'lift': 0.05, 'yaw': 0.5}  #: of the hand [m/s, rad/s]
+AXES = tuple(SPEEDS)
 LIFTED = 0.01             #: above where the hand was when the item was last on the table: it has been taken along [m]
 GRAVITY = 9.81
 SHAKE_FREQUENCY = 6.0     #: Hz
@@ -83,7 +83,9 @@ class World:
     def place(self, place: Place = AIM) -> None:
         """Put the item, whole again, on its stand at ``place``; the hand goes back, open and down, at once."""
         with self.lock:
+            now = self.now  # which goes on
             mujoco.mj_resetData(self.model, self.data)
+            self.data.time = now
             cos, sin = np.cos(place.yaw), np.sin(place.yaw)
             rest, pose = self.item.rest, self.data.joint('item').qpos
             pose[:3] = rest.translation + (place.x, place.y, 0.0)
@@ -108,9 +110,12 @@ class World:
             self.drive.put(self.now, None)
 
     def move(self, **goals: float) -> None:
-        """Send the hand to ``x``, ``y``, ``lift`` [m] or ``yaw`` [rad], each at its speed of SPEEDS."""
+        """Send the hand to ``x``, ``y``, ``lift`` [m], ``yaw`` [rad] at its SPEEDS. Raises InputError for others."""
+        if not goals.keys() <= SPEEDS.keys() or not np.isfinite([*goals.values()]).all():
+            raise InputError('move of the hand', expected=f'finite {", ".join(AXES)}', got=f'{goals}',
+                             remedy='Name these.')
         with self.lock:
-            self._goals |= {axis: float(goals[axis]) for axis in AXES if axis in goals}
+            self._goals |= goals
 
     def shake(self, times_gravity: float = 2.0, seconds: float = 1.0) -> None:
         """Shake the hand up and back, with an acceleration of up to ``times_gravity``."""
@@ -131,13 +136,11 @@ class World:
     @property
     def gap(self) -> float:
         """Distance of the skins [m]."""
-        with self.lock:
-            return float(sum(self.data.joint(side).qpos[0] for side in SIDES))
+        return float(sum(self.data.joint(side).qpos[0] for side in SIDES))
 
     @property
     def gap_speed(self) -> float:
-        with self.lock:
-            return float(sum(self.data.joint(side).qvel[0] for side in SIDES))
+        return float(sum(self.data.joint(side).qvel[0] for side in SIDES))
 
     @property
     def effort(self) -> float:
