@@ -212,8 +212,8 @@ def test_driver_and_perception_of_another_process_report_the_grasp(ros, tmp_path
     bench.until(lambda: grasps and grasps[-1].contact == Grasp.NO_CONTACT and grasps[-1].gap > 0.0899)
     world.command(Command(0.0))
     bench.until(lambda: grasps[-1].stable)
-    assert [side.class_name for side in grasps[-1].sides] == ['square', 'square']
-    assert [side.force for side in grasps[-1].sides] == pytest.approx([2.0, 2.0], rel=0.1)
+    assert grasps[-1].class_name == 'square'
+    assert list(grasps[-1].forces) == pytest.approx([2.0, 2.0], rel=0.1)
     assert grasps[-1].gap == pytest.approx(world.gap, abs=1e-4)
     world.command(Command(0.09))
     bench.until(lambda: grasps[-1].contact == Grasp.NO_CONTACT)
