@@ -21,10 +21,10 @@ from tactile_node.nodes.gripper_client import GripperClient, StopBy
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface, touch_of
+from tactile_node.ros.gripper_settings import GripperSettings
 from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.message_checks import check_grasp
 from tactile_node.ros.parameters import declare, read
-from tactile_node.ros.settings import GripperSettings
 from tactile_skin.msg import Grasp, GripperOutcome
 
 LOOK_PERIOD = 0.01  #: s between two looks at a goal, beside those at each grasp

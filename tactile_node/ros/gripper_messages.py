@@ -4,7 +4,7 @@ The interfaces are those of control_msgs, which is optional: `GripperCommand` an
 """
 
 import math
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
 from tactile_node.grasp.closing import PadForce, Touch
@@ -31,50 +31,16 @@ class GripperState(NamedTuple):
     reached_goal: bool = False
 
 
-class GripperInterface(Protocol):
-    """Reads and makes the messages of one of the two actions."""
-
-    action: Any             #: the type of the action
-    commands_speed: bool
-
-    def command(self, goal: Any) -> Command:
-        """Return what ``goal`` asks for. Raises RefusedGoalError where it does not say that of one joint."""
-        ...
-
-    def goal(self, command: Command) -> Any: ...
-
-    def state(self, message: Any) -> GripperState:
-        """Return what a feedback or a result says."""
-        ...
-
-    def fill(self, message: Any, state: GripperState) -> Any:
-        """Return a feedback or a result with ``state`` in it."""
-        ...
-
-
-def gripper_interface(name: str, joint: str) -> GripperInterface:
-    """Return the interface of this name; ``joint``: as a ParallelGripperCommand names it, '' for any.
-
-    Raises ConfigurationError for another name, and where control_msgs is not installed.
-    """
-    if name not in INTERFACES:
-        raise ConfigurationError('action_type', expected=' or '.join(INTERFACES), got=repr(name),
-                                 remedy="Give the type of the gripper's own action: ros2 action list -t.")
-    try:
-        from control_msgs import action
-    except ImportError:
-        raise ConfigurationError('control_msgs', expected='the package of the gripper actions', got='none',
-                                 remedy='Install it: apt install ros-$ROS_DISTRO-control-msgs.') from None
-    return _Parallel(action.ParallelGripperCommand, joint) if name == PARALLEL else _Single(action.GripperCommand)
-
-
 class _Single:
+    """Reads and makes the messages of a GripperCommand."""
+
     commands_speed = False
 
     def __init__(self, action: Any):
         self.action = action
 
     def command(self, goal: Any) -> Command:
+        """Return what ``goal`` asks for."""
         return Command(goal.command.position, 0.0, goal.command.max_effort)
 
     def goal(self, command: Command) -> Any:
@@ -83,16 +49,18 @@ class _Single:
         return goal
 
     def state(self, message: Any) -> GripperState:
+        """Return what a feedback or a result says."""
         return GripperState(message.position, message.effort, message.stalled, message.reached_goal)
 
     def fill(self, message: Any, state: GripperState) -> Any:
+        """Return a feedback or a result with ``state`` in it."""
         message.position, message.effort = state.position, state.effort
         message.stalled, message.reached_goal = state.stalled, state.reached_goal
         return message
 
 
 class _Parallel:
-    """Its feedback says neither stalled nor reached."""
+    """Reads and makes the messages of a ParallelGripperCommand, whose feedback says neither stalled nor reached."""
 
     commands_speed = True
 
@@ -100,6 +68,7 @@ class _Parallel:
         self.action, self._joint = action, joint
 
     def command(self, goal: Any) -> Command:
+        """Return what ``goal`` asks for. Raises RefusedGoalError where it does not say that of one joint."""
         asked = goal.command
         names, counts = list(asked.name), (len(asked.position), len(asked.velocity), len(asked.effort))
         if counts[0] != 1 or max(counts) > 1 or (self._joint and names and names != [self._joint]):
@@ -128,6 +97,25 @@ class _Parallel:
         if hasattr(message, 'stalled'):
             message.stalled, message.reached_goal = state.stalled, state.reached_goal
         return message
+
+
+GripperInterface = _Single | _Parallel
+
+
+def gripper_interface(name: str, joint: str) -> GripperInterface:
+    """Return the interface of this name; ``joint``: as a ParallelGripperCommand names it, '' for any.
+
+    Raises ConfigurationError for another name, and where control_msgs is not installed.
+    """
+    if name not in INTERFACES:
+        raise ConfigurationError('action_type', expected=' or '.join(INTERFACES), got=repr(name),
+                                 remedy="Give the type of the gripper's own action: ros2 action list -t.")
+    try:
+        from control_msgs import action
+    except ImportError:
+        raise ConfigurationError('control_msgs', expected='the package of the gripper actions', got='none',
+                                 remedy='Install it: apt install ros-$ROS_DISTRO-control-msgs.') from None
+    return _Parallel(action.ParallelGripperCommand, joint) if name == PARALLEL else _Single(action.GripperCommand)
 
 
 def _first(values: Any, default: float) -> float:

@@ -14,7 +14,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from tactile_node.contact.pattern import MOST_LABELS
-from tactile_node.grasp.tracker import GraspContact
+from tactile_node.grasp.tracker import GraspContact, SideState
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.skin.taxel_array import RejectReason as RejectReason
 from tactile_node.skin.taxel_array import (
@@ -208,13 +208,10 @@ def _grasp_codes(message: Grasp) -> RejectReason | None:
 
 def _grasp_states(message: Grasp) -> RejectReason | None:
     """``contact`` follows from the states of the sides; what is fresh is seen, what is stable is held by both pads."""
-    states = sorted(message.side_states)
-    if states == [Grasp.SIDE_NOT_KNOWN] * 2:  # nothing to say: a default-constructed message
+    left, right = map(SideState, message.side_states)
+    if left is right is SideState.NOT_KNOWN:  # nothing to say: a default-constructed message
         return RejectReason.INCONSISTENT
-    if states[0] <= Grasp.SIDE_UNSEEN:
-        contact = Grasp.NOT_KNOWN if states[0] == Grasp.SIDE_NOT_KNOWN else Grasp.UNSEEN
-    else:
-        contact = Grasp.NO_CONTACT + states.count(Grasp.SIDE_TOUCHED)
+    contact = GraspContact.of((left, right))
     fits = (message.contact == contact and not (message.fresh and contact == Grasp.NOT_KNOWN)
             and not (message.stable and not _is_held(message))
             and not (message.same_shape and contact != Grasp.TWO_SIDED))

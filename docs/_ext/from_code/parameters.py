@@ -3,6 +3,7 @@
 import math
 
 from tactile_node.ros import settings
+from tactile_node.ros.gripper_settings import GripperSettings
 from tactile_node.ros.parameters import NodeSettings, Parameter, table
 
 from . import markdown as md
@@ -10,7 +11,7 @@ from . import markdown as md
 #: name of the node -> its settings, in the order of the data
 NODES = {'skin_driver': settings.DriverSettings, 'processor': settings.ProcessorSettings,
          'classifier': settings.ClassifierSettings, 'grasp': settings.GraspNodeSettings,
-         'touch_gripper': settings.GripperSettings}
+         'touch_gripper': GripperSettings}
 
 
 def markdown() -> str:
