@@ -26,14 +26,17 @@ class Motor:
         self.node = bench.add('motor')
         self.interface, self.scale, self.offset = interface, scale, offset
         self.opening, self.slowness = START, 1.0
-        self.rejects = self.cancels = self.stays = False  # it rejects goals; refuses to be cancelled; goes on then
+        self.rejects = self.cancels = self.stays = False  # goals; it was cancelled; it refuses to be
+        self.is_terse = False  # its results are empty
+        self.most_goals = 1000
         self.commands: list[Command] = []
         self.default_speed, self.blocked_at, self.moved_at = 0.02, -1.0, -math.inf
         self._goal = None
         self._target, self._speed = self.opening, 0.0
         self.server = ActionServer(
             self.node, interface.action, '/gripper_controller/gripper_cmd', execute_callback=lambda handle: None,
-            goal_callback=lambda goal: GoalResponse.REJECT if self.rejects else GoalResponse.ACCEPT,
+            goal_callback=lambda goal: GoalResponse.REJECT if self.rejects or len(self.commands) >= self.most_goals
+            else GoalResponse.ACCEPT,
             cancel_callback=lambda handle: CancelResponse.REJECT if self.stays else CancelResponse.ACCEPT,
             handle_accepted_callback=self._accept)
         bench.stack.callback(self.kill)
@@ -81,7 +84,8 @@ class Motor:
 
         def execute(_):
             end()
-            return self.interface.fill(self.interface.action.Result(), state)
+            result = self.interface.action.Result()
+            return result if self.is_terse else self.interface.fill(result, state)
         handle.execute(execute)
 
     @property
@@ -121,7 +125,8 @@ class Pads:
         nowhere = dict.fromkeys(('creep', 'width', 'offset', 'misalignment', 'centre_sd', 'yaw', 'yaw_sd', 'grip_force',
                                  'grip_force_sd', 'force_imbalance'), nan)
         message = Grasp(contact=contact, side_states=states, fresh=True, forces=forces, shape=ContactShape.UNKNOWN,
-                        class_name='unknown', centre=[nan, nan], gap=self._motor.opening if self.knows_gap else nan,
+                        class_name='unknown', centre=[nan, nan], pads_seen=[True, True],
+                        gap=self._motor.opening if self.knows_gap else nan,
                         gap_source=Grasp.GAP_JOINT_STATES if self.knows_gap else Grasp.GAP_NOT_KNOWN, **nowhere)
         for point in (message.midpoint, message.left_centre, message.right_centre):
             point.x = point.y = point.z = nan

@@ -129,9 +129,10 @@ def test_it_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
 
 
 def test_a_force_that_may_be_larger_stops_it(make_bench):
-    """Saturated, hidden, on/off."""
+    """Saturated, hidden, on/off; a bound that no edge explains; a pad that is seen in part."""
     bench = make_bench()
-    for change in (set_(saturated_taxels=[1, 0]), set_(hidden_taxels=[0, 2]), set_(forces=[math.nan, 0.2])):
+    for change in (set_(saturated_taxels=[1, 0]), set_(hidden_taxels=[0, 2]), set_(forces=[math.nan, 0.2]),
+                   set_(force_is_bound=[True, False]), set_(pads_seen=[True, False])):
         bench.open()
         bench.pads.change = lambda message, change=change: change(message) if message.contact > 2 else message
         status, _, outcome = bench.close(position=0.0, effort=10.0)
@@ -188,7 +189,7 @@ def test_a_goal_that_cannot_be_used_is_refused_with_a_reason_and_changes_nothing
     two_joints.command.position = [0.0, 0.0]
     first = bench.client.send(position=0.0)
     for bad in ({'effort': -1.0}, {'effort': math.nan}, {'effort': 1000.0}, {'position': math.nan}, {'position': -0.5},
-                {'speed': -0.1}, {'speed': 0.2}, {'goal': two_joints}):
+                {'position': math.inf}, {'speed': -0.1}, {'speed': 0.2}, {'goal': two_joints}):
         status, _, outcome = bench.close(**{'position': 0.01, **bad})
         assert (status, outcome.outcome) == (ABORTED, Outcome.REFUSED) and 'expected' in outcome.message
     assert bench.client.result(first)[2].outcome == Outcome.TOUCHED
@@ -236,6 +237,72 @@ def test_a_gripper_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(make_b
     bench.motor.stays = True
     outcome = bench.close(position=0.0)[2].outcome
     assert outcome == Outcome.TOUCHED and bench.motor.opening == pytest.approx(bench.motor.commands[-1].position)
+
+
+@pytest.mark.parametrize('stop_by', ['cancel', 'goal'])
+def test_a_gripper_that_takes_one_goal_at_a_time_is_stopped_by_a_cancel(make_bench, stop_by):
+    """It rejects the slower speed at the first touch, or the goal to hold: the first command is still under way."""
+    bench = make_bench(parameters={'stop_by': stop_by})
+    bench.motor.most_goals = 1
+    status, _, outcome = bench.close(position=0.0, effort=10.0)
+    assert (status, outcome.outcome, bench.motor.moves) == (ABORTED, Outcome.GRIPPER_REFUSED, False)
+    assert bench.pads.strongest < 3.0
+
+
+def test_an_empty_result_is_no_opening(make_bench):
+    """Its position of 0.0 would make of a goal to close, which follows, one to open."""
+    bench = make_bench('GripperCommand')
+    bench.pads.knows_gap, bench.motor.is_terse = False, True
+    handle = bench.client.send(position=0.0)
+    bench.wait(0.2)
+    handle.cancel_goal_async()
+    assert bench.client.result(handle)[2].outcome == Outcome.CANCELED
+    assert bench.close(position=0.03)[2].outcome == Outcome.TOUCHED and bench.pads.strongest < 3.0
+
+
+def test_a_gripper_wider_than_widest_is_not_closed_by_a_goal_to_open(make_bench):
+    bench = make_bench(pads={'width': 0.1})
+    bench.motor.opening = bench.motor._target = 0.14
+    bench.wait(0.1)
+    assert bench.close(position=0.09)[2].outcome == Outcome.TOUCHED and bench.motor.opening > 0.09
+    bench.pads.change = unseen
+    assert bench.close(position=0.13)[2].outcome == Outcome.REACHED and bench.motor.opening == pytest.approx(0.13)
+
+
+def test_a_goal_between_while_it_opens_is_guarded(make_bench):
+    """By the time that the gripper hears it, it may be wider open than its last reading."""
+    bench = make_bench()
+    bench.client.send(position=0.08)
+    bench.wait(0.1)
+    bench.pads.change = unseen
+    bench.wait(0.1)
+    assert bench.close(position=0.065)[2].outcome == Outcome.NOT_SEEN and not bench.motor.moves
+
+
+def test_an_opening_gripper_that_stalls_or_presses_has_not_succeeded(make_bench):
+    bench = make_bench()
+    bench.close(position=0.0)
+    bench.motor.slowness = 1e9
+    handle = bench.client.send(position=0.08)
+    bench.wait(0.1)
+    bench.motor._end(bench.motor._goal.abort, stalled=True)
+    status, _, outcome = bench.client.result(handle)
+    assert (status, outcome.outcome) == (ABORTED, Outcome.STALLED)
+    handle = bench.client.send(position=0.08)
+    bench.wait(0.1)
+    bench.pads.width += 0.01  # as if the sign of gap_scale were wrong
+    status, _, outcome = bench.client.result(handle)
+    assert (status, outcome.outcome) == (ABORTED, Outcome.NOT_OPENING)
+
+
+def test_a_cancel_that_is_not_confirmed_is_not_reported_as_done(make_bench):
+    bench = make_bench(parameters={'answer_timeout': 0.2})
+    handle = bench.client.send(position=0.0)
+    bench.wait(0.2)
+    bench.executor.remove_node(bench.motor.node)
+    handle.cancel_goal_async()
+    status, _, outcome = bench.client.result(handle)
+    assert (status, outcome.outcome) == (ABORTED, Outcome.NOT_STOPPED)
 
 
 def test_a_partial_opening_needs_a_measured_one_or_is_guarded(make_bench):

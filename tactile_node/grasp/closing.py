@@ -10,6 +10,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
+from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.grasp.tracker import GraspContact
 
 LOST_AFTER = 0.1   #: s without any contact, after both pads were touched: shorter ones are bounces
@@ -39,6 +40,7 @@ class Outcome(IntEnum):
     GRIPPER_FAILED = 15   #: the gripper ended the command, neither stalled nor there
     GRIPPER_SILENT = 16   #: the gripper did not answer
     NOT_STOPPED = 17      #: the gripper did not confirm that it stopped
+    NOT_OPENING = 18      #: the force rises while it should open
 
 
 #: The gripper does what the goal asked for.
@@ -65,13 +67,18 @@ class Touch(NamedTuple):
     def is_touched(self) -> bool:
         return self.contact in (GraspContact.ONE_SIDED, GraspContact.TWO_SIDED)
 
+    @property
+    def strongest(self) -> float:
+        """Force that the stronger pad reads [N]; NaN: not known."""
+        return max((pad.force for pad in self.pads if math.isfinite(pad.force)), default=math.nan)
+
 
 NO_TOUCH = Touch(-math.inf, False, GraspContact.NOT_KNOWN, (PadForce(), PadForce()))
 
 
 @dataclass(frozen=True)
 class TouchLimits:
-    """Limits of closing. Raises ConfigurationError for those that are none, and for speeds that exceed the force."""
+    """Limits of closing. Raises ConfigurationError for those out of range, and for speeds that exceed the force."""
 
     widest: float = 0.08            #: opening of the gripper when it is open [m]
     fast_speed: float = 0.02        #: of the opening, until the first touch [m/s]
@@ -117,6 +124,7 @@ class Goal(NamedTuple):
     speed: float         #: of the opening, until the first touch [m/s]
     force: float         #: limit of the stronger pad [N]
     until_touched: bool  #: the client gave no force: it stops when both pads are touched
+    speed_is_fixed: bool = False  #: the gripper takes none
 
 
 def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *,
@@ -124,17 +132,17 @@ def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *
     """Return the goal to close to ``opening`` [m]; ``speed`` [m/s] and ``force`` [N] 0: not given.
 
     ``speed_is_fixed``: the gripper takes none, and closes at ``limits.fast_speed``. Raises RefusedGoalError for numbers
-    that are none, and for a speed whose overshoot exceeds the force.
+    out of range, and for a speed whose overshoot exceeds the force.
 
     >>> make_goal(0.0, 0.0, 0.6, TouchLimits(latency=0.06, stiffness=1000.0)).speed
     0.01
     """
-    _check('opening', opening, -BEYOND, math.inf, 'm')
-    _check('velocity', speed, 0.0, math.inf, 'm/s')
-    _check('effort', force, 0.0, limits.highest_force, 'N')
+    check_number('opening', opening, -BEYOND, HIGHEST_GAP, 'm')
+    check_number('velocity', speed, 0.0, math.inf, 'm/s')
+    check_number('effort', force, 0.0, limits.highest_force, 'N')
     limit = force or limits.touch_force
     chosen = limits.fast_speed if speed_is_fixed else min(limits.fast_speed, limits.fastest(limit))
-    goal = Goal(opening, chosen if speed_is_fixed else speed or chosen, limit, until_touched=not force)
+    goal = Goal(opening, chosen if speed_is_fixed else speed or chosen, limit, not force, speed_is_fixed)
     if goal.speed > limits.fastest(limit):
         raise RefusedGoalError(
             'velocity', expected=f'at most {limits.fastest(goal.force):.3g} m/s for a force of {goal.force:g} N',
@@ -143,8 +151,9 @@ def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *
     return goal
 
 
-def _check(name: str, value: float, low: float, high: float, unit: str) -> None:
-    if not (low <= value <= high and math.isfinite(value)):
+def check_number(name: str, value: float, low: float, high: float, unit: str) -> None:
+    """Raise RefusedGoalError unless ``value`` is a number from ``low`` to ``high``."""
+    if not low <= value <= high or math.isinf(value):
         raise RefusedGoalError(name, expected=f'{low:g} to {high:g} {unit}', got=f'{value:g} {unit}',
                                remedy='Correct the goal, or the parameters of the gripper node.')
 
@@ -158,7 +167,7 @@ class Closing:
         self._was_held = False     # both pads were touched
         self._seen_touched = now   # when a contact was last seen
         self._one_sided: float | None = None  # travel since one pad alone is touched [m]
-        self._slow_speed = min(limits.slow_speed, goal.speed)
+        self._slow_speed = goal.speed if goal.speed_is_fixed else min(limits.slow_speed, goal.speed)
         self.speed = self._slow_speed if self._is_narrow() else goal.speed
         self._deadline = self._deadline_at(now)
 
@@ -215,8 +224,13 @@ class Closing:
         return travel
 
     def _is_narrow(self) -> bool:
-        return self._opening <= self._limits.slow_from
+        return self._limits.slow_from > 0 and not self._opening > self._limits.slow_from  # nor one that is not known
 
     def _deadline_at(self, now: float) -> float:
         opening = self._opening if math.isfinite(self._opening) else self._limits.widest
-        return now + START_TIME + SLOWNESS * max(opening - self._goal.opening, 0.0) / self.speed
+        return deadline(now, opening - self._goal.opening, self.speed)
+
+
+def deadline(now: float, travel: float, speed: float) -> float:
+    """Return when a gripper that sets out ``now`` [s] for ``travel`` [m] at ``speed`` [m/s] is too slow."""
+    return now + START_TIME + SLOWNESS * max(travel, 0.0) / speed

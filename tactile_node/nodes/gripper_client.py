@@ -3,7 +3,7 @@
 import math
 import time
 from enum import Enum
-from typing import Any
+from typing import Any, NamedTuple
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
@@ -12,8 +12,6 @@ from rclpy.node import Node
 from tactile_node.grasp.closing import Outcome
 from tactile_node.grasp.opening import LinearGap
 from tactile_node.ros.gripper_messages import Command, GripperInterface, GripperState
-
-STATE_AGE = 0.5  #: s, for which a position that the gripper has reported is its present one
 
 
 class StopBy(Enum):
@@ -35,8 +33,15 @@ class _Sent:
         self.at = time.monotonic()
         self.handle: Any = None        # once it is accepted
         self.failure: Outcome | None = None
-        self.result: GripperState | None = None
+        self.result: GripperResult | None = None
         self.is_cancelled = False
+
+
+class GripperResult(NamedTuple):
+    """How a command ended."""
+
+    state: GripperState
+    succeeded: bool
 
 
 class GripperClient:
@@ -49,33 +54,37 @@ class GripperClient:
                  timeout: float):
         self._interface, self._law, self._effort, self._timeout = interface, law, effort, timeout
         self._client = ActionClient(node, interface.action, action)
-        self._sent: _Sent | None = None
+        self._latest: _Sent | None = None
+        self._open: list[_Sent] = []  # that may still move the gripper: neither rejected nor ended
         self._state, self._stated = GripperState(), -math.inf
 
     def destroy(self) -> None:
         self._client.destroy()
 
-    @property
-    def opening(self) -> float:
-        """Where the gripper says that it is [m]; NaN: not known, or too old."""
-        is_current = time.monotonic() - self._stated <= STATE_AGE
+    def opening(self, max_age: float) -> float:
+        """Return where the gripper said that it is [m], in feedback: results may be empty. NaN: not known, too old."""
+        is_current = time.monotonic() - self._stated <= max_age
         return self._law.gap(self._state.position) if is_current else math.nan
 
     @property
-    def result(self) -> GripperState | None:
-        """How the present command ended; None: it has not."""
-        return self._sent.result if self._sent else None
+    def result(self) -> GripperResult | None:
+        """How the latest command ended; None: it has not."""
+        return self._latest.result if self._latest else None
 
     @property
     def is_stopped(self) -> bool:
         """Whether nothing moves by a command of ours, as far as the gripper has confirmed it."""
-        sent = self._sent
-        return (sent is None or sent.result is not None or sent.failure is Outcome.GRIPPER_REFUSED
-                or sent.holds and sent.handle is not None)
+        hold = self._open[0] if len(self._open) == 1 else None  # those before it have ended
+        return not self._open or (hold is not None and hold.holds and hold.handle is not None)
+
+    @property
+    def is_hold_refused(self) -> bool:
+        """Whether the gripper rejected the goal that was to stop it."""
+        return self._latest is not None and self._latest.holds and self._latest.failure is Outcome.GRIPPER_REFUSED
 
     def failure(self, now: float) -> Outcome | None:
-        """Return why the present command cannot be relied on at ``now`` [s]."""
-        sent = self._sent
+        """Return why the latest command cannot be relied on at ``now`` [s]."""
+        sent = self._latest
         if sent is None or sent.result is not None:
             return None
         if sent.failure is None and not self._client.server_is_ready():
@@ -85,30 +94,32 @@ class GripperClient:
         return sent.failure
 
     def drive(self, opening: float, speed: float, *, holds: bool = False) -> None:
-        """Send the gripper to ``opening`` [m] at ``speed`` [m/s]; 0: at its own. What it did before ends."""
-        sent = self._sent = _Sent(holds)
+        """Send the gripper to ``opening`` [m] at ``speed`` [m/s]; 0: at its own."""
+        sent = self._latest = _Sent(holds)
+        self._open.append(sent)
         command = Command(self._law.reading(opening), abs(speed / self._law.scale), self._effort)
         future = self._client.send_goal_async(self._interface.goal(command),
                                               lambda message: self._take(message.feedback))
         future.add_done_callback(lambda done: self._on_answer(sent, done))
 
-    def stop(self, by: StopBy) -> None:
-        """Have it hold where it is."""
-        if by is StopBy.GOAL and math.isfinite(self.opening):
-            self.drive(self.opening, 0.0, holds=True)
-        elif self._sent is not None:
-            self._cancel(self._sent)
+    def stop(self, by: StopBy, opening: float) -> None:
+        """Have it hold where it is, at ``opening`` [m]; while that is not known (NaN), by a cancel.
 
-    def _cancel(self, sent: _Sent) -> None:
-        """Cancel now, or as soon as the gripper accepts the command."""
-        sent.is_cancelled = True
-        if sent.handle is not None:
-            sent.handle.cancel_goal_async()
+        All that may move it is cancelled: not every gripper ends a command when it accepts the next.
+        """
+        if by is StopBy.GOAL and math.isfinite(opening):
+            self.drive(opening, 0.0, holds=True)
+            return
+        for sent in self._open:
+            sent.is_cancelled = True  # as soon as the gripper accepts it
+            if sent.handle is not None:
+                sent.handle.cancel_goal_async()
 
     def _on_answer(self, sent: _Sent, future: Any) -> None:
         handle = future.result()
         if not handle.accepted:
             sent.failure = Outcome.GRIPPER_REFUSED
+            self._open.remove(sent)
             return
         sent.handle = handle
         if sent.is_cancelled:
@@ -117,16 +128,10 @@ class GripperClient:
 
     def _on_result(self, sent: _Sent, future: Any) -> None:
         answer = future.result()
-        state = self._interface.state(answer.result)
-        if answer.status == GoalStatus.STATUS_SUCCEEDED and not state.stalled:
-            state = state._replace(reached_goal=True)  # not every gripper fills it in
-        sent.result = state
-        if sent is self._sent:
-            self._note(state)
+        sent.result = GripperResult(self._interface.state(answer.result), answer.status == GoalStatus.STATUS_SUCCEEDED)
+        self._open.remove(sent)
 
     def _take(self, feedback: Any) -> None:
-        self._note(self._interface.state(feedback))
-
-    def _note(self, state: GripperState) -> None:
+        state = self._interface.state(feedback)
         if math.isfinite(state.position):
             self._state, self._stated = state, time.monotonic()

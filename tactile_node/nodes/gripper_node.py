@@ -14,15 +14,25 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
-from tactile_node.grasp.closing import NO_TOUCH, SUCCESSES, Closing, Outcome, TouchLimits, make_goal
-from tactile_node.grasp.opening import GapSource, LinearGap
+from tactile_node.grasp.closing import (
+    BEYOND,
+    NO_TOUCH,
+    SUCCESSES,
+    Closing,
+    Outcome,
+    TouchLimits,
+    check_number,
+    deadline,
+    make_goal,
+)
+from tactile_node.grasp.opening import HIGHEST_GAP, GapSource, LinearGap
 from tactile_node.grasp.tracker import GraspContact
-from tactile_node.nodes.gripper_client import GripperClient, StopBy
+from tactile_node.nodes.gripper_client import GripperClient, GripperResult, StopBy
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface, touch_of
 from tactile_node.ros.gripper_settings import GripperSettings
-from tactile_node.ros.message_age import InputAge
+from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import check_grasp
 from tactile_node.ros.parameters import declare, read
 from tactile_skin.msg import Grasp, GripperOutcome
@@ -30,7 +40,8 @@ from tactile_skin.msg import Grasp, GripperOutcome
 LOOK_PERIOD = 0.01  #: s between two looks at a goal, beside those at each grasp
 RESULT_TIMEOUT = 2  #: s for which a result is kept for a client that has not asked for it
 #: Of a gripper that opens, or is where it should be, the opening must be measured: a parameter may be an old one.
-MEASURED = (GapSource.JOINT_STATES, GapSource.TF)
+MEASURED = (int(GapSource.JOINT_STATES), int(GapSource.TF))
+NEAR = 0.002  #: m, of where the gripper should be: it is there
 
 logger = logging.getLogger(__name__)
 
@@ -42,6 +53,8 @@ class _Run:
     handle: ServerGoalHandle
     opening: float                     #: to which it goes [m]
     closing: Closing | None            #: None: it opens, whatever the pads see
+    force: float = math.nan            #: of the stronger pad when it began [N]
+    deadline: float = math.inf         #: of opening [s]
     speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not yet
     outcome: Outcome | None = None     #: once it is known
     stopping: StopBy | None = None     #: how it is being stopped
@@ -64,7 +77,8 @@ class GripperNode(Node):
         self._limits = _limits(settings)
         self._law = LinearGap(settings.gap_offset, settings.gap_scale)
         self._interface = gripper_interface(settings.action_type, settings.joint)
-        self._touch, self._grasp, self._ages = NO_TOUCH, Grasp(gap=math.nan), InputAge()
+        self._touch, self._ages = NO_TOUCH, InputAge()
+        self._gap, self._gap_measured = math.nan, -math.inf  # the last that was measured [m], and when [s]
         self._stop_by = _stop_by(settings.stop_by)
         self._client = GripperClient(self, self._interface, settings.gripper_action, self._law,
                                      effort=settings.gripper_effort, timeout=settings.answer_timeout)
@@ -82,8 +96,8 @@ class GripperNode(Node):
 
     def destroy_node(self) -> None:
         """Stop a gripper that closes: nobody looks any more."""
-        if self._run is not None and self._run.outcome is None and self.context.ok():
-            self._client.stop(self._stop_by)
+        if self._run is not None and not self._client.is_stopped and self.context.ok():
+            self._client.stop(self._stop_by, self._opening())
         self._run = None
         while self._actions:
             self._actions.pop().destroy()
@@ -93,7 +107,8 @@ class GripperNode(Node):
         arrival = self._ages.arrived(grasp)
         is_only_one = self.count_publishers(self._grasps.topic) <= 1  # of two, either may be wrong
         self._touch = touch_of(grasp, arrival.acquired) if is_only_one else NO_TOUCH
-        self._grasp = grasp
+        if grasp.gap_source in MEASURED and math.isfinite(grasp.gap):
+            self._gap, self._gap_measured = grasp.gap, arrival.steady - age_seconds(grasp.gap_age)
         self._look()
         if self._run is not None and self._run.outcome is None:
             self._run.handle.publish_feedback(self._interface.fill(self._interface.action.Feedback(), self._state()))
@@ -114,20 +129,29 @@ class GripperNode(Node):
 
     def _started(self, handle: ServerGoalHandle, command: Command) -> _Run:
         opening, speed = self._law.gap(command.position), command.speed * abs(self._law.scale)
+        check_number('opening', opening, -BEYOND, HIGHEST_GAP, 'm')
         now, present = time.monotonic(), self._opening()
-        if opening >= min(present, self._limits.widest) if math.isfinite(present) else opening >= self._limits.widest:
-            return _Run(handle, min(opening, self._limits.widest), None)
+        if self._run is not None and self._run.closing is None:
+            present = math.nan  # it opens still, and is wider than its last reading
+        if self._opens(opening, present):
+            travel = opening - (present if math.isfinite(present) else 0.0)
+            return _Run(handle, opening, None, self._touch.strongest, deadline(now, travel, self._limits.fast_speed))
         goal = make_goal(opening, speed, command.effort, self._limits,
                          speed_is_fixed=not self._interface.commands_speed)
         return _Run(handle, opening, Closing(goal, self._limits, now, present))
 
+    def _opens(self, opening: float, present: float) -> bool:
+        """Whether a goal of ``opening`` opens a gripper that is at ``present`` [m]; NaN: not known."""
+        is_widest = opening >= self._limits.widest
+        return opening >= present - NEAR * is_widest if math.isfinite(present) else is_widest
+
     def _opening(self) -> float:
         """Return the opening as measured now [m]; NaN: not known."""
-        is_measured = self._grasp.gap_source in map(int, MEASURED) and self._is_current()
-        return self._grasp.gap if is_measured and math.isfinite(self._grasp.gap) else self._client.opening
+        is_current = time.monotonic() - self._gap_measured <= self._limits.max_age
+        return self._gap if is_current else self._client.opening(self._limits.max_age)
 
     def _is_current(self) -> bool:
-        return time.monotonic() - self._touch.acquired <= self._limits.max_age
+        return self._touch.fresh and time.monotonic() - self._touch.acquired <= self._limits.max_age
 
     def _look(self) -> None:
         """Go on, stop or end, by what is known now."""
@@ -143,7 +167,7 @@ class GripperNode(Node):
                 self._stop(run, self._stop_by, now)
         if self._client.is_stopped:
             self._finish(run)
-        elif now - run.stop_since > self._settings.answer_timeout:
+        elif self._client.is_hold_refused or now - run.stop_since > self._settings.answer_timeout:
             self._insist(run, now)
 
     def _outcome(self, run: _Run, now: float) -> Outcome | None:
@@ -152,12 +176,23 @@ class GripperNode(Node):
         failure = self._client.failure(now) if run.speed else None
         if failure is not None:
             return failure
-        stop = run.closing.look(now, self._touch, self._opening()) if run.closing else None
+        stop = run.closing.look(now, self._touch, self._opening()) if run.closing else self._why_not_open(run, now)
         result = self._client.result if run.speed else None
-        if stop in SUCCESSES or result is None:
-            return stop
-        return Outcome.REACHED if result.reached_goal else (
-            Outcome.STALLED if result.stalled else stop or Outcome.GRIPPER_FAILED)
+        return stop if stop in SUCCESSES or result is None else self._ending(run, result, stop)
+
+    def _why_not_open(self, run: _Run, now: float) -> Outcome | None:
+        if self._is_current() and self._touch.strongest > run.force + self._limits.touch_force:
+            return Outcome.NOT_OPENING
+        return Outcome.TOO_SLOW if now > run.deadline else None
+
+    def _ending(self, run: _Run, result: GripperResult, stop: Outcome | None) -> Outcome:
+        """Return how a goal ended that the gripper ended. Not every gripper says whether it stalled or is there."""
+        if result.state.reached_goal or result.state.stalled:
+            return Outcome.REACHED if result.state.reached_goal else Outcome.STALLED
+        if not result.succeeded:
+            return stop or Outcome.GRIPPER_FAILED
+        is_held_up = abs(self._opening() - run.opening) > NEAR or (run.closing is not None and self._touch.is_touched)
+        return Outcome.STALLED if is_held_up else Outcome.REACHED
 
     def _drive(self, run: _Run) -> None:
         """Send the gripper on its way, and again where its speed changes."""
@@ -169,7 +204,7 @@ class GripperNode(Node):
 
     def _stop(self, run: _Run, by: StopBy, now: float) -> None:
         run.stopping, run.stop_since = by, now
-        self._client.stop(by)
+        self._client.stop(by, self._opening())
 
     def _insist(self, run: _Run, now: float) -> None:
         """Stop it the other way; when that is not confirmed either, say so."""
@@ -182,8 +217,8 @@ class GripperNode(Node):
 
     def _state(self, outcome: Outcome | None = None) -> GripperState:
         """Return what a feedback or a result says, in the gripper's units; the effort is that of the stronger pad."""
-        known = [force for force in self._grasp.forces if math.isfinite(force)]
-        return GripperState(self._law.reading(self._opening()), max(known, default=math.nan),
+        force = self._touch.strongest if self._is_current() else math.nan
+        return GripperState(self._law.reading(self._opening()), force,
                             stalled=outcome in (Outcome.TOUCHED, Outcome.FORCE_REACHED, Outcome.STALLED),
                             reached_goal=outcome is Outcome.REACHED)
 
@@ -194,19 +229,20 @@ class GripperNode(Node):
         outcome = run.outcome or Outcome.NOT_KNOWN
         state = self._state(outcome)
         self._publish(run, outcome, reason)
-        is_held = self._touch.contact is GraspContact.TWO_SIDED
+        is_held = run.closing is not None and self._touch.contact is GraspContact.TWO_SIDED and self._is_current()
         succeeds = outcome in SUCCESSES or (outcome is Outcome.STALLED and is_held)
 
         def execute(handle: ServerGoalHandle) -> Any:
-            end = handle.canceled if handle.is_cancel_requested else handle.succeed if succeeds else handle.abort
+            end = handle.canceled if outcome is Outcome.CANCELED else handle.succeed if succeeds else handle.abort
             end()
             return self._interface.fill(self._interface.action.Result(), state)
         run.handle.execute(execute)
 
     def _publish(self, run: _Run, outcome: Outcome, reason: str) -> None:
+        pads = (self._touch if self._is_current() else NO_TOUCH).pads
         message = GripperOutcome(goal_id=run.handle.goal_id.uuid, outcome=int(outcome), opening=self._opening(),
                                  message=outcome.name + (f': {reason}' if reason else ''),
-                                 forces=self._grasp.forces, force_is_bound=self._grasp.force_is_bound)
+                                 forces=[pad.force for pad in pads], force_is_bound=[pad.is_bound for pad in pads])
         message.header.stamp = self.get_clock().now().to_msg()
         self._outcomes.publish(message)
         if outcome not in SUCCESSES and not reason:

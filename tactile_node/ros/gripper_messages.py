@@ -87,7 +87,7 @@ class _Parallel:
 
     def state(self, message: Any) -> GripperState:
         names = list(message.state.name)
-        at = names.index(self._joint) if self._joint in names else 0
+        at = names.index(self._joint) if self._joint in names else len(names) if self._joint else 0
         return GripperState(_first(message.state.position[at:], math.nan), _first(message.state.effort[at:], math.nan),
                             getattr(message, 'stalled', False), getattr(message, 'reached_goal', False))
 
@@ -123,7 +123,12 @@ def _first(values: Any, default: float) -> float:
 
 
 def touch_of(grasp: Grasp, acquired: float) -> Touch:
-    """Return what ``grasp``, whose taxels were ``acquired`` [s, steady clock], says of the touch."""
-    pads = [PadForce(force, is_bound, bool(hidden or saturated)) for force, is_bound, hidden, saturated in zip(
-        grasp.forces, grasp.force_is_bound, grasp.hidden_taxels, grasp.saturated_taxels)]
+    """Return what ``grasp``, whose taxels were ``acquired`` [s, steady clock], says of the touch.
+
+    A bound that the pad's edge does not explain is of taxels that are hidden or saturated, if of another contact.
+    """
+    pads = [PadForce(force, is_bound, bool(hidden or saturated or not seen or is_bound and not at_edge))
+            for force, is_bound, hidden, saturated, seen, at_edge in zip(
+                grasp.forces, grasp.force_is_bound, grasp.hidden_taxels, grasp.saturated_taxels, grasp.pads_seen,
+                grasp.at_edge)]
     return Touch(acquired, grasp.fresh, GraspContact(grasp.contact), (pads[0], pads[1]))
