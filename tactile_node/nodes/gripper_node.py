@@ -167,7 +167,9 @@ class GripperNode(Node):
                 self._stop(run, self._stop_by, now)
         if self._client.is_stopped:
             self._finish(run)
-        elif self._client.is_hold_refused or now - run.stop_since > self._settings.answer_timeout:
+            return
+        is_refused = run.stopping is StopBy.GOAL and self._client.is_hold_refused
+        if is_refused or now - run.stop_since > self._settings.answer_timeout:
             self._insist(run, now)
 
     def _outcome(self, run: _Run, now: float) -> Outcome | None:
