@@ -98,6 +98,18 @@ def test_it_closes_only_by_what_is_seen_and_current(fault, expected, at):
     assert world.opening == pytest.approx(0.06 - at * LIMITS.fast_speed, abs=1e-4)
 
 
+def test_one_frame_that_is_not_seen_changes_nothing_but_what_the_other_pad_reads():
+    seen = Touch(1.0, True, GraspContact.TWO_SIDED, (PadForce(1.0), PadForce(2.0)))
+    unseen = Touch(1.02, True, GraspContact.UNSEEN, (PadForce(), PadForce(4.0)))
+    assert unseen.after(seen) == seen._replace(pads=(PadForce(1.0), PadForce(4.0)))  # as old as what was seen
+    assert seen.after(unseen) == seen and unseen.after(NO_TOUCH).is_seen is False
+    control = closing(3.0)
+    assert control.look(1.0, seen, 0.04) is None
+    assert control.look(1.02, unseen.after(seen), 0.04) is Outcome.FORCE_REACHED
+    blind = seen._replace(acquired=1.3, fresh=False)
+    assert closing(3.0).look(1.3, blind.after(seen), 0.04) is Outcome.NOT_SEEN  # for too long
+
+
 @pytest.mark.parametrize('pad', [PadForce(0.1, is_hidden=True), PadForce(math.nan)], ids=['hidden', 'on/off'])
 def test_a_force_that_may_be_any_is_not_trusted(pad):
     world = World(bends=lambda real, now: pad if real.force > 0 else real)

@@ -1,5 +1,6 @@
 """The gripper node between a client, the pads' grasp and the gripper's own action, both interfaces of control_msgs."""
 
+import itertools
 import math
 import signal
 import subprocess
@@ -126,6 +127,13 @@ def test_it_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
         assert before < 0.06 and 0 <= before - stopped <= LIMITS.fast_speed * (MAX_AGE + 0.2)
         bench.wait(0.2)
         assert bench.motor.opening == stopped
+
+
+def test_a_frame_now_and_then_that_is_not_seen_does_not_stop_it(make_bench):
+    bench = make_bench()
+    is_unseen = itertools.cycle([True, False, False])
+    bench.pads.change = lambda message: unseen(message) if next(is_unseen) else message
+    assert bench.close(position=0.0)[2].outcome == Outcome.TOUCHED
 
 
 def test_a_force_that_may_be_larger_stops_it(make_bench):

@@ -73,6 +73,21 @@ class Touch(NamedTuple):
         return max((pad.force for pad in self.pads if math.isfinite(pad.force)), default=math.nan)
 
 
+    @property
+    def is_seen(self) -> bool:
+        return self.fresh and self.contact not in (GraspContact.NOT_KNOWN, GraspContact.UNSEEN)
+
+    def after(self, before: 'Touch') -> 'Touch':
+        """Return what is known with what was seen ``before``: one frame with a lost CAN frame is no blindness.
+
+        It is as old as what was seen; a force that one pad alone reads now counts.
+        """
+        if self.is_seen:
+            return self
+        left, right = (old if math.isnan(new.force) else new for new, old in zip(self.pads, before.pads))
+        return before._replace(pads=(left, right))
+
+
 NO_TOUCH = Touch(-math.inf, False, GraspContact.NOT_KNOWN, (PadForce(), PadForce()))
 
 
@@ -185,9 +200,8 @@ class Closing:
         return stop
 
     def _why_not_seen(self, now: float, touch: Touch) -> Outcome | None:
-        is_known = touch.contact not in (GraspContact.NOT_KNOWN, GraspContact.UNSEEN)
-        is_current = touch.fresh and now - touch.acquired <= self._limits.max_age
-        return None if is_known and is_current else Outcome.NOT_SEEN
+        is_current = touch.is_seen and now - touch.acquired <= self._limits.max_age
+        return None if is_current else Outcome.NOT_SEEN
 
     def _why_stop(self, now: float, touch: Touch) -> Outcome | None:
         is_held = touch.contact is GraspContact.TWO_SIDED

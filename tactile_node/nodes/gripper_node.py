@@ -106,7 +106,7 @@ class GripperNode(Node):
     def _on_grasp(self, grasp: Grasp) -> None:
         arrival = self._ages.arrived(grasp)
         is_only_one = self.count_publishers(self._grasps.topic) <= 1  # of two, either may be wrong
-        self._touch = touch_of(grasp, arrival.acquired) if is_only_one else NO_TOUCH
+        self._touch = touch_of(grasp, arrival.acquired).after(self._touch) if is_only_one else NO_TOUCH
         if grasp.gap_source in MEASURED and math.isfinite(grasp.gap):
             self._gap, self._gap_measured = grasp.gap, arrival.steady - age_seconds(grasp.gap_age)
         self._look()
@@ -151,7 +151,7 @@ class GripperNode(Node):
         return self._gap if is_current else self._client.opening(self._limits.max_age)
 
     def _is_current(self) -> bool:
-        return self._touch.fresh and time.monotonic() - self._touch.acquired <= self._limits.max_age
+        return self._touch.is_seen and time.monotonic() - self._touch.acquired <= self._limits.max_age
 
     def _look(self) -> None:
         """Go on, stop or end, by what is known now."""
