@@ -280,9 +280,9 @@ def test_a_gripper_wider_than_widest_is_not_closed_by_a_goal_to_open(make_bench)
 def test_a_goal_between_while_it_opens_is_guarded(make_bench):
     """By the time that the gripper hears it, it may be wider open than its last reading."""
     bench = make_bench()
-    bench.client.send(position=0.08)
-    bench.wait(0.1)
     bench.pads.change = unseen
+    bench.wait(MAX_AGE + 0.1)
+    bench.client.send(position=0.08)
     bench.wait(0.1)
     assert bench.close(position=0.065)[2].outcome == Outcome.NOT_SEEN and not bench.motor.moves
 
@@ -317,7 +317,7 @@ def test_a_partial_opening_needs_a_measured_one_or_is_guarded(make_bench):
     """A gap that is a parameter may be an old one: what seems to open may close."""
     bench = make_bench()
     bench.pads.change = lambda message: unseen(set_(gap=0.03, gap_source=Grasp.GAP_PARAMETER)(message))
-    bench.wait(0.1)
+    bench.wait(MAX_AGE + 0.1)
     assert bench.close(position=0.05)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
     bench.pads.change = unseen
     bench.motor.opening = bench.motor._target = 0.03
