@@ -2,7 +2,6 @@
 
 import math
 import time
-from enum import Enum
 from typing import Any, NamedTuple
 
 from action_msgs.msg import GoalStatus
@@ -12,17 +11,6 @@ from rclpy.node import Node
 from tactile_node.grasp.closing import Outcome
 from tactile_node.grasp.opening import LinearGap
 from tactile_node.ros.gripper_messages import Command, GripperInterface, GripperState
-
-
-class StopBy(Enum):
-    """How a gripper is stopped."""
-
-    CANCEL = 'cancel'  #: its action is cancelled, and it holds where it is
-    GOAL = 'goal'      #: it is sent to where it is: for one that opens, or goes on, when it is cancelled
-
-    @property
-    def other(self) -> 'StopBy':
-        return StopBy.GOAL if self is StopBy.CANCEL else StopBy.CANCEL
 
 
 class _Sent:
@@ -102,12 +90,12 @@ class GripperClient:
                                               lambda message: self._take(message.feedback))
         future.add_done_callback(lambda done: self._on_answer(sent, done))
 
-    def stop(self, by: StopBy, opening: float) -> None:
-        """Have it hold where it is, at ``opening`` [m]; while that is not known (NaN), by a cancel.
+    def stop(self, opening: float = math.nan) -> None:
+        """Have it hold at ``opening`` [m], where it is; NaN: by a cancel.
 
         All that may move it is cancelled: not every gripper ends a command when it accepts the next.
         """
-        if by is StopBy.GOAL and math.isfinite(opening):
+        if math.isfinite(opening):
             self.drive(opening, 0.0, holds=True)
             return
         for sent in self._open:

@@ -27,7 +27,7 @@ from tactile_node.grasp.closing import (
 )
 from tactile_node.grasp.opening import HIGHEST_GAP, GapSource, LinearGap
 from tactile_node.grasp.tracker import GraspContact
-from tactile_node.nodes.gripper_client import GripperClient, GripperResult, StopBy
+from tactile_node.nodes.gripper_client import GripperClient, GripperResult
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface, touch_of
@@ -57,7 +57,7 @@ class _Run:
     deadline: float = math.inf         #: of opening [s]
     speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not yet
     outcome: Outcome | None = None     #: once it is known
-    stopping: StopBy | None = None     #: how it is being stopped
+    by_cancel: bool = True             #: how it is being stopped: by a cancel, or by a goal at where it is
     stop_since: float = math.inf       #: [s]
 
 
@@ -79,7 +79,7 @@ class GripperNode(Node):
         self._interface = gripper_interface(settings.action_type, settings.joint)
         self._touch, self._ages = NO_TOUCH, InputAge()
         self._gap, self._gap_measured = math.nan, -math.inf  # the last that was measured [m], and when [s]
-        self._stop_by = _stop_by(settings.stop_by)
+        self._cancels = _is_cancel(settings.stop_by)
         self._client = GripperClient(self, self._interface, settings.gripper_action, self._law,
                                      effort=settings.gripper_effort, timeout=settings.answer_timeout)
         self._actions.append(self._client)
@@ -97,7 +97,7 @@ class GripperNode(Node):
     def destroy_node(self) -> None:
         """Stop a gripper that closes: nobody looks any more."""
         if self._run is not None and not self._client.is_stopped and self.context.ok():
-            self._client.stop(self._stop_by, self._opening())
+            self._client.stop(math.nan if self._cancels else self._opening())
         self._run = None
         while self._actions:
             self._actions.pop().destroy()
@@ -164,11 +164,11 @@ class GripperNode(Node):
                 self._drive(run)
                 return
             if not self._client.is_stopped:
-                self._stop(run, self._stop_by, now)
+                self._stop(run, self._cancels, now)
         if self._client.is_stopped:
             self._finish(run)
             return
-        is_refused = run.stopping is StopBy.GOAL and self._client.is_hold_refused
+        is_refused = not run.by_cancel and self._client.is_hold_refused
         if is_refused or now - run.stop_since > self._settings.answer_timeout:
             self._insist(run, now)
 
@@ -204,14 +204,14 @@ class GripperNode(Node):
         run.speed = speed
         self._client.drive(run.opening, speed)
 
-    def _stop(self, run: _Run, by: StopBy, now: float) -> None:
-        run.stopping, run.stop_since = by, now
-        self._client.stop(by, self._opening())
+    def _stop(self, run: _Run, by_cancel: bool, now: float) -> None:
+        run.by_cancel, run.stop_since = by_cancel, now
+        self._client.stop(math.nan if by_cancel else self._opening())
 
     def _insist(self, run: _Run, now: float) -> None:
         """Stop it the other way; when that is not confirmed either, say so."""
-        if run.stopping is self._stop_by:
-            self._stop(run, self._stop_by.other, now)
+        if run.by_cancel is self._cancels:
+            self._stop(run, not self._cancels, now)
             return
         if run.outcome not in (Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT):
             run.outcome = Outcome.NOT_STOPPED
@@ -256,12 +256,11 @@ def _limits(settings: GripperSettings) -> TouchLimits:
     return TouchLimits(**{name: getattr(settings, name) for name in names})
 
 
-def _stop_by(name: str) -> StopBy:
-    try:
-        return StopBy(name)
-    except ValueError:
-        raise ConfigurationError('stop_by', expected=' or '.join(each.value for each in StopBy), got=repr(name),
-                                 remedy='See how the gripper behaves when its action is cancelled.') from None
+def _is_cancel(stop_by: str) -> bool:
+    if stop_by not in ('cancel', 'goal'):
+        raise ConfigurationError('stop_by', expected='cancel or goal', got=repr(stop_by),
+                                 remedy='See how the gripper behaves when its action is cancelled.')
+    return stop_by == 'cancel'
 
 
 def main() -> int:
