@@ -1,0 +1,129 @@
+"""Three ways to close a gripper on an item that is not quite where the hand is sent, and what they knew of it.
+
+`blind`: the gripper's own action, to the item's width. `touch`: the gripper node, up to a force. `shape`: closed until
+touched, corrected by examples/planner_client.py and examples/grasp_loop.py, then squeezed with that force.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from math import cos, degrees, pi, remainder, sin
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from grasp_loop import GraspLoop, Reason
+from grasp_session import Session
+from planner_client import Correction
+from planner_world import AIM
+
+from examples.simulated_gripper.items import Item
+from examples.simulated_gripper.model import MAX_GAP
+from examples.simulated_gripper.world import Outcome, Place
+from tactile_skin.msg import Grasp
+
+FORCE = 5.3           # N, one for all items: chosen on seeds of validation
+SQUEEZE = 0.01        # m by which a blind planner closes to less than the item's width
+LIFT, SHAKE = 0.1, 1.0  # m, times gravity
+CLEARANCE = 0.012     # m of the gap beyond that of the grasp, while the hand is corrected
+AFTER = 0.5           # s after the shake
+LOOK = 0.02           # s between two questions to the planner
+
+Record = dict[str, Any]
+
+
+def grasped(session: Session, column: str, item: Item, place: Place) -> Record:
+    """Put ``item`` at ``place``, close, lift and shake; what became of it, and what was seen on the way."""
+    world = session.world
+    session.place(place)
+    begin, left_out = time.monotonic(), world.left_out
+    record = COLUMNS[column](session, item)
+    record |= {'peaks': [*world.peaks.values()], 'closing': time.monotonic() - begin,
+               'off': [*world.off_hand()], 'forces': [*world.forces.values()]}
+    if record.get('reason', 'NOT_GIVEN_UP') == 'NOT_GIVEN_UP':
+        session.move(lift=session.hand['lift'] + LIFT)
+        world.shake(SHAKE)
+        session.until(lambda: not world.is_moving)
+        session.wait(AFTER)
+    record |= {'end': _end(world.outcome), 'seconds': time.monotonic() - begin,
+               'left_out': world.left_out - left_out}
+    return record
+
+
+def _end(outcome: Outcome) -> str:
+    return outcome.value if outcome in (Outcome.HELD, Outcome.BROKEN) else Outcome.DROPPED.value
+
+
+def width(item: Item) -> float:
+    """Of the item along the closing direction [m]."""
+    return 2 * item.face.reach if item.upright else item.length or 2 * item.face.reach
+
+
+def _blind(session: Session, item: Item) -> Record:
+    return {'ending': session.drive(width(item) - SQUEEZE, effort=FORCE)}
+
+
+def _touch(session: Session, item: Item) -> Record:
+    return {'ending': session.drive(0.0, effort=FORCE, touch=True)}
+
+
+def _shape(session: Session, item: Item) -> Record:
+    loop, actions, endings = GraspLoop(), list[str](), list[str]()
+    while True:
+        endings.append(session.drive(0.0, touch=True))
+        order, grasp = _ordered(session, loop)
+        if order.kind != 'move':
+            break
+        actions.append(order.correction.action)
+        session.drive(min(session.world.gap + CLEARANCE, MAX_GAP))
+        _correct(session, order.correction, grasp)
+    record = {'moves': actions, 'touches': endings, 'touched_force': max(session.world.peaks.values()),
+              'reason': Reason(order.reason).name, 'contact': int(grasp.contact)}
+    if order.kind == 'done':
+        record |= {'belief': belief(grasp, session, item)}
+        record |= {'ending': session.drive(0.0, effort=FORCE, touch=True)}
+    return record
+
+
+def _ordered(session: Session, loop: GraspLoop):
+    """What the loop orders once it has waited, and the grasp by which."""
+    loop.closed(time.monotonic())
+    while True:
+        correction, grasp = session.decide()
+        order = loop.next(correction, time.monotonic())
+        if order.kind != 'wait':
+            return order, grasp
+        time.sleep(LOOK)
+
+
+def _correct(session: Session, correction: Correction, grasp: Grasp) -> None:
+    """Move the hand as far as it can: along x and up, and about the vertical, about the grasp's midpoint.
+
+    In the left pad's frame the hand's x is x, its y is z and up is -y. It has no joint to turn about the others.
+    """
+    hand = session.hand
+    turn = -correction.tilt[1]
+    middle = np.nan_to_num(np.array((grasp.midpoint.x - AIM[0], grasp.midpoint.z))) if turn else np.zeros(2)
+    along = np.array((correction.shift[0], 0.0)) + middle - _turned(middle, turn)
+    x, y = np.array((hand['x'], hand['y'])) + _turned(along, hand['yaw'])
+    session.move(x=float(x), y=float(y), lift=hand['lift'] - correction.shift[1], yaw=hand['yaw'] + turn)
+
+
+def _turned(vector: np.ndarray, angle: float) -> np.ndarray:
+    return np.array(((cos(angle), -sin(angle)), (sin(angle), cos(angle)))) @ vector
+
+
+def belief(grasp: Grasp, session: Session, item: Item) -> Record:
+    """What the grasp says of the item, and how wrong that is: sizes, place [mm], yaw [degrees]."""
+    pose, sides = session.world.item_in('left'), np.array(item.face.dimensions[:len(grasp.dimensions)])
+    believed: Record = {'class': grasp.class_name, 'confidence': grasp.confidence,
+                        'place_mm': 1e3 * float(np.hypot(*(pose.translation[:2] - grasp.centre)))}
+    if grasp.class_name == item.face.shape and item.length and not item.upright:
+        believed['size_mm'] = 1e3 * float(np.abs(np.array(grasp.dimensions) - sides).max(initial=0.0))
+        if grasp.symmetry:
+            truth = float(np.arctan2(*pose.rotation[1::-1, 0])) + item.face.angle
+            believed['yaw_degrees'] = abs(degrees(remainder(grasp.yaw - truth, 2 * pi / grasp.symmetry)))
+    return believed
+
+
+COLUMNS: Mapping[str, Callable[[Session, Item], Record]] = MappingProxyType({
+    'blind': _blind, 'touch': _touch, 'shape': _shape})

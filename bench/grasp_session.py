@@ -1,0 +1,185 @@
+"""The bench of bench_grasps.py for one item: physics, skin and the gripper's action here, the nodes in processes.
+
+`tactile bringup` and `touch_gripper` run as on a robot; the planner is a node of this process. The machine has to keep
+up: everything is in real time.
+"""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import rclpy
+from built_messages import environment_with
+from control_msgs.action import ParallelGripperCommand
+from planner_client import Correction, Planner, asked_for
+from planner_world import AIM
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+
+from examples.simulated_gripper.gripper_server import ACTION
+from examples.simulated_gripper.session import JOINT, NODE_IDS, Bench
+from examples.simulated_gripper.world import AXES, SIDES, Place, World
+from tactile_node.grasp.closing import Outcome as Ending
+from tactile_node.nodes.spinning import spinning
+from tactile_node.ros.message_age import InputAge
+from tactile_node.ros.message_checks import check_grasp
+from tactile_node.taxel_frame import LEAST_BY_UNIT
+from tactile_skin.msg import Grasp, GripperOutcome
+
+TOUCH_ACTION = 'touch_gripper/gripper_cmd'
+#: Of this gripper: a pad presses by 2000 N/m of its own finger, so by half of it a metre of the gap (drive.STIFFNESS).
+PARAMETERS: Mapping[str, Any] = MappingProxyType({
+    'gripper_action': ACTION, 'joint': JOINT, 'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.08,
+    'fast_speed': 0.025, 'slow_speed': 0.01, 'touch_force': 2.0, 'gripper_effort': 10.0})
+TIMEOUT, LOOK = 60.0, 0.005  # s
+
+
+class WatchedWorld(World):
+    """A world that notes the largest forces, when a sampled frame first feels anything, and the command to stop."""
+
+    def __init__(self, *args: Any):
+        self.watch()
+        super().__init__(*args)
+
+    def watch(self) -> None:
+        """Forget what was noted."""
+        self.peaks = dict.fromkeys(SIDES, 0.0)  #: [N]
+        self.felt_at = self.stopped_at = np.nan  #: of the steady clock [s]
+
+    def pressures(self, side: str) -> np.ndarray:
+        values = super().pressures(side)
+        if np.isnan(self.felt_at) and values.max() >= LEAST_BY_UNIT['Pa']:
+            self.felt_at = time.monotonic()
+        return values
+
+    def stop_gripper(self) -> None:
+        self.stopped_at = time.monotonic()
+        super().stop_gripper()
+
+    def _observe(self) -> None:
+        super()._observe()
+        self.peaks = {side: max(self.peaks[side], force) for side, force in self._forces.items()}
+
+
+class PlannerNode(Node):
+    """Hears grasps and outcomes, and sends goals to both actions."""
+
+    def __init__(self) -> None:
+        super().__init__('planner')
+        self._planner, self._ages = Planner(), InputAge()
+        self.grasp, self.outcomes = Grasp(), list[GripperOutcome]()
+        self.closers = {name: ActionClient(self, ParallelGripperCommand, name) for name in (ACTION, TOUCH_ACTION)}
+        self.create_subscription(Grasp, 'grasp', self._on_grasp, qos_profile_sensor_data)
+        self.create_subscription(GripperOutcome, 'touch_gripper/outcome', self.outcomes.append, 10)
+
+    def decide(self) -> tuple[Correction, Grasp]:
+        """Return what to do now, and the latest grasp."""
+        return self._planner.decide(time.monotonic()), self.grasp
+
+    def _on_grasp(self, grasp: Grasp) -> None:
+        if check_grasp(grasp) is None:
+            arrival = self._ages.arrived(grasp)
+            self._planner.receive(asked_for(grasp, AIM), arrival.steady, arrival.age_on_arrival)
+            self.grasp = grasp
+
+
+class Session(ExitStack):
+    """A context with everything that one ``world`` needs; ``link``: a path for the adapter's port."""
+
+    def __init__(self, world: WatchedWorld, link: Path, parameters: Mapping[str, Any] = PARAMETERS):
+        super().__init__()
+        self.world, self._link, self._parameters = world, link, parameters
+
+    def __enter__(self) -> 'Session':
+        super().__enter__()
+        try:
+            self._open()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def _open(self) -> None:
+        self._bench = self.enter_context(Bench(self.world, str(self._link)))
+        self._node = PlannerNode()
+        self.callback(self._node.destroy_node)
+        self.enter_context(spinning([self._node]))
+        self._start(Path(sys.prefix, 'bin/tactile'), 'bringup', '--interface', 'slcan', '--channel', self._link,
+                    '--pads', ','.join(SIDES), '--node-id', ','.join(map(str, NODE_IDS)),
+                    '--gap-source', 'joint_states', '--gap-joints', JOINT)
+        self._start(sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--ros-args', *(
+            word for name, value in self._parameters.items() for word in ('-p', f'{name}:={value}')))
+        self.until(lambda: all(client.server_is_ready() for client in self._node.closers.values()))
+        self.until_open()
+        self.wait(1.0)  # until ages are known in each process
+
+    def _start(self, *words: Any) -> None:
+        process = subprocess.Popen([*map(str, words)], env=environment_with('control_msgs'))
+        self.callback(process.wait)
+        self.callback(process.terminate)
+
+    def until(self, condition: Callable[[], object]) -> None:
+        """Wait until it is true. Raises TimeoutError."""
+        end = time.monotonic() + TIMEOUT
+        while not condition():
+            if time.monotonic() > end or self._bench.failures:
+                raise TimeoutError(f'{self._bench.failures or "nothing happens"}: {self._bench.report()}')
+            time.sleep(LOOK)
+
+    def until_open(self) -> None:
+        """Wait until the grasp says that both pads are seen and empty, and how far the gripper is open."""
+        self.until(lambda: self._node.grasp.fresh and self._node.grasp.contact == Grasp.NO_CONTACT
+                   and abs(self._node.grasp.gap - self.world.gap) < 5e-4)
+
+    def wait(self, seconds: float) -> None:
+        """Let so much time of the physics pass."""
+        end = self.world.now + seconds
+        self.until(lambda: self.world.now >= end)
+
+    def place(self, place: Place) -> None:
+        """Begin again, with the item at ``place`` and the hand open; wait until the pads are seen so."""
+        self.world.place(place)
+        self.world.watch()
+        self.hand = dict.fromkeys(AXES, 0.0)  #: where it was sent
+        self.until_open()
+
+    def move(self, **goals: float) -> None:
+        """Move the hand, and wait until it is there."""
+        self.hand |= goals
+        self.world.move(**goals)
+        self.until(lambda: not self.world.is_moving)
+        self.wait(0.1)
+
+    def drive(self, position: float, *, effort: float = 0.0, speed: float = 0.0, touch: bool = False) -> str:
+        """Send the gripper to a gap, by its own action or until it ``touch``es; how the goal ended."""
+        goal = ParallelGripperCommand.Goal()
+        goal.command.position, goal.command.effort = [position], [effort]
+        goal.command.velocity = [speed] if speed else []
+        sent = self._node.closers[TOUCH_ACTION if touch else ACTION].send_goal_async(goal)
+        self.until(sent.done)
+        handle = sent.result()
+        result = handle.get_result_async()
+        self.until(result.done)
+        if touch:
+            self.until(lambda: self._node.outcomes and (
+                bytes(self._node.outcomes[-1].goal_id) == bytes(handle.goal_id.uuid)))
+            return Ending(self._node.outcomes[-1].outcome).name
+        return 'STALLED' if result.result().result.stalled else 'REACHED'
+
+    def decide(self) -> tuple[Correction, Grasp]:
+        return self._node.decide()
+
+
+def started_rclpy() -> ExitStack:
+    """Return a context with rclpy, whose signal handlers would end it before the nodes."""
+    stack = ExitStack()
+    rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    stack.callback(rclpy.try_shutdown)
+    return stack
