@@ -36,8 +36,9 @@ from tactile_skin.msg import Grasp, GripperOutcome
 TOUCH_ACTION = 'touch_gripper/gripper_cmd'
 #: Of this gripper: a pad presses by 2000 N/m of its own finger, so by half of it a metre of the gap (drive.STIFFNESS).
 PARAMETERS: Mapping[str, Any] = MappingProxyType({
-    'gripper_action': ACTION, 'joint': JOINT, 'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.08,
-    'fast_speed': 0.025, 'slow_speed': 0.01, 'touch_force': 2.0, 'gripper_effort': 10.0})
+    'gripper_action': ACTION, 'joint': JOINT, 'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.1,
+    'fast_speed': 0.02, 'slow_speed': 0.005, 'touch_force': 2.0, 'gripper_effort': 10.0,
+    'max_age': 0.25})
 TIMEOUT, LOOK = 60.0, 0.005  # s
 
 
