@@ -30,8 +30,8 @@ endif
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test coverage faults misled hosts bench train reproduce soak socketcan fuzz lint types \
-	architecture docs commands lowest dist kilted distros lock clean view-test
+.PHONY: help setup demo check test coverage faults misled hosts bench grasps train reproduce soak socketcan fuzz lint \
+	types architecture docs commands lowest dist kilted distros lock clean view-test
 
 help:  ## say what there is
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -119,9 +119,14 @@ $(BENCH_VENV)/.installed: requirements/bench.txt | setup
 	@touch $@
 
 bench: setup $(BENCH_VENV)/.installed  ## how fast and how good, against the alternatives, in one run
-	@for file in $(filter-out bench/bench_recognition.py,$(wildcard bench/bench_*.py)); do \
+	@for file in $(filter-out bench/bench_recognition.py bench/bench_grasps.py,$(wildcard bench/bench_*.py)); do \
 		$(BIN)/python $$file || exit 1; done
 	@$(BENCH_VENV)/bin/python bench/bench_recognition.py
+
+grasps: setup  ## grasps in physics, counted: blind, by touch, by shape (over an hour; goes on where it was; STARTS=10)
+	@$(BIN)/python -c 'import mujoco' 2>/dev/null \
+		|| $(BIN)/python -m pip install --disable-pip-version-check --quiet -r requirements/bench_physics.txt
+	@OMP_NUM_THREADS=1 $(BIN)/python bench/bench_grasps.py --starts $(or $(STARTS),10)
 
 train: $(BENCH_VENV)/.installed  ## train the shape recogniser again (under two hours on one core; JOBS=2: on two)
 	@$(BENCH_VENV)/bin/python -m training.train --output config/recogniser.npz --jobs $(or $(JOBS),1)

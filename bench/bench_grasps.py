@@ -226,7 +226,7 @@ def film(args: argparse.Namespace, link: Path) -> None:
         images.append(Image.new('RGB', (660, 360)))
         images[-1].paste(Image.fromarray(render(world)).resize((480, 360)), (0, 0))
         images[-1].paste(pads, (480, 0))
-    palette = images[len(images) // 2].quantize(96)
+    palette = images[-1].quantize(96)  # with the pads pressed
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     images[0].save(args.film, save_all=True, append_images=images[1:], duration=round(1e3 / FRAME_RATE), loop=0)
 

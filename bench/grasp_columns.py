@@ -47,13 +47,15 @@ def grasped(session: Session, column: str, item: Item, place: Place) -> Record:
         world.shake(SHAKE)
         session.until(lambda: not world.is_moving)
         session.wait(AFTER)
-    record |= {'end': 'refused' if is_refused else _end(world.outcome), 'seconds': time.monotonic() - begin,
+    record |= {'end': _end(world.outcome, is_refused), 'seconds': time.monotonic() - begin,
                'left_out': world.left_out - left_out}
     return record
 
 
-def _end(outcome: Outcome) -> str:
-    return outcome.value if outcome in (Outcome.HELD, Outcome.BROKEN) else Outcome.DROPPED.value
+def _end(outcome: Outcome, is_refused: bool) -> str:
+    if outcome is Outcome.BROKEN or outcome is Outcome.HELD and not is_refused:
+        return outcome.value
+    return 'refused' if is_refused else Outcome.DROPPED.value
 
 
 def width(item: Item) -> float:
