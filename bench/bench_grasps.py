@@ -36,7 +36,7 @@ from examples.simulated_gripper.world import AIM, SIDES, Place, random_place
 
 FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape')
 ENDS = ('held', 'dropped', 'broken', 'refused')  # refused: it gave up, and so did not squeeze
-SPEEDS, REPEATS, LIMIT = (0.005, 0.02, 0.05), 50, 3.0  # m/s; of each; N
+SPEEDS, REPEATS, LIMIT, OPENED = (0.005, 0.02, 0.05), 5, 3.0, 0.055  # m/s; of each for each of --starts; N; m
 FAST = {'slow_speed': 0.05, 'fast_speed': 0.05, 'latency': 0.02, 'gripper_effort': 20.0}
 FRAME_RATE, FILM_PRESSURE = 10, 40e3  # Hz; Pa, the brightest
 
@@ -178,9 +178,10 @@ def measure_latency(args: argparse.Namespace, link: Path) -> None:
         own = {'fast_speed': speed, 'slow_speed': speed}
         with Session(WatchedWorld(ITEMS[args.items[0]]), link, {**PARAMETERS, **FAST, **own}) as session:
             late, beyond, again = [], [], 0
-            for effort in REPEATS * (0.0, LIMIT):
-                session.place(AIM)
-                session.drive(0.055)
+            session.place(AIM)
+            for effort in args.starts * REPEATS * (0.0, LIMIT):
+                session.drive(OPENED)
+                session.until_open()
                 session.world.watch()
                 endings = closed(session, effort)
                 again += len(endings) - 1

@@ -18,7 +18,7 @@ import rclpy
 from built_messages import environment_with
 from control_msgs.action import ParallelGripperCommand
 from planner_client import Correction, Planner, asked_for
-from planner_world import AIM
+from planner_world import AIM, FULL_SCALE, NOISE
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
@@ -30,16 +30,16 @@ from tactile_node.grasp.closing import Outcome as Ending
 from tactile_node.nodes.spinning import spinning
 from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.message_checks import check_grasp
-from tactile_node.taxel_frame import LEAST_BY_UNIT
 from tactile_skin.msg import Grasp, GripperOutcome
 
 TOUCH_ACTION = 'touch_gripper/gripper_cmd'
 #: Of this gripper: a pad presses by 2000 N/m of its own finger, so by half of it a metre of the gap (drive.STIFFNESS).
 PARAMETERS: Mapping[str, Any] = MappingProxyType({
     'gripper_action': ACTION, 'joint': JOINT, 'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.1,
-    'fast_speed': 0.02, 'slow_speed': 0.005, 'touch_force': 2.0, 'gripper_effort': 10.0,
+    'fast_speed': 0.02, 'slow_speed': 0.003, 'touch_force': 2.0, 'gripper_effort': 10.0,
     'max_age': 0.25})
 TIMEOUT, LOOK = 60.0, 0.005  # s
+FELT = 2 * NOISE * FULL_SCALE  # Pa, of the taxel that is pressed most: pads find a contact below their noise floor
 
 
 class WatchedWorld(World):
@@ -56,7 +56,7 @@ class WatchedWorld(World):
 
     def pressures(self, side: str) -> np.ndarray:
         values = super().pressures(side)
-        if np.isnan(self.felt_at) and values.max() >= LEAST_BY_UNIT['Pa']:
+        if np.isnan(self.felt_at) and values.max() >= FELT:
             self.felt_at = time.monotonic()
         return values
 
