@@ -39,6 +39,7 @@ PARAMETERS: Mapping[str, Any] = MappingProxyType({
     'fast_speed': 0.02, 'slow_speed': 0.003, 'touch_force': 2.0, 'gripper_effort': 10.0,
     'max_age': 0.25})
 TIMEOUT, LOOK = 60.0, 0.005  # s
+PATIENCE = 15.0  # s, for a goal: what rocks between the pads never rests, and the gripper's own action never ends
 FELT = 2 * NOISE * FULL_SCALE  # Pa, of the taxel that is pressed most: pads find a contact below their noise floor
 
 
@@ -166,8 +167,10 @@ class Session(ExitStack):
         sent = self._node.closers[TOUCH_ACTION if touch else ACTION].send_goal_async(goal)
         self.until(sent.done)
         handle = sent.result()
-        result = handle.get_result_async()
-        self.until(result.done)
+        result, end = handle.get_result_async(), time.monotonic() + PATIENCE
+        self.until(lambda: result.done() or time.monotonic() > end)
+        if not result.done():
+            return 'UNDER_WAY'
         if touch:
             self.until(lambda: self._node.outcomes and (
                 bytes(self._node.outcomes[-1].goal_id) == bytes(handle.goal_id.uuid)))
