@@ -244,6 +244,7 @@ def test_a_gripper_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(make_b
     bench = make_bench()
     bench.motor.stays = True
     outcome = bench.close(position=0.0)[2].outcome
+    bench.wait(0.1)
     assert outcome == Outcome.TOUCHED and bench.motor.opening == pytest.approx(bench.motor.commands[-1].position)
 
 
