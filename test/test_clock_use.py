@@ -19,6 +19,8 @@ WALL_CLOCK = {
     'tactile_node/nodes/node_health.py': 'the same',
     'tactile_node/nodes/pad_transforms.py': 'stamps on tf, of the host that publishes: see docs/hosts.md',
     'tactile_node/viewing/page_parts.py': 'a warning that the stamps are of another clock',
+    'tactile_node/nodes/gripper_node.py': 'the time of an outcome, which people read',
+    'examples/simulated_gripper/session.py': 'stamps of joint states, as every controller',
     'examples/demo/bag.py': 'when a message was recorded, beside its stamp',
     'examples/demo/watcher.py': 'one host',
     'examples/demo/session.py': 'one host',

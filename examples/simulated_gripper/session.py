@@ -5,6 +5,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -68,7 +69,8 @@ class Bench:
 
     def _start_node(self) -> None:
         publisher = self._node.create_publisher(JointState, 'joint_states', 10)
-        self._node.create_timer(STATE_PERIOD, lambda: publisher.publish(joint_state(self._node, self.world)))
+        self._node.create_timer(STATE_PERIOD, lambda: publisher.publish(joint_state(self._node, self.world)),
+                                clock=Clock(clock_type=ClockType.STEADY_TIME))
         if HAS_ACTION:
             from examples.simulated_gripper.gripper_server import GripperServer
             self._server = GripperServer(self._node, self.world)
