@@ -59,7 +59,7 @@ def _end(outcome: Outcome, is_refused: bool) -> str:
 
 
 def width(item: Item) -> float:
-    """Of the item along the closing direction [m]."""
+    """Return the size of the item along the closing direction [m]."""
     return 2 * item.face.reach if item.upright else item.length or 2 * item.face.reach
 
 

@@ -42,7 +42,7 @@ class Outcome(Enum):
 
 
 class Place(NamedTuple):
-    """Of an item from where the hand is sent [m, rad]."""
+    """Place of an item, from where the hand is sent [m, rad]."""
 
     x: float = 0.0
     y: float = 0.0

@@ -72,10 +72,13 @@ class Touch(NamedTuple):
         """Force that the stronger pad reads [N]; NaN: not known."""
         return max((pad.force for pad in self.pads if math.isfinite(pad.force)), default=math.nan)
 
-
     @property
     def is_seen(self) -> bool:
         return self.fresh and self.contact not in (GraspContact.NOT_KNOWN, GraspContact.UNSEEN)
+
+    def is_current(self, now: float, max_age: float) -> bool:
+        """Whether both pads were seen, at most ``max_age`` before ``now`` [s]."""
+        return self.is_seen and now - self.acquired <= max_age
 
     def after(self, before: 'Touch') -> 'Touch':
         """Return what is known with what was seen ``before``: one frame with a lost CAN frame is no blindness.
@@ -189,19 +192,14 @@ class Closing:
     def look(self, now: float, touch: Touch, opening: float) -> Outcome | None:
         """Return why to stop, by what is known at ``now`` [s]; None: go on at ``speed``."""
         travel = self._travel(now, opening)
-        seen = self._why_not_seen(now, touch)
-        if seen is not None:
-            return seen
+        if not touch.is_current(now, self._limits.max_age):
+            return Outcome.NOT_SEEN
         self._follow(now, touch, travel)
         stop = self._why_stop(now, touch)
         if stop is None and self.speed > self._slow_speed and (touch.is_touched or self._is_narrow()):
             self.speed = self._slow_speed
             self._deadline = self._deadline_at(now)
         return stop
-
-    def _why_not_seen(self, now: float, touch: Touch) -> Outcome | None:
-        is_current = touch.is_seen and now - touch.acquired <= self._limits.max_age
-        return None if is_current else Outcome.NOT_SEEN
 
     def _why_stop(self, now: float, touch: Touch) -> Outcome | None:
         is_held = touch.contact is GraspContact.TWO_SIDED

@@ -95,7 +95,7 @@ class GripperNode(Node):
             result_timeout=RESULT_TIMEOUT))
 
     def destroy_node(self) -> None:
-        """Stop a gripper that closes: nobody looks any more."""
+        """Stop a gripper that closes: no one watches it from now on."""
         if self._run is not None and not self._client.is_stopped and self.context.ok():
             self._client.stop(math.nan if self._cancels else self._opening())
         self._run = None
@@ -151,7 +151,7 @@ class GripperNode(Node):
         return self._gap if is_current else self._client.opening(self._limits.max_age)
 
     def _is_current(self) -> bool:
-        return self._touch.is_seen and time.monotonic() - self._touch.acquired <= self._limits.max_age
+        return self._touch.is_current(time.monotonic(), self._limits.max_age)
 
     def _look(self) -> None:
         """Go on, stop or end, by what is known now."""

@@ -14,6 +14,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from tactile_node.contact.pattern import MOST_LABELS
+from tactile_node.grasp.held_object import LEAST_PROBABILITY
 from tactile_node.grasp.tracker import GraspContact, SideState
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.skin.taxel_array import RejectReason as RejectReason
@@ -251,7 +252,7 @@ def _object_class(message: Grasp) -> RejectReason | None:
         return RejectReason.WRONG_PROBABILITIES
     is_known = message.shape != ContactShape.UNKNOWN
     fits = (_is_named(message.shape, message.class_name) and (_is_held(message) or not message.confidence)
-            and (message.confidence >= 0.5 if is_known else message.confidence <= 0.5))
+            and (message.confidence >= LEAST_PROBABILITY if is_known else message.confidence <= LEAST_PROBABILITY))
     return None if fits else RejectReason.INCONSISTENT
 
 
