@@ -121,7 +121,7 @@ def test_the_page_loads_follows_and_asks_only_this_machine(browser, server):
 
 
 def test_the_page_keeps_pace(browser, server):
-    """The bars of docs/view.md, with room for a loaded machine: half of 15/s, twice 0.2 s."""
+    """The bars of docs/operation_results.md, with room for a loaded machine: half of 15/s, twice 0.2 s."""
     page = opened(browser, server)
     best_rate, best_delay = 0.0, np.inf
     for _ in range(8):
