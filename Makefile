@@ -33,8 +33,13 @@ SHELL := /bin/bash
 .PHONY: help setup demo check test coverage faults misled hosts bench grasps train reproduce soak socketcan fuzz lint \
 	types architecture docs commands lowest dist kilted distros lock clean view-test
 
+FIRST := demo setup test check docs commands bench faults reproduce clean
 help:  ## say what there is
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
+	@awk -F ':.*## ' -v first='$(FIRST)' \
+		'function line(name) { printf "    %-14s%s\n", name, text[name]; delete text[name] } \
+		/^[a-z-]+:.*## / { text[$$1] = $$2; names[++n] = $$1 } \
+		END { print "What one does first, in this order:"; m = split(first, f, " "); for (i = 1; i <= m; i++) line(f[i]); \
+			print "\nMore:"; for (i = 1; i <= n; i++) if (names[i] in text) line(names[i]) }' $(MAKEFILE_LIST)
 
 # After the last target that was asked for; `setup` is a part of most others.
 NEXT = printf '\nNext, a simulated skin to drive (docs/tutorial.md, from step 3 on):\n    %s\n    %s\n' \

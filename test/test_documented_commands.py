@@ -2,6 +2,7 @@
 
 import glob
 import gzip
+import re
 import shlex
 import subprocess
 import sys
@@ -98,3 +99,11 @@ def simulated(text: str) -> Iterator[None]:
     finally:
         skin.terminate()
         assert skin.wait(TIMEOUT) == 0
+
+
+def test_make_help_lists_each_target_once_and_ten_of_them_first():
+    text = subprocess.run(['make', 'help'], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    first, more = ([line.split()[0] for line in part.splitlines() if re.match(r'    [a-z-]+ +\S', line)]
+                   for part in text.split('More:'))
+    targets = re.findall(r'^([a-z-]+):.*## ', (ROOT / 'Makefile').read_text(encoding='utf-8'), re.MULTILINE)
+    assert len(first) == 10 and first[0] == 'demo' and sorted(first + more) == sorted(targets)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_node.cli.main import NEEDS, main
+from tactile_node.cli.main import COMMANDS, NEEDS, main
 
 ROOT = Path(__file__).resolve().parents[1]
 #: tactile-skin[picture], '.[picture,bag]'
@@ -27,12 +27,14 @@ def test_a_module_that_an_error_sends_to_an_extra_comes_with_it():
             assert libraries[module] in extras()[extra], module
 
 
-def test_the_help_marks_the_commands_whose_modules_are_missing(monkeypatch, capsys):
+def test_the_help_lists_each_command_once_and_marks_those_whose_modules_are_missing(monkeypatch, capsys):
     for module in ('rclpy', 'viser'):
         monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.setenv('COLUMNS', '200')
     with pytest.raises(SystemExit):
         main(['--help'])
-    lines = capsys.readouterr().out.replace('\n' + 14 * ' ', ' ').splitlines()  # a long name has its text below
-    missing = {line.split()[0]: re.findall('rclpy|viser', line) for line in lines if line.startswith('    ')}
+    first, more = ([line for line in part.splitlines() if line.startswith('    ')]
+                   for part in capsys.readouterr().out.split('More:'))
+    names = [line.split()[0] for line in first + more]
+    assert len(first) == 10 and sorted(names) == sorted([name for name, _ in COMMANDS] + ['--version'])
+    missing = {line.split()[0]: re.findall('rclpy|viser', line) for line in first + more}
     assert {name: found for name, found in missing.items() if found} == {'bringup': ['rclpy'], 'view': ['viser']}

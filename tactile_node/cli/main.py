@@ -14,24 +14,26 @@ import tactile_node
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions
 
-#: name and help; the module of that name, with ``add_options`` and ``run``, is imported only when it is chosen
+#: name and help, the first ones in the order in which one needs them; the module of that name, with ``add_options`` and
+#: ``run``, is imported only when it is chosen
 COMMANDS = (
-    ('features', 'every quantity of the paper, of frames in files: JSON lines or CSV'),
-    ('classify', 'the recognised shape, of frames in files: JSON lines or CSV'),
+    ('simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
+    ('scan', 'find the CANopen nodes of a bus'),
+    ('draft', 'begin a skin layout from an EDS'),
+    ('check', 'check a skin layout and its EDS, and show the pad'),
     ('bringup', 'run all ROS 2 nodes of one bus in this process'),
     ('view', 'show the pads in a browser or on a terminal'),
-    ('simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
-    ('calibrate', "learn a skin's response from presses of a known disc"),
-    ('teach', 'teach the recogniser your own shapes'),
-    ('scan', 'find the CANopen nodes of a bus'),
-    ('sdo', 'read or write one object of a device'),
-    ('check', 'check a skin layout and its EDS, and show the pad'),
-    ('draft', 'begin a skin layout from an EDS'),
     ('record', 'record a CAN log from a live bus'),
     ('replay', 'play a CAN log without ROS: taxel frames to a file'),
+    ('classify', 'the recognised shape, of frames in files: JSON lines or CSV'),
     ('report', 'write a page on a log or bag, for a support ticket'),
+    ('features', 'every quantity of the paper, of frames in files: JSON lines or CSV'),
+    ('calibrate', "learn a skin's response from presses of a known disc"),
+    ('teach', 'teach the recogniser your own shapes'),
+    ('sdo', 'read or write one object of a device'),
     ('completion', 'print what makes your shell complete `tactile`'),
 )
+FIRST_COMMANDS = 10
 
 #: It runs nodes, whose handler forwards the log to /rosout and stderr.
 RUNS_NODES = 'bringup'
@@ -105,16 +107,25 @@ def _logging(command: str) -> Iterator[None]:
         logger.removeHandler(handler)
 
 
+class _Program(argparse.ArgumentParser):
+    """Parser whose help has a line for each command: first what one does first, in that order."""
+
+    def format_help(self) -> str:
+        lines = [f'    {name:<12}{text}{_lack(name)}' for name, text in COMMANDS]
+        return '\n'.join((f'{self.format_usage()}\n{self.description}', '', 'What one does first, in this order:',
+                          *lines[:FIRST_COMMANDS], '', 'More:', *lines[FIRST_COMMANDS:],
+                          '    --version   print the version', '', f'{self.epilog}', ''))
+
+
 def _parser(chosen: str) -> argparse.ArgumentParser:
     """Parser of all sub-commands, complete for the ``chosen`` one alone, so that no other is imported."""
-    parser = argparse.ArgumentParser(
-        prog='tactile', description='Contact shape from a tactile skin on a CAN bus.',
-        epilog='`tactile COMMAND --help` explains a command.')
+    parser = _Program(prog='tactile', description='Contact shape from a tactile skin on a CAN bus.',
+                      epilog='`tactile COMMAND --help` explains a command.')
     version = f'tactile_skin {tactile_node.__version__}' if chosen == '--version' else ''
     parser.add_argument('--version', action='version', version=version)
-    commands = parser.add_subparsers(required=True, metavar='COMMAND')
+    commands = parser.add_subparsers(required=True, metavar='COMMAND', parser_class=argparse.ArgumentParser)
     for name, text in COMMANDS:
-        command = commands.add_parser(name, help=text + _lack(name))
+        command = commands.add_parser(name, help=text)
         if name == chosen:
             module = import_module(f'tactile_node.cli.{name}')
             command.description = module.__doc__
