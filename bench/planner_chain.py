@@ -9,7 +9,7 @@ from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.ros.contact_messages import PadFrame, find_in
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message
-from tactile_node.ros.shape_messages import shape_message
+from tactile_node.ros.shape_messages import pad_shape
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import ContactShape, Grasp
@@ -30,7 +30,7 @@ class _Pad:
         frame = PadFrame.of(TaxelFrame(EPOCH + now, self._sequence, values, status, 0), Taxels(PITCH, UNIT),
                             f'{self._name}_pad')
         result = self._pipeline.recognise(find_in(frame, self._pipeline), EPOCH + now)
-        return shape_message(frame, result, 'learned', 0.0)
+        return pad_shape(frame, result, 'learned', 0.0).whole
 
 
 class Chain:

@@ -52,7 +52,7 @@ from tactile_node.ros.message_checks import (
 )
 from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.shape_messages import shape_message
+from tactile_node.ros.shape_messages import pad_shape
 from tactile_node.ros.source_guard import SOURCE_HOLD
 from tactile_node.ros.time_messages import duration_message, time_message
 from tactile_node.shape.fusion import FusedRecognition, RecognitionFusion
@@ -101,7 +101,7 @@ def good_shape(sequence=0) -> ContactShape:
     found = pad_contact_of(contact).found
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     result = StreamedContact(found.pattern, frame, FusedRecognition(frame, STAMP, 1.5, 30), fit, found)
-    return shape_message(pad_frame_of(contact), result, 'learned', 0.0)
+    return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).whole
 
 
 def good_grasp(sequence=0) -> Grasp:

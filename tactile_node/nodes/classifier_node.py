@@ -19,7 +19,7 @@ from tactile_node.ros.message_checks import check_contact
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import ClassifierSettings
-from tactile_node.ros.shape_messages import MOST_SHAPES, pose_message, shape_message, shapes_message
+from tactile_node.ros.shape_messages import MOST_SHAPES, PadShape, pad_shape, pose_message, shapes_message
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Contact, ContactShape, ContactShapes
@@ -42,8 +42,8 @@ class ClassifierNode(StageNode):
             fusion=DEFAULT_FUSION if self._settings.fuse else None)
         hand_over, qos = hand_over or HandOver(), self._settings.qos
         self.recognised = 0  #: contacts answered with a shape
-        self._shapes: StageOutput[ContactShape] = StageOutput(self, ContactShape, 'shape', self._settings,
-                                                              lambda shape: shape, hand_over)
+        self._shapes: StageOutput[PadShape] = StageOutput(self, ContactShape, 'shape', self._settings,
+                                                          lambda shape: shape.whole, hand_over)
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)
         self._all_shapes = self.create_publisher(ContactShapes, 'shapes', qos)
         self._view = ShapeView(self, self._settings.queue_depth, self._settings.full_scale)
@@ -55,25 +55,26 @@ class ClassifierNode(StageNode):
     def accept(self, contact: PadContact) -> None:
         """Recognise ``contact`` and send its shape on."""
         result = self._pipeline.recognise(contact.found, seconds(contact.header.stamp))
-        shape = self._message(contact, result)
-        shape.left_out = self._contacts.left_out
+        shape = self._shape(contact, result)
+        shape.bare.left_out = self._contacts.left_out
         self._shapes.send(shape, self._contacts.arrival.acquired)
-        if shape.fit_valid and is_wanted(self._poses, self._settings.lossless):
-            self._poses.publish(pose_message(shape))
+        if shape.bare.fit_valid and is_wanted(self._poses, self._settings.lossless):
+            self._poses.publish(pose_message(shape.bare))
         self.recognised += 1
         if is_wanted(self._all_shapes, self._settings.lossless):
             self._publish_all(contact, result)
-        self._view.publish(contact, shape)
+        self._view.publish(contact, shape.bare)
 
     def _publish_all(self, contact: PadContact, largest: StreamedContact) -> None:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)
-        together = shapes_message(contact, largest.contact.contacts, [self._message(contact, each) for each in results])
+        shapes = [self._shape(contact, each).whole for each in results]
+        together = shapes_message(contact, largest.contact.contacts, shapes)
         together.age = self._age()
         self._all_shapes.publish(together)
 
-    def _message(self, contact: PadContact, result: StreamedContact) -> ContactShape:
-        shape = shape_message(contact.frame, result, self._settings.method, self._settings.solid_height)
-        shape.age = self._age()
+    def _shape(self, contact: PadContact, result: StreamedContact) -> PadShape:
+        shape = pad_shape(contact.frame, result, self._settings.method, self._settings.solid_height)
+        shape.bare.age = self._age()
         return shape
 
     def _age(self) -> Duration:

@@ -25,6 +25,7 @@ from tactile_node.ros.message_checks import check_contact_shape
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import GraspNodeSettings
+from tactile_node.ros.shape_messages import PadShape
 from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
@@ -53,7 +54,7 @@ class GraspNode(StageNode):
             max_skew=settings.max_skew, max_age=settings.max_age))
         self._opening = make_opening_source(self, settings, gripper.closing)
         publish_pad_frames(self, settings, gripper, self._opening)
-        self._latest = {side: ContactShape() for side in SIDES}
+        self._latest = {side: PadShape(ContactShape()) for side in SIDES}
         self._stamp = 0.0  # the latest [s]; the clock of a lossless replay
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
         self._sides_publisher = self.create_publisher(GraspSides, 'grasp_sides', settings.qos)
@@ -64,23 +65,23 @@ class GraspNode(StageNode):
         for silence in self._silences.values():
             silence.cancel()
         hand_over = hand_over or HandOver()
-        self._shapes: dict[str, StageInput[ContactShape, ContactShape]] = {
+        self._shapes: dict[str, StageInput[ContactShape, PadShape]] = {
             side: StageInput(self, ContactShape, f'{pad}/shape', partial(self.accept, side), settings,
-                             check=check_contact_shape, parse=lambda message: message, hand_over=hand_over)
+                             check=check_contact_shape, parse=PadShape, hand_over=hand_over)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
         self.stages = tuple(self._shapes.values())
         MessageHealth(self, tuple(self._shapes.values()), settings)
 
-    def accept(self, side: str, message: ContactShape) -> None:
+    def accept(self, side: str, shape: PadShape) -> None:
         """Take the shape on the pad of ``side`` and publish the grasp."""
         arrival = self._shapes[side].arrival
         self._arrivals[side] = arrival
-        self._latest[side] = message
-        stamp = seconds(message.header.stamp)
+        self._latest[side] = shape
+        stamp = seconds(shape.header.stamp)
         self._stamp = max(stamp, self._stamp) if self._stamp - stamp < ANOTHER_LOG else stamp
         acquired = stamp if self._settings.lossless else arrival.acquired
         opening = self._opening.current(time.monotonic())
-        state = self._tracker.update(side, side_result(message, acquired), self._now(), opening.gap)
+        state = self._tracker.update(side, side_result(shape.bare, acquired), self._now(), opening.gap)
         self._publish(state, opening)
         if not self._settings.lossless:
             self._await_next(side)
@@ -117,7 +118,8 @@ class GraspNode(StageNode):
         if is_wanted(self._publisher, self._settings.lossless):
             self._publisher.publish(current.message())
         if is_wanted(self._sides_publisher, self._settings.lossless):
-            self._sides_publisher.publish(sides_message(state, current.sides, self._settings.frame, self._ages()))
+            self._sides_publisher.publish(sides_message(
+                state, [self._latest[side].whole for side in SIDES], self._settings.frame, self._ages()))
         if self._requests is not None:
             self._requests.look(current)
 
@@ -133,7 +135,7 @@ class GraspNode(StageNode):
         return self._described(self._tracker.state(math.inf if has_ended else self._now(), opening.gap), opening)
 
     def _described(self, state: GraspState, opening: Opening) -> CurrentGrasp:
-        sides = [self._latest[side] for side in SIDES]
+        sides = [self._latest[side].bare for side in SIDES]
         return CurrentGrasp(state, sides, lambda: grasp_message(state, sides, opening, self._settings.frame,
                                                                 self._ages(), self._gripper))
 

@@ -1,10 +1,12 @@
 """Recognised, fused and fitted contacts as messages."""
 
+from functools import cached_property
+
 import numpy as np
 from geometry_msgs.msg import Point, Point32, Polygon, PoseWithCovariance, PoseWithCovarianceStamped
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
+from std_msgs.msg import Header
 
-from tactile_node.pose.box import ContactBox
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.pipeline import FoundContact, StreamedContact
 from tactile_node.pose.solids import pose_covariance, prism, solid
@@ -25,10 +27,40 @@ def number_of(shape: ShapeClass) -> int:
     return int(ContactShape.OTHER) if isinstance(shape, TaughtShape) else int(SHAPE_NUMBERS[shape])
 
 
-def shape_message(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> ContactShape:
-    """``solid_height`` [m]: of the solid to add, 0 for none."""
+class PadShape:
+    """The shape on a pad: its box takes as long as the rest of the message, and is made when somebody reads it.
+
+    ``bare``: the message without box, `hollow` and solid, made of ``result``; None: it was received, with all.
+    ``solid_height`` [m]: of the solid to add, 0 for none.
+    """
+
+    def __init__(self, bare: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
+        self.bare, self._result, self._solid_height = bare, result, solid_height
+
+    @cached_property
+    def whole(self) -> ContactShape:
+        """The message with all of its fields."""
+        if self._result is not None:
+            _add_box(self.bare, self._result, self._solid_height)
+        return self.bare
+
+    @property
+    def header(self) -> Header:
+        return self.bare.header
+
+    @property
+    def sequence(self) -> int:
+        return int(self.bare.sequence)
+
+    @property
+    def left_out(self) -> int:
+        return int(self.bare.left_out)
+
+
+def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> PadShape:
+    """Return the shape of ``result`` as a message; ``solid_height`` as in PadShape."""
     fused, alone, pattern = result.fused.recognition, result.recognition, result.contact
-    seen, box = result.found.visibility, result.found.box
+    seen = result.found.visibility
     message = ContactShape(
         header=frame.header, sequence=frame.sequence, shape=number_of(fused.shape), class_name=fused.shape.value,
         unknown_reason=fused.reason,
@@ -44,14 +76,11 @@ def shape_message(frame: PadFrame, result: StreamedContact, method: str, solid_h
         missing_can_frames=frame.missing_can_frames,
         contacts=pattern.contacts, others_present=pattern.contacts > 1,
         contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
-        pose=_nowhere() if result.fit is None else _pose(result.fit), residual=float('nan'), hollow=box.hollow)
+        pose=_nowhere() if result.fit is None else _pose(result.fit), residual=float('nan'))
     _add_moments(message, result.found)
-    _add_box(message, box)
     if result.fit is not None:
         _add_fit(message, result.fit)
-        if solid_height > 0 and not box.hollow:
-            _add_solid(message, result.fit, solid_height)
-    return message
+    return PadShape(message, result, solid_height)
 
 
 def shapes_message(contact: PadContact, contacts: int, shapes: list[ContactShape]) -> ContactShapes:
@@ -76,11 +105,14 @@ def _add_moments(message: ContactShape, found: FoundContact) -> None:
     message.pad_force, message.pad_force_is_bound = found.pad_force(moments)
 
 
-def _add_box(message: ContactShape, box: ContactBox) -> None:
+def _add_box(message: ContactShape, result: StreamedContact, solid_height: float) -> None:
+    box = result.found.box
     x, y = box.centre
     message.box_centre, message.box_angle, message.box_lengths = Point(x=x, y=y), box.angle, box.lengths
     message.box_centre_sd, message.box_angle_sd, message.box_lengths_sd = box.centre_sd, box.angle_sd, box.lengths_sd
-    message.box_length_is_bound = box.length_is_bound
+    message.box_length_is_bound, message.hollow = box.length_is_bound, box.hollow
+    if result.fit is not None and solid_height > 0 and not box.hollow:
+        _add_solid(message, result.fit, solid_height)
 
 
 def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
