@@ -26,7 +26,7 @@ SQUEEZE = 0.01        # m by which a blind planner closes to less than the item'
 LIFT, SHAKE = 0.1, 1.0  # m, times gravity
 CLEARANCE = 0.012     # m of the gap beyond that of the grasp, while the hand is corrected
 AFTER = 0.5           # s after the shake
-TRIES, PAUSE = 6, 0.2   # goals to close, and s between them, while they end by one of
+TRIES = 4            # goals to close, each from an open gripper, while they end by one of
 UNSEEN = ('NOT_SEEN', 'FORCE_NOT_KNOWN', 'LOST')
 LOOK = 0.02           # s between two questions to the planner
 
@@ -72,12 +72,16 @@ def _touch(session: Session, item: Item) -> Record:
 
 
 def closed(session: Session, effort: float = 0.0) -> list[str]:
-    """Close by the gripper node; how each goal ended. What it did not see for a moment it may see the next time."""
+    """Close by the gripper node; how each goal ended. After what it did not see it opens and closes again."""
     endings = [session.drive(0.0, effort=effort, touch=True)]
     while endings[-1] in UNSEEN and len(endings) < TRIES:
-        session.wait(PAUSE)
+        reopen(session)
         endings.append(session.drive(0.0, effort=effort, touch=True))
     return endings
+
+
+def reopen(session: Session) -> None:
+    session.drive(min(session.world.gap + CLEARANCE, MAX_GAP))
 
 
 def _shape(session: Session, item: Item) -> Record:
@@ -88,7 +92,7 @@ def _shape(session: Session, item: Item) -> Record:
         if order.kind != 'move':
             break
         actions.append(order.correction.action)
-        session.drive(min(session.world.gap + CLEARANCE, MAX_GAP))
+        reopen(session)
         _correct(session, order.correction, grasp)
     record = {'moves': actions, 'touches': endings, 'touched_force': max(session.world.peaks.values()),
               'reason': Reason(order.reason).name, 'contact': int(grasp.contact)}

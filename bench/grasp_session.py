@@ -38,7 +38,7 @@ PARAMETERS: Mapping[str, Any] = MappingProxyType({
     'gripper_action': ACTION, 'joint': JOINT, 'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.1,
     'fast_speed': 0.02, 'slow_speed': 0.003, 'touch_force': 2.0, 'gripper_effort': 10.0})
 TIMEOUT, LOOK = 60.0, 0.005  # s
-PATIENCE = 15.0  # s, for a goal: what rocks between the pads never rests, and the gripper's own action never ends
+PATIENCE = 30.0  # s, for a goal: what rocks between the pads never rests, and the gripper's own action never ends
 FELT = 2 * NOISE * FULL_SCALE  # Pa, of the taxel that is pressed most: pads find a contact below their noise floor
 
 
