@@ -1,9 +1,10 @@
 """How well shapes are recognised: ours beside a small CNN and OpenCV contours with 300 trees.
 
-Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. Both anchors
-are trained in this run, on the samples of `make train`. Writes recognition.csv, blind_spots.csv, the page and its
-picture. With --validation seeds, and families of foreign and blemished figures, are such that are never reported: what
-choices in the training are judged by. With --alone there are no anchors, and neither torch nor OpenCV is needed:
+Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. Both
+anchors are trained in this run, on the samples of `make train`. Writes tables/, recognition.csv, blind_spots.csv, the
+page and its picture; with --page FOLDER it measures nothing, but writes the page of the tables in FOLDER again. With
+--validation seeds, and families of foreign and blemished figures, are such that are never reported: what choices in
+the training are judged by. With --alone there are no anchors, and neither torch nor OpenCV is needed:
 .venv/bin/python does.
 """
 
@@ -20,9 +21,8 @@ os.environ |= {name: '1' for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS',
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from bench.recognition import tables
 from bench.recognition.contest import Contest
-from bench.recognition.page import write_csv, write_page
+from bench.recognition.page import write_csv
 from bench.recognition.sections import (
     AGAINST_ANCHORS,
     ALONE,
@@ -35,6 +35,7 @@ from bench.recognition.sections import (
     Run,
     Section,
 )
+from bench.recognition.summary import FOLDER, write_summary
 from tactile_node import Recogniser
 from tactile_node.package_files import config_path
 from training.ground_truth.seeds import Purpose
@@ -52,6 +53,9 @@ class Clock:
 
 def main() -> int:
     args = _arguments()
+    if args.page:
+        write_summary(args.page)
+        return 0
     clock = Clock()
     args.output.mkdir(parents=True, exist_ok=True)
     amount = QUICK if args.quick else FULL
@@ -66,7 +70,7 @@ def main() -> int:
         found[name] = section
         for table in section.tables:
             print(table.plain(), flush=True)
-        write_report([name for name in args.only if name in found], found, run, args)  # what there is, if it is ended
+        write_report([name for name in args.only if name in found], found, args)  # what there is, if it is ended
     clock(f'written to {args.output}')
     return 0
 
@@ -82,20 +86,19 @@ def trained_anchors(args: argparse.Namespace, amount: Amount, clock: Clock) -> d
     return train_anchors(args.samples, amount.share, amount.epochs, args.jobs, clock)
 
 
-def write_report(names: Sequence[str], found: dict[str, Section], run: Run, args: argparse.Namespace) -> None:
-    """Write the CSV and the page of the sections that are done."""
+def write_report(names: Sequence[str], found: dict[str, Section], args: argparse.Namespace) -> None:
+    """Write the CSV files and the page of the sections that are done."""
     sections = [found[name] for name in names]
-    results = [result for section in sections for result in section.results]
-    worlds = [tables.three_worlds(results, run.contest, run.recogniser)] if {'clean', 'mechanics'} <= set(names) else []
+    recorded = [table for section in sections for table in section.tables]
     missing = [name for name in args.only if name not in found]
-    mode = ('a quick run: anchors half trained' if args.quick else 'the full run') + (
-        ', ours alone' if args.alone else '') + (
-        ', on validation seeds' if args.validation else '') + (
-        f'; not done: {", ".join(missing)}' if missing else '')
-    write_csv(args.output / 'recognition.csv', results)
-    write_page(args.output / 'recognition_results.md', f'Recognition, measured ({mode})',
-               [*worlds, *(table for section in sections for table in section.tables)],
-               [picture for section in sections for picture in section.pictures])
+    for table in recorded:
+        table.record(args.output / FOLDER)
+    (args.output / FOLDER / 'about.txt').write_text(
+        ('A quick run: anchors half trained' if args.quick else 'The full run')
+        + (', ours alone' if args.alone else '') + (', on validation seeds' if args.validation else '')
+        + (f'; not done: {", ".join(missing)}' if missing else '') + '.\n', encoding='utf-8')
+    write_csv(args.output / 'recognition.csv', [result for section in sections for result in section.results])
+    write_summary(args.output, {table.heading for table in recorded})
 
 
 def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, Section]]:
@@ -129,6 +132,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument('--only', nargs='+', choices=list(SECTIONS), default=list(SECTIONS), metavar='SECTION',
                         help=f'of {", ".join(SECTIONS)}; default all')
     parser.add_argument('--validation', action='store_true', help='what is never reported, to choose by')
+    parser.add_argument('--page', type=Path, metavar='FOLDER', help='measure nothing, write the page of FOLDER/tables')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
     parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help="folder of training's samples")
     parser.add_argument('--jobs', type=int, default=2, help='processes, default %(default)s')

@@ -1,7 +1,9 @@
 """The tables as text, CSV and Markdown; nothing in them is typed by hand."""
 
 import csv
+import re
 import textwrap
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from bench.recognition.contest import Result
@@ -25,15 +27,32 @@ class Table:
 
     def markdown(self) -> str:
         text = textwrap.fill(self.text, WIDTH, break_on_hyphens=False)
-        lines = [f'## {self.heading}\n', text, '', '| ' + ' | '.join(self.columns) + ' |',
-                 '| ' + ' | '.join('---' for _ in self.columns) + ' |']
-        return '\n'.join([*lines, *('| ' + ' | '.join(row) + ' |' for row in self.rows), ''])
+        return '\n'.join([f'## {self.heading}\n', text, '', *markdown_table(self.columns, self.rows), ''])
+
+    def record(self, folder: Path) -> None:
+        """Write all rows as CSV, named by the heading, into ``folder``."""
+        folder.mkdir(exist_ok=True)
+        with (folder / f'{file_name(self.heading)}.csv').open('w', newline='', encoding='utf-8') as stream:
+            csv.writer(stream, lineterminator='\n').writerows([self.columns, *self.rows])
 
     def plain(self) -> str:
         widths = [max(map(len, column)) for column in zip(self.columns, *self.rows)]
         lines = ['  '.join(value.ljust(width) for value, width in zip(row, widths)).rstrip()
                  for row in (self.columns, *self.rows)]
         return '\n'.join([f'\n{self.heading}: {self.text}', *lines])
+
+
+def file_name(heading: str) -> str:
+    """Return the name of a recorded table.
+
+    >>> file_name('Known shapes, with a blemish')
+    'known_shapes_with_a_blemish'
+    """
+    return re.sub(r'[^a-z0-9]+', '_', heading.lower())
+
+
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    return ['| ' + ' | '.join(row) + ' |' for row in (columns, ['---'] * len(columns), *rows)]
 
 
 def write_csv(path: Path, results: list[Result]) -> None:

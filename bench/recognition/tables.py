@@ -15,7 +15,6 @@ MOST_LOST = {12: 0.01, 25: 0.005, 50: 0.002, 100: 0.001}  #: to unknown, by area
 BARS = {12: 0.97, 25: 0.985, 50: 0.995, 100: 0.998}       #: of flat punches, by area
 #: recordings, and what was pressed
 RECORDED = {'nus_ring_session': Shape.CIRCLE, 'nus_square_moving': Shape.SQUARE}
-HELD = 'object'
 
 
 def rates(heading: str, text: str, results: list[Result]) -> Table:
@@ -101,28 +100,6 @@ def recordings(contest: Contest, recogniser: Recogniser) -> Table:
             for contestant, answer in _recorded_answers(contest, recogniser, name, label).items():
                 share = np.bincount(answer.argmax(1), minlength=len(ORDER)) / len(answer)
                 table.add(name, label, len(answer), contestant, *(f'{100 * s:.0f}' for s in share))
-    return table
-
-
-def three_worlds(results: list[Result], contest: Contest, recogniser: Recogniser) -> Table:
-    """The same weights and anchors on our generator, on computed contacts and on recordings."""
-    shown = [result for result in results if int(result.case.area) in BARS and (
-        result.case.condition in (PUNCHES, CLEAN))]
-    names = list(shown[0].answers)
-    table = Table('Three worlds', 'recognised [%], 95 % Wilson intervals: our generator, which training draws from, '
-                  'too; contact mechanics with other parameters and seeds; recordings of a real array, which no '
-                  'training has seen (frames that hold the object, by labels given by hand)',
-                  ['world', 'frames', 'area', 'patterns', *(f'{name}, %' for name in names)])
-    for world, condition in (('own generator', CLEAN), ('contact mechanics', PUNCHES)):
-        for result in shown:
-            if result.case.condition == condition:
-                table.add(world, KIND[result.case.on_off], f'{result.case.area:g}', result.rate(OURS).total,
-                          *(result.rate(name) for name in names))
-    for name, shape in RECORDED.items():
-        answers = _recorded_answers(contest, recogniser, name, HELD)
-        right = {contestant: answer.argmax(1) == ORDER.index(shape) for contestant, answer in answers.items()}
-        table.add(name, KIND[True], '', len(right[OURS]),
-                  *(Rate(int(right[each].sum()), len(right[each])) for each in names))
     return table
 
 

@@ -1,0 +1,189 @@
+"""The page of results: what a reader decides by, of the tables that runs have recorded.
+
+A table is recorded as CSV, named by its heading; a note beside it, of the same name, ends in .txt. `about.txt` says of
+which run they are. bench/bench_recognition.py writes its own; those of bench/bench_hidden.py and of
+bench/bench_real_arrays.py are copied from what these print. `bench_recognition.py --page FOLDER` writes the page again.
+"""
+
+import csv
+import textwrap
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import NamedTuple
+
+from bench.recognition.page import GENERATED, WIDTH, file_name, markdown_table
+
+FOLDER = 'tables'                      #: of the recorded tables, beside the page
+PAGE = 'recognition_results.md'
+PICTURE = 'recognition_blind_spots.png'
+TITLE = 'Recognition, as measured'
+READING = ('Rates are in per cent. `on/off`: taxels that are pressed or not; `pressures`: all others. *Area* is the size '
+           'of the contact in taxels. **Bold**: less than required. `*`: ours is below the 95 % interval (Wilson) '
+           f'of the better anchor. Intervals, counts and further rows are in the CSV files of `{FOLDER}/`. '
+           '[How it works](../recognition.md) says what the anchors are, and where recognition fails.')
+
+Row = dict[str, str]
+Cells = Callable[[list[Row]], dict[str, str]]  #: columns and their texts, of recorded rows that are one row of the page
+
+
+class View(NamedTuple):
+    """A table of the page: recorded rows that are alike in the columns ``down`` are one row."""
+
+    heading: str
+    text: str           #: may name columns of the first row in braces
+    source: str         #: heading of the recorded table
+    down: tuple[str, ...]
+    cells: Cells
+    shown: Callable[[Row], bool] = lambda row: True
+
+
+def value(row: Row, column: str) -> str:
+    """Return a rate without its interval, marked by the verdict of its row."""
+    text = row[column].split(' (')[0]
+    mark = '*' if row.get('ours against the better') == 'BELOW' and column.startswith('ours') else ''
+    return f'**{text}**' if row.get('required') == 'NOT MET' and column.startswith('ours') else text + mark
+
+
+def of(*columns: str) -> Callable[[Row], str]:
+    return lambda row: ' / '.join(value(row, column) for column in columns)
+
+
+def across(column: str, show: Callable[[Row], str]) -> Cells:
+    """Return cells with a column of the page for each value of ``column``; what is shown in one is joined."""
+    def cells(rows: list[Row]) -> dict[str, str]:
+        found: dict[str, list[str]] = {}
+        for row in rows:
+            found.setdefault(row[column], []).append(show(row))
+        return {name: ' / '.join(texts) for name, texts in found.items()}
+    return cells
+
+
+def columns(**shown: Callable[[Row], str]) -> Cells:
+    return lambda rows: {name.replace('_', ' '): show(rows[0]) for name, show in shown.items()}
+
+
+def names(*shown: str) -> Cells:
+    return lambda rows: {name: rows[0][name] for name in shown}
+
+
+def _recorded(row: Row) -> str:
+    right = {'nus_ring_session': 'circle', 'nus_square_moving': 'square'}[row['recording']]
+    return f'{row[right] if row["labelled"] == "object" else "-"} / {row["unknown"]} / {row["none"]}'
+
+
+def _worst(row: Row) -> str:
+    return min(row['ours by shape, %'].split(', '), key=lambda each: float(each.split()[-1]))
+
+
+def _better(row: Row) -> str:
+    return max((value(row, name) for name in ('CNN, %', 'contours + trees, %')), key=float)
+
+
+THREE = of('ours, %', 'CNN, %', 'contours + trees, %')
+VIEWS = (
+    View('By size', 'Clean frames, {patterns} a cell: recognised by ours / CNN / contours + trees.', 'Clean frames',
+         ('area',), across('frames', THREE)),
+    View('Known shapes called unknown', 'The same frames: called unknown by ours. Required: at most 1, 0.5, 0.2 and '
+         '0.1 % by area.', 'Known contacts lost to unknown',
+         ('frames',), across('area', of('ours unknown, %'))),
+    View('Expected calibration error', 'Of the same frames, all sizes, 15 bins.', 'Expected calibration error',
+         ('frames',), names('ours', 'CNN', 'contours + trees')),
+    View('By noise and by faults of the skin', 'One condition changed, the rest nominal, {patterns} a cell: recognised '
+         'by ours (called unknown), by area. The rest is another shape.', 'Field conditions', ('condition', 'frames'),
+         across('area', lambda row: f'{value(row, "ours, %")} ({row["ours unknown, %"]})')),
+    View('Hidden taxels', 'Contacts of 12-100 taxels in general position; TPDOs of 8 taxels in a row '
+         '(`python bench/bench_hidden.py`, 600 a cell), as shipped: right / another shape with more than 0.9 '
+         'confidence.',
+         'Hidden taxels', ('hidden',),
+         across('frames', of('right, with readings, %', 'wrong and sure, with readings, %'))),
+    View('Missing TPDOs', 'Contacts of 40-100 taxels on a 16x16 pad of 32 TPDOs, 500 a cell. *Wrong*: another shape '
+         'with more than 0.9 confidence. *Right*: with 0.9 or more, of those contacts of which less than 15 % is '
+         'hidden, with the taxels around them. Each: one frame / ten frames fused, with the same TPDOs missing.',
+         'Missing TPDOs', ('missing TPDOs', 'frames'),
+         columns(wrong=of('wrong and sure, one frame, %', 'wrong and sure, fused, %'),
+                 right=of('right and sure, one frame, %', 'right and sure, fused, %'),
+                 contacts=of('of which little is hidden')),
+         lambda row: bool(row['of which little is hidden'])),
+    View('Nothing presses', 'Sequences of 50 frames at 50 Hz, pads of 8 to 64 taxels square, {frames} frames a row: '
+         'single frames called one of the five shapes (of what is left over: frames that follow each other), with '
+         'their 95 % interval, and the longest time that a stream, as the nodes, has a shape on the topic. Required: '
+         'at most 0.1 % and 0.1 s.', 'Nothing presses', ('kind',),
+         names('called a shape, %', 'most often', 'on the topic, s')),
+    View('Foreign shapes', 'Figures whose best overlap with any of the five is below 0.85, 400 a cell, by area: called '
+         'unknown by ours, on/off / pressures. Required: 98 % from 40 taxels up.', 'Foreign shapes', ('shape',),
+         across('area', of('ours, as shipped'))),
+    View('Foreign shapes taken for one of the five', 'All families together, {patterns} a row. *Sure*: called one of '
+         'the five with more than 0.9 confidence. Then: called unknown, each at a limit that loses 2 % of known shapes '
+         'of that size and kind of frame (of validation patterns); anchors by their highest probability.',
+         'Foreign shapes', ('frames', 'area'),
+         columns(sure=of('called a shape, > 0.9 sure'), ours=lambda row: row['ours, 2 % loss'].split()[0],
+                 CNN=of('CNN, 2 % loss'), trees=of('contours + trees, 2 % loss')), lambda row: row['shape'] == 'all'),
+    View('Known shapes with a blemish', 'Overlap with the shape 0.92 to 0.98, 400 a cell: recognised by ours, on/off / '
+         'pressures. Required: 90 % from 100 taxels up.', 'Known shapes with a blemish', ('blemish',),
+         across('area', of('ours'))),
+    View('Contact mechanics', 'Indenters on an elastic half-space, mean pressure 5 to 80 % of full scale, as the '
+         'library sees them without options, by area: recognised by ours / CNN / contours + trees. Flat punches '
+         '{patterns} a cell, others 200.', 'Contact mechanics', ('condition',), across('area', THREE)),
+    View('Required of flat punches', 'Required of the first row above.', 'Flat punches', ('area',),
+         names('ours, %', 'at least, %')),
+    View('Several contacts on a pad', 'Flat punches of the five shapes, all of one area, the weakest pressed with 0.5 '
+         'to 1 of the strongest; 200 or 300 punches a cell. By area: punches with a contact of their own / recognised '
+         '/ recognised when alone on the pad.', 'Several contacts on a pad', ('punches', 'pitches between'),
+         across('area', of('apart, %', 'recognised, %', 'alone, %'))),
+    View('Real arrays', 'Largest visible contact, frame by frame, as shipped and without options '
+         '(`python bench/bench_real_arrays.py --tekscan TACTILE_OBJECT_RECOGNITION --weiss TACTILE_SENSORS --vitac '
+         'VITAC`). *Sure*: frames with a name of confidence 0.9 or more, which for none of the five is wrong.',
+         'Real arrays', ('array', 'visible'), names('frames', 'right, %', 'no name, %', 'sure', 'sure and wrong')),
+    View('Real recordings', 'NUS ring and square, on/off, by labels given by hand; no training has seen them. Frames '
+         'with the object, and frames without it, where any shape is wrong: right / unknown / none.',
+         'Real recordings', ('recording', 'labelled', 'frames'), across('contestant', _recorded),
+         lambda row: row['labelled'] != 'unclear'),
+    View('Where ours is farthest behind', 'Cells of orientation, place, size, aspect and pressure; all are in '
+         'blind_spots.csv, 2,000 patterns each. Required: none significantly (p < 0.001, corrected for their number) '
+         'more than 1.5 points below the better anchor.', 'Blind spots', ('varied', 'value', 'frames'),
+         columns(ours=of('ours, %'), better_anchor=_better, ours_is_worst_for=_worst)),
+    View('Time of a single frame', 'Median, one core, each alone [us]; ours from the contact pattern on, the anchors '
+         'from a prepared patch on (its making is not counted).', 'Time of a single frame', ('frames', 'area'),
+         names('ours', 'CNN', 'contours + trees')))
+
+
+def lines_of(view: View, rows: list[Row]) -> list[str]:
+    """Return the lines of a table; rows in the order in which they were recorded."""
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in filter(view.shown, rows):
+        groups.setdefault(tuple(row[name] for name in view.down), []).append(row)
+    cells = {key: view.cells(of_row) for key, of_row in groups.items()}
+    heads = list(dict.fromkeys(name for each in cells.values() for name in each))
+    return markdown_table([*view.down, *heads],
+                          [[*key, *(each.get(name, '') for name in heads)] for key, each in cells.items()])
+
+
+def write_summary(folder: Path, recorded: Collection[str] | None = None) -> None:
+    """Write the page of the tables that are recorded in ``folder``; ``recorded``: of those with such headings alone."""
+    text = [GENERATED.format('bench/bench_recognition.py --page'), f'# {TITLE}', '', _filled(_note(folder, 'about')),
+            '', _filled(READING), '']
+    for view in VIEWS:
+        path = folder / FOLDER / f'{file_name(view.source)}.csv'
+        if not path.exists() or not (recorded is None or view.source in recorded):
+            continue
+        with path.open(newline='', encoding='utf-8') as stream:
+            rows = list(csv.DictReader(stream))
+        verdicts = [row['required'] for row in rows if row.get('required')]
+        missed = verdicts.count('NOT MET')
+        met = (f' Not met by {missed} of {len(verdicts)}.' if missed else ' Met.') if 'equired' in view.text else ''
+        note = _note(folder, file_name(view.source))
+        text += [f'## {view.heading}', '', _filled(view.text.format_map(next(filter(view.shown, rows))) + met), '',
+                 *([_filled(note), ''] if note else []), *lines_of(view, rows), '']
+    if (folder / PICTURE).exists():
+        text += ['## By orientation, place, size, aspect and pressure', '',
+                 f'![Accuracy by orientation, place, size, aspect and pressure]({PICTURE})', '']
+    (folder / PAGE).write_text('\n'.join(text), encoding='utf-8')
+
+
+def _note(folder: Path, name: str) -> str:
+    path = folder / FOLDER / f'{name}.txt'
+    return path.read_text(encoding='utf-8') if path.exists() else ''
+
+
+def _filled(text: str) -> str:
+    return textwrap.fill(text, WIDTH, break_on_hyphens=False, break_long_words=False)
