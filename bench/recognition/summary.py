@@ -1,8 +1,8 @@
 """The page of results: what a reader decides by, of the tables that runs have recorded.
 
-A table is recorded as CSV, named by its heading; a note beside it, of the same name, ends in .txt. `about.txt` says of
-which run they are. bench/bench_recognition.py writes its own; those of bench/bench_hidden.py and of
-bench/bench_real_arrays.py are copied from what these print. `bench_recognition.py --page FOLDER` writes the page again.
+A table is recorded as CSV, named by its heading; a note beside it, of the same name, ends in .txt. `about.txt` says
+of which run they are. bench/bench_recognition.py writes its own; those of bench_hidden.py, bench_real_arrays.py and
+bench_teach.py are copied from what these print. `bench_recognition.py --page FOLDER` writes the page again.
 """
 
 import csv
@@ -17,8 +17,8 @@ FOLDER = 'tables'                      #: of the recorded tables, beside the pag
 PAGE = 'recognition_results.md'
 PICTURE = 'recognition_blind_spots.png'
 TITLE = 'Recognition, as measured'
-READING = ('Rates are in per cent. `on/off`: taxels that are pressed or not; `pressures`: all others. *Area* is the size '
-           'of the contact in taxels. **Bold**: less than required. `*`: ours is below the 95 % interval (Wilson) '
+READING = ('Rates are in per cent. `on/off`: taxels that are pressed or not; `pressures`: all others. *Area* is the '
+           'size of the contact in taxels. **Bold**: less than required. `*`: ours is below the 95 % interval (Wilson) '
            f'of the better anchor. Intervals, counts and further rows are in the CSV files of `{FOLDER}/`. '
            '[How it works](../recognition.md) says what the anchors are, and where recognition fails.')
 
@@ -69,6 +69,11 @@ def names(*shown: str) -> Cells:
 def _recorded(row: Row) -> str:
     right = {'nus_ring_session': 'circle', 'nus_square_moving': 'square'}[row['recording']]
     return f'{row[right] if row["labelled"] == "object" else "-"} / {row["unknown"]} / {row["none"]}'
+
+
+def _taught(row: Row) -> str:
+    rates = of('fresh, same world, %', 'other world, %', 'after, %')(row)
+    return rates + (', refused' if row['written'] == 'refused' else '')
 
 
 def _worst(row: Row) -> str:
@@ -134,6 +139,12 @@ VIEWS = (
          '(`python bench/bench_real_arrays.py --tekscan TACTILE_OBJECT_RECOGNITION --weiss TACTILE_SENSORS --vitac '
          'VITAC`). *Sure*: frames with a name of confidence 0.9 or more, which for none of the five is wrong.',
          'Real arrays', ('array', 'visible'), names('frames', 'right, %', 'no name, %', 'sure', 'sure and wrong')),
+    View('Taught shapes', '`python bench/bench_teach.py`: 30 touches of about 50 taxels on 16x16, one shape at a time; '
+         'then 400 fresh touches of the generator (*flat*: blurred coverage, tilt, 1 % noise) or 120 of contact '
+         'mechanics (*mechanics*: a punch in an elastic layer), one frame each: recognised in the world taught in / '
+         'recognised in the other / foreign figures called a shape, of 600, families of the taught shape left out '
+         '(without it 6.8-7.5). `tactile teach` writes no file of a refused one.', 'Taught shapes', ('shape',),
+         across('taught in', _taught)),
     View('Real recordings', 'NUS ring and square, on/off, by labels given by hand; no training has seen them. Frames '
          'with the object, and frames without it, where any shape is wrong: right / unknown / none.',
          'Real recordings', ('recording', 'labelled', 'frames'), across('contestant', _recorded),
