@@ -35,7 +35,7 @@ from bench.recognition.sections import (
     Run,
     Section,
 )
-from bench.recognition.summary import FOLDER, write_summary
+from bench.recognition.summary import FOLDER, PAGE
 from tactile_node import Recogniser
 from tactile_node.package_files import config_path
 from training.ground_truth.seeds import Purpose
@@ -54,7 +54,7 @@ class Clock:
 def main() -> int:
     args = _arguments()
     if args.page:
-        write_summary(args.page)
+        PAGE.write(args.page)
         return 0
     clock = Clock()
     args.output.mkdir(parents=True, exist_ok=True)
@@ -98,7 +98,7 @@ def write_report(names: Sequence[str], found: dict[str, Section], args: argparse
         + (', ours alone' if args.alone else '') + (', on validation seeds' if args.validation else '')
         + (f'; not done: {", ".join(missing)}' if missing else '') + '.\n', encoding='utf-8')
     write_csv(args.output / 'recognition.csv', [result for section in sections for result in section.results])
-    write_summary(args.output, {table.heading for table in recorded})
+    PAGE.write(args.output, {table.heading for table in recorded})
 
 
 def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, Section]]:

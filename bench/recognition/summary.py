@@ -1,69 +1,16 @@
-"""The page of results: what a reader decides by, of the tables that runs have recorded.
+"""The page of results of recognition: what a reader decides by, of the tables that runs have recorded.
 
-A table is recorded as CSV, named by its heading; a note beside it, of the same name, ends in .txt. `about.txt` says
-of which run they are. bench/bench_recognition.py writes its own; those of bench_hidden.py, bench_real_arrays.py and
-bench_teach.py are copied from what these print. `bench_recognition.py --page FOLDER` writes the page again.
+bench/bench_recognition.py records its own. Those of bench_hidden.py, bench_real_arrays.py and bench_teach.py are copied
+from what these print.
 """
 
-import csv
-import textwrap
-from collections.abc import Callable, Collection
-from pathlib import Path
-from typing import NamedTuple
-
-from bench.recognition.page import GENERATED, WIDTH, file_name, markdown_table
+from bench.recognition.views import Page, Row, View, across, columns, names, of, value
 
 FOLDER = 'tables'                      #: of the recorded tables, beside the page
-PAGE = 'recognition_results.md'
-PICTURE = 'recognition_blind_spots.png'
-TITLE = 'Recognition, as measured'
 READING = ('Rates are in per cent. `on/off`: taxels that are pressed or not; `pressures`: all others. *Area* is the '
            'size of the contact in taxels. **Bold**: less than required. `*`: ours is below the 95 % interval (Wilson) '
            f'of the better anchor. Intervals, counts and further rows are in the CSV files of `{FOLDER}/`. '
            '[How it works](../recognition.md) says what the anchors are, and where recognition fails.')
-
-Row = dict[str, str]
-Cells = Callable[[list[Row]], dict[str, str]]  #: columns and their texts, of recorded rows that are one row of the page
-
-
-class View(NamedTuple):
-    """A table of the page: recorded rows that are alike in the columns ``down`` are one row."""
-
-    heading: str
-    text: str           #: may name columns of the first row in braces
-    source: str         #: heading of the recorded table
-    down: tuple[str, ...]
-    cells: Cells
-    shown: Callable[[Row], bool] = lambda row: True
-
-
-def value(row: Row, column: str) -> str:
-    """Return a rate without its interval, marked by the verdict of its row."""
-    text = row[column].split(' (')[0]
-    mark = '*' if row.get('ours against the better') == 'BELOW' and column.startswith('ours') else ''
-    return f'**{text}**' if row.get('required') == 'NOT MET' and column.startswith('ours') else text + mark
-
-
-def of(*columns: str) -> Callable[[Row], str]:
-    return lambda row: ' / '.join(value(row, column) for column in columns)
-
-
-def across(column: str, show: Callable[[Row], str]) -> Cells:
-    """Return cells with a column of the page for each value of ``column``; what is shown in one is joined."""
-    def cells(rows: list[Row]) -> dict[str, str]:
-        found: dict[str, list[str]] = {}
-        for row in rows:
-            found.setdefault(row[column], []).append(show(row))
-        return {name: ' / '.join(texts) for name, texts in found.items()}
-    return cells
-
-
-def columns(**shown: Callable[[Row], str]) -> Cells:
-    return lambda rows: {name.replace('_', ' '): show(rows[0]) for name, show in shown.items()}
-
-
-def names(*shown: str) -> Cells:
-    return lambda rows: {name: rows[0][name] for name in shown}
 
 
 def _recorded(row: Row) -> str:
@@ -156,45 +103,5 @@ VIEWS = (
     View('Time of a single frame', 'Median, one core, each alone [us]; ours from the contact pattern on, the anchors '
          'from a prepared patch on (its making is not counted).', 'Time of a single frame', ('frames', 'area'),
          names('ours', 'CNN', 'contours + trees')))
-
-
-def lines_of(view: View, rows: list[Row]) -> list[str]:
-    """Return the lines of a table; rows in the order in which they were recorded."""
-    groups: dict[tuple[str, ...], list[Row]] = {}
-    for row in filter(view.shown, rows):
-        groups.setdefault(tuple(row[name] for name in view.down), []).append(row)
-    cells = {key: view.cells(of_row) for key, of_row in groups.items()}
-    heads = list(dict.fromkeys(name for each in cells.values() for name in each))
-    return markdown_table([*view.down, *heads],
-                          [[*key, *(each.get(name, '') for name in heads)] for key, each in cells.items()])
-
-
-def write_summary(folder: Path, recorded: Collection[str] | None = None) -> None:
-    """Write the page of the tables that are recorded in ``folder``; ``recorded``: of those with such headings alone."""
-    text = [GENERATED.format('bench/bench_recognition.py --page'), f'# {TITLE}', '', _filled(_note(folder, 'about')),
-            '', _filled(READING), '']
-    for view in VIEWS:
-        path = folder / FOLDER / f'{file_name(view.source)}.csv'
-        if not path.exists() or not (recorded is None or view.source in recorded):
-            continue
-        with path.open(newline='', encoding='utf-8') as stream:
-            rows = list(csv.DictReader(stream))
-        verdicts = [row['required'] for row in rows if row.get('required')]
-        missed = verdicts.count('NOT MET')
-        met = (f' Not met by {missed} of {len(verdicts)}.' if missed else ' Met.') if 'equired' in view.text else ''
-        note = _note(folder, file_name(view.source))
-        text += [f'## {view.heading}', '', _filled(view.text.format_map(next(filter(view.shown, rows))) + met), '',
-                 *([_filled(note), ''] if note else []), *lines_of(view, rows), '']
-    if (folder / PICTURE).exists():
-        text += ['## By orientation, place, size, aspect and pressure', '',
-                 f'![Accuracy by orientation, place, size, aspect and pressure]({PICTURE})', '']
-    (folder / PAGE).write_text('\n'.join(text), encoding='utf-8')
-
-
-def _note(folder: Path, name: str) -> str:
-    path = folder / FOLDER / f'{name}.txt'
-    return path.read_text(encoding='utf-8') if path.exists() else ''
-
-
-def _filled(text: str) -> str:
-    return textwrap.fill(text, WIDTH, break_on_hyphens=False, break_long_words=False)
+PAGE = Page('bench/bench_recognition.py --page', 'recognition_results.md', FOLDER, 'Recognition, as measured', READING,
+            VIEWS, ('recognition_blind_spots.png', 'By orientation, place, size, aspect and pressure'))
