@@ -1,7 +1,7 @@
 """The least rectangle around contacts: bias and spread of its lengths, and what its 95 % intervals hold.
 
 Run from the checkout: python bench/bench_box.py [--contacts 100] [--training]
-Prints the table of docs/pose.md on evaluation seeds, or on training seeds, on which the deviations were chosen.
+Prints a table of docs/pose_results.md on evaluation seeds, or on training seeds, on which the deviations were chosen.
 """
 
 import argparse

@@ -25,14 +25,8 @@ SEQUENCES = 40
 
 def measure(report) -> None:
     settings = FusionSettings()
-    report.say('## Fusion of successive frames')
-    report.say(f'{SEQUENCES} sequences at {1 / PERIOD:.0f} Hz: {FRAMES} frames of one shape, then at once {FRAMES} '
-               f'of another (no frame between them empty), creeping {CREEP} pitch a frame, blur {SKIN.blur}, '
-               f'noise {SKIN.noise:.0%}. '
-               'Flicker: changes of the shape reported, beside the true one, per 100 frames.')
     report.say(f'Stated latency: {settings.frames_to_follow(PERIOD, 100.0)} frames when each is 100:1 for the new '
                f'shape, {settings.frames_to_follow(PERIOD, 10.0)} at 10:1; contact and loss of contact: none.')
-    report.say()
     rows = []
     for method in METHODS:
         for area in (20, 50):
@@ -40,7 +34,8 @@ def measure(report) -> None:
                 rows.append([str(method), str(area), *_row(make_recogniser(method), area)])
             except TactileError as error:
                 rows.append([str(method), str(area), f'not measured: {type(error).__name__}', *[''] * 6])
-    report.table(['recogniser', 'N', 'right, single frames', 'right, fused (all frames)',
+    report.table('Fusion of successive frames',
+                 ['recogniser', 'N', 'right, single frames', 'right, fused (all frames)',
                   'right, fused, from 100 ms (200 ms after a change) on', 'flicker single', 'flicker fused',
                   'frames to follow a change, median; 95 %; most', 'fusion, ms a frame'], rows)
 

@@ -24,9 +24,6 @@ from training.ground_truth.mechanics import Solution
 from training.ground_truth.seeds import Purpose, generator
 
 AREAS = (25, 50, 100)
-BIAS, SPREAD, CENTRE, ANGLE = 3.0, 3.0, 0.03, 0.5  #: required of flat punches [%, %, pitches, degrees]
-INSIDE = 0.92, 0.98                                #: required of the 95 % regions
-
 FLAT, CUT = 'flat punches', 'flat punches over the edge'
 MOST_CUT = 1 / 3  #: of a contact beyond the pad's edge
 SEED = 61_000_000  # counted up by a million when a report has prompted a change
@@ -149,21 +146,16 @@ def measure(name: str, area: float, frames: list[Pressed], response: SkinRespons
     return Row(name, area, errors, np.array(signed), np.array(inside), np.array([fit.residual for fit in fits]))
 
 
-def report(say: Callable[[str], None], table: Callable[[list[str], list[list[str]]], None], count: int,
+def report(table: Callable[[str, list[str], list[list[str]]], None], count: int,
            purpose: Purpose = Purpose.EVALUATION) -> None:
-    """Say what fits of ``count`` frames of each kind and size find."""
-    say('## On contact mechanics')
-    say('Rigid objects on an elastic half-space, taxels under a layer of unknown depth, pressure 5-80 % of full scale, '
-        'noise 1 %, 3 % dead. The truth is the outline of the contact set. Bias and spread (half of the 16-84 % range) '
-        'of the mean length in %, centre in pitches, angle in degrees (medians). Required of flat punches: at most '
-        f'{BIAS:g}, {SPREAD:g}, {CENTRE:g}, {ANGLE:g}; of all regions: {INSIDE[0]:.0%}-{INSIDE[1]:.0%}.')
-    say('')
+    """Make the table of what fits of ``count`` frames of each kind and size find."""
     rows = []
     for number, (name, area) in enumerate((name, area) for name in (*DRAWN, CUT) for area in AREAS):
         found = measure(name, area, draw(generator(purpose, SEED + number), name, area, count))
         rows.append(_cells(found))
         print(' | '.join(rows[-1]), flush=True)
-    table(['object', 'N', 'fits', 'bias', 'spread', 'centre', 'angle', 'in the 95 % region', 'residual'], rows)
+    table('Contact mechanics',
+          ['object', 'N', 'fits', 'bias', 'spread', 'centre', 'angle', 'in the 95 % region', 'residual'], rows)
 
 
 def _cells(row: Row) -> list[str]:

@@ -5,6 +5,7 @@ and ends in .txt. `about.txt` says of which run they are.
 """
 
 import csv
+import re
 import textwrap
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
@@ -29,13 +30,14 @@ class View(NamedTuple):
 
 def value(row: Row, column: str) -> str:
     """Return a rate without its interval, marked by the verdict of its row."""
-    text = row[column].split(' (')[0]
+    text = re.split(r' [(\[]', row[column])[0]
     mark = '*' if row.get('ours against the better') == 'BELOW' and column.startswith('ours') else ''
     return f'**{text}**' if row.get('required') == 'NOT MET' and column.startswith('ours') else text + mark
 
 
 def of(*columns: str) -> Callable[[Row], str]:
-    return lambda row: ' / '.join(value(row, column) for column in columns)
+    """Return what shows ``columns`` of a row; those that a run without anchors has not are left out."""
+    return lambda row: ' / '.join(value(row, column) for column in columns if column in row)
 
 
 def across(column: str, show: Callable[[Row], str]) -> Cells:
@@ -53,7 +55,7 @@ def columns(**shown: Callable[[Row], str]) -> Cells:
 
 
 def names(*shown: str) -> Cells:
-    return lambda rows: {name: rows[0][name] for name in shown}
+    return lambda rows: {name: rows[0][name] for name in shown if name in rows[0]}
 
 
 def lines_of(view: View, rows: list[Row]) -> list[str]:
