@@ -61,17 +61,17 @@ VIEWS = (
          'their 95 % interval, and the longest time that a stream, as the nodes, has a shape on the topic. Required: '
          'at most 0.1 % and 0.1 s.', 'Nothing presses', ('kind',),
          names('called a shape, %', 'most often', 'on the topic, s')),
-    View('Foreign shapes', 'Figures whose best overlap with any of the five is below 0.85, {patterns} a cell, by area: called '
-         'unknown by ours, on/off / pressures. Required: 98 % from 40 taxels up.', 'Foreign shapes', ('shape',),
-         across('area', of('ours, as shipped'))),
+    View('Foreign shapes', 'Figures whose best overlap with any of the five is below 0.85, {patterns} a cell, by '
+         'area: called unknown by ours, on/off / pressures. Required: 98 % from 40 taxels up.',
+         'Foreign shapes', ('shape',), across('area', of('ours, as shipped'))),
     View('Foreign shapes taken for one of the five', 'All families together, {patterns} a row. *Sure*: called one of '
          'the five with more than 0.9 confidence. Then: called unknown, each at a limit that loses 2 % of known shapes '
          'of that size and kind of frame (of validation patterns); anchors by their highest probability.',
          'Foreign shapes', ('frames', 'area'),
          columns(sure=of('called a shape, > 0.9 sure'), ours=lambda row: row['ours, 2 % loss'].split()[0],
                  CNN=of('CNN, 2 % loss'), trees=of('contours + trees, 2 % loss')), lambda row: row['shape'] == 'all'),
-    View('Known shapes with a blemish', 'Overlap with the shape 0.92 to 0.98, {patterns} a cell: recognised by ours, on/off / '
-         'pressures. Required: 90 % from 100 taxels up.', 'Known shapes with a blemish', ('blemish',),
+    View('Known shapes with a blemish', 'Overlap with the shape 0.92 to 0.98, {patterns} a cell: recognised by ours, '
+         'on/off / pressures. Required: 90 % from 100 taxels up.', 'Known shapes with a blemish', ('blemish',),
          across('area', of('ours'))),
     View('Contact mechanics', 'Indenters on an elastic half-space, mean pressure 5 to 80 % of full scale, as the '
          'library sees them without options, by area: recognised by ours / CNN / contours + trees. Flat punches '
