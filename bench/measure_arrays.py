@@ -37,31 +37,27 @@ PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
 DRAWN, SEED = 1500, 20_261_123
 PICTURE, ROWS, COLS = 'real_arrays.png', 3, 8
 
-CONTACTS = ('Tekscan 50x28, 8-bit JPEG: 500 frames of ten objects. Weiss hand, curved fingers of 14x6 and 13x6, '
-            '12 bits, readings below 100 cut off: the frame of most pressure of each pad and grasp. ViTac 12x32, '
-            'soft covers, scaled frame by frame: every tenth frame of presses and slides. Drawn: 1,500 frames of '
-            'training/real_arrays.py, each with other gains, which count as speckle.')
-TIME = ('The Weiss hand alone: the other recordings are single frames, or scaled frame by frame. At rest while '
-        'it warms up; under a square stamp of 1.1 cm² with 200 to 900 g. Hysteresis is seen as growth under a '
-        'constant weight, and as what remains after it. The generator draws single frames: nothing of this but '
-        'the noise.')
-METHOD = ('The contact is what `tactile classify` finds without options, with the pieces torn off it, from 9 '
-          'taxels on. Independent speckle has correlations of -0.18 / 0.05 / 0, speckle smoothed by a Gaussian '
-          'of 0.5 taxels -0.04 / 0 / 0, of 0.8 taxels 0.30 / -0.15 / 0. JPEG smooths the Tekscan frames. The '
-          'fixed profile of a curved finger or cover counts as gain; weak taxels in a large contact count as '
-          'hollow (ViTac).')
+CONTACTS = ('Tekscan 50x28, 8-bit JPEG: 500 frames of ten objects. Weiss hand, fingers of 14x6 and 13x6, 12 bits, '
+            'readings below 100 cut off: the frame of most pressure of each pad and grasp. ViTac 12x32, soft covers, '
+            'scaled frame by frame: every tenth frame. Drawn: 1,500 frames of training/real_arrays.py, each with other '
+            'gains, which count as speckle.')
+TIME = ('The Weiss hand alone: at rest while it warms up, and under a square stamp of 1.1 cm² with 200 to 900 g. Of '
+        'all this the generator draws the noise alone.')
+METHOD = ('A contact is what `tactile classify` finds without options, with the pieces torn off it, from 9 taxels on; '
+          '`bench/recognition/array_measures.py` says how each quantity is estimated. The fixed profile of a curved '
+          'finger or cover counts as gain; weak taxels in a large contact count as hollow (ViTac).')
 HOW = {
-    'readings in a contact': ('quantiles 0.9 and 0.1 of its taxels, median over frames', 'all below, domes, tilt'),
-    'spread': ('log of a reading less the mean log of 5 to 8 neighbours', 'all below'),
-    'gain': ('variance between taxels, of 8 frames or more', 'standard deviation 0-0.3 in the log'),
-    'speckle': ('variance within a taxel, between frames', '0-0.5 in the log, smoothed by 0 or 0.4-1.2 taxels'),
-    'rows, columns': ('as gain, of a line; its taxels hide 0.3 of the log', '0-0.2 in the log'),
-    'weakest': ('of the lines that are often inside', '0.05-0.6 of 4 % of the lines, in half of the frames'),
-    'rings': ('means, of the median in the contact', 'blur of 0-0.9 taxels, 0-15 % of two neighbours'),
-    'cross-talk': ('means 3 taxels and more away, of the median', '0-6 % of the highest of a line'),
-    'noise': ('differences of successive frames', '0-2 % of full scale; 0-20 % of the level cut off'),
-    'hollow': ('enclosed taxels that are not pressed', '30 % of circles, squares, rectangles with room'),
-    'bars': ('second moments; labels of two raters', '60 % of the rectangles, 2.2:1 to 30:1')}
+    'readings': 'all below, domes, tilt',
+    'spread': 'all below',
+    'gain': '0-0.3 in the log',
+    'speckle': '0-0.5 in the log, smoothed by 0 or 0.4-1.2 taxels',
+    'rows, columns': '0-0.2 in the log',
+    'weakest': '0.05-0.6 of 4 % of the lines, in half of the frames',
+    'rings': 'blur of 0-0.9 taxels, 0-15 % of two neighbours',
+    'cross-talk': '0-6 % of the highest of a line',
+    'noise': '0-2 % of full scale; 0-20 % of the level cut off',
+    'hollow': '30 % of circles, squares, rectangles with room',
+    'bars': '60 % of the rectangles, 2.2:1 to 30:1'}
 
 
 def groups_of(array: str, data: Path) -> list[Group]:
@@ -107,9 +103,9 @@ def tables_of(found: dict[str, dict[str, str]]) -> list[Table]:
     for name in found['drawn']:
         contacts.add(name, *(of[name] for of in found.values()))
     contacts.add('labelled as bars', *map(labelled_bars, found))
-    how = Table('How, and what is drawn', METHOD, ['quantity', 'estimated as', 'the generator draws'])
-    for name, texts in HOW.items():
-        how.add(name, *texts)
+    how = Table('How, and what is drawn', METHOD, ['quantity', 'the generator draws'])
+    for name, text in HOW.items():
+        how.add(name, text)
     return [contacts, how]
 
 
