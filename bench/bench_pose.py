@@ -20,10 +20,10 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 import numpy as np
 import pose_fusion
 import pose_mechanics
-import pose_summary
 from pose_world import CONDITIONS, by_moments, by_rectangle, draw, error, same_handedness
 from scipy.stats import binom, chi2
 
+from bench import pose_summary
 from bench.recognition.figures import rate_of
 from bench.recognition.page import Table, file_name
 from tactile_node.pose.fit import fit_shape

@@ -70,7 +70,7 @@ def lines_of(view: View, rows: list[Row]) -> list[str]:
 
 
 class Page(NamedTuple):
-    """A page of results; ``write`` writes it into a folder from what is recorded there."""
+    """A page of results, made of what is recorded in a folder."""
 
     script: str                      #: that writes it
     file: str
@@ -81,7 +81,10 @@ class Page(NamedTuple):
     picture: tuple[str, str] = ('', '')  #: file and caption
 
     def write(self, folder: Path, recorded: Collection[str] | None = None) -> None:
-        """Show the tables in ``folder``; ``recorded``: of those with such headings alone."""
+        """Write it into ``folder``; ``recorded``: headings of the tables to show, default all that are there."""
+        (folder / self.file).write_text(self.text(folder, recorded), encoding='utf-8')
+
+    def text(self, folder: Path, recorded: Collection[str] | None = None) -> str:
         tables = folder / self.tables
         text = [GENERATED.format(self.script), f'# {self.title}', '']
         text += [*_note(tables, 'about'), _filled(self.reading), '']
@@ -91,7 +94,7 @@ class Page(NamedTuple):
         file, caption = self.picture
         if file and (folder / file).exists():
             text += [f'## {caption}', '', f'![{caption}]({file})', '']
-        (folder / self.file).write_text('\n'.join(text), encoding='utf-8')
+        return '\n'.join(text)
 
 
 def _shown(view: View, tables: Path) -> list[str]:
