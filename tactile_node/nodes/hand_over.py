@@ -75,10 +75,10 @@ class HandOver:
         return stage is not None and (stage.sends_on is None or self.is_complete(stage.sends_on))
 
     def wake(self) -> None:
-        """Have the executor do what waits: one task, however much waits."""
+        """Have the executor do what waits: one task, however much waits, and none while it is at work."""
         with self._changed:
             executor = next((stage.node.executor for stage in self._inputs.values() if stage.node.executor), None)
-            if executor is None or self._awake is executor:
+            if executor is None or self._awake is executor or self._is_working:
                 return
             self._awake = executor
         with suppress(AttributeError, InvalidHandle):  # which rclpy raises where the executor has just been shut down
