@@ -20,6 +20,7 @@ WALL_CLOCK = {
     'tactile_node/nodes/pad_transforms.py': 'stamps on tf, of the host that publishes: see docs/hosts.md',
     'tactile_node/viewing/page_parts.py': 'a warning that the stamps are of another clock',
     'tactile_node/nodes/gripper_node.py': 'the time of an outcome, which people read',
+    'examples/other_skin.py': 'stamps of taxels, as the driver',
     'examples/simulated_gripper/session.py': 'stamps of joint states, as every controller',
     'examples/demo/bag.py': 'when a message was recorded, beside its stamp',
     'examples/demo/watcher.py': 'one host',

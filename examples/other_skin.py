@@ -1,0 +1,100 @@
+"""Publishes a skin that is not on CANopen as TaxelArray: recognition, view, teaching and grasp work with it.
+
+    python examples/other_skin.py --ros-args -r __ns:=/left -p source:=array -p rows:=12 -p cols:=8 -p pitch:=0.004
+    tactile bringup --side perception --pads left
+
+Sources: `array` (Float32MultiArray), `image` (Image, 32FC1), `robotiq` (robotiq_tsf/StaticData) and `xela`
+(xela_server_ros2/SensStream) on the topic `raw`; `serial`: a line of numbers a frame. Touch nothing until it has its
+zero.
+"""
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import rclpy
+from builtin_interfaces.msg import Duration
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+
+from tactile_skin.msg import TaxelArray
+
+ZERO_FRAMES = 20
+#: source -> package and message, and what it holds of a pad, in any order that `rows` and `cols` make a grid of
+SOURCES: Mapping[str, tuple[str, str, Callable[[Any, int], Any]]] = MappingProxyType({
+    'array': ('std_msgs', 'Float32MultiArray', lambda message, pad: message.data),
+    'image': ('sensor_msgs', 'Image', lambda message, pad: np.frombuffer(message.data, np.float32)),
+    'robotiq': ('robotiq_tsf', 'StaticData', lambda message, pad: message.taxels[pad].values),
+    'xela': ('xela_server_ros2', 'SensStream', lambda message, pad: [each.z for each in message.sensors[pad].forces])})
+PARAMETERS = {'source': 'array', 'pad': 0, 'rows': 12, 'cols': 8, 'pitch': 0.004, 'unit': 'Pa', 'scale': 1.0,
+              'frame': 'pad', 'port': '/dev/ttyACM0', 'baud_rate': 115200}
+
+
+class OtherSkin(Node):
+    """One pad; ``scale``: pascal, newton (``unit``) for a number of the source, below 0 where pressing lowers it."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__('other_skin', **options)
+        self.settings = {name: self.declare_parameter(name, value).value for name, value in PARAMETERS.items()}
+        self._first: list[np.ndarray] = []
+        self._sequence = 0
+        self._publisher = self.create_publisher(TaxelArray, 'taxels', 10)
+        if self.settings['source'] != 'serial':
+            package, name, self._numbers = SOURCES[self.settings['source']]
+            self.create_subscription(getattr(import_module(f'{package}.msg'), name), 'raw', self._on_message,
+                                     qos_profile_sensor_data)
+
+    def _on_message(self, message: Any) -> None:
+        self.take(self._numbers(message, self.settings['pad']))
+
+    def take(self, numbers: Any) -> None:
+        """Publish a frame; a number that is NaN is a taxel without a value."""
+        now, rows, cols = self.get_clock().now(), self.settings['rows'], self.settings['cols']
+        self._sequence += 1  # a frame that cannot be used leaves a gap, which is counted as a loss
+        raw = np.asarray(numbers, float)
+        if raw.size != rows * cols:
+            self.get_logger().error(f'frame dropped: expected {rows} * {cols} numbers, got {raw.size}',
+                                    throttle_duration_sec=1.0)
+            return
+        if len(self._first) < ZERO_FRAMES:
+            self._first.append(raw)
+            self._zero = np.ma.masked_invalid(self._first).mean(0).filled(np.nan)
+            return
+        values = ((raw - self._zero) * self.settings['scale']).astype(np.float32).ravel()
+        values[~np.isfinite(values)] = np.nan
+        message = TaxelArray(sequence=self._sequence, rows=rows, cols=cols, pitch=self.settings['pitch'],
+                             unit=self.settings['unit'], values=values, age=Duration(),
+                             status=np.where(np.isnan(values), TaxelArray.STALE, TaxelArray.VALID).astype(np.uint8))
+        message.header.stamp, message.header.frame_id = now.to_msg(), self.settings['frame']
+        self._publisher.publish(message)
+
+    def read_serial(self) -> None:
+        """Read lines until the node ends: numbers separated by blanks or commas."""
+        from serial import Serial
+        with Serial(self.settings['port'], self.settings['baud_rate'], timeout=1.0) as port:
+            while rclpy.ok():
+                words = port.readline().replace(b',', b' ').split()
+                if words:
+                    self.take([_number(word) for word in words])
+
+
+def _number(word: bytes) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan
+
+
+def main() -> None:
+    rclpy.init()
+    node = OtherSkin()
+    try:
+        node.read_serial() if node.settings['source'] == 'serial' else rclpy.spin(node)
+    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+        pass
+
+
+if __name__ == '__main__':
+    main()
