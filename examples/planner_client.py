@@ -16,10 +16,12 @@ from typing import NamedTuple
 MIN_CONFIDENCE = 0.8         # of the object's class; below: let go and try elsewhere
 MAX_OFFSET = 0.002           # of the two contacts' centres across the closing direction [m]
 MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
-MAX_MISALIGNMENT = 5 * pi / 180  # of the line between the contacts against the closing direction [rad]
+MAX_MISALIGNMENT = 3 * pi / 180  # of faces, or of the line between the contacts, against the closing direction [rad]
 MAX_AGE = 0.3                # of an acquisition [s]
 TAUGHT = 8                   # ContactShape.OTHER
-CLOSING = (0.0, 0.0, 1.0)    # from the left pad to the right one in the gripper's frame, as the grasp node's defaults
+PAD_X, PAD_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)  # of the left pad in the gripper's frame, as the grasp node's defaults
+STIFFNESS = 25e6             # of the skin, pressure by depth: rather too high than too low, which turns too far [Pa/m]
+FLUSH = 0.02                 # of what leans less it is not known which way [rad]
 MAX_SILENCE = 0.1            # since the latest grasp arrived [s]
 WATCHDOG_PERIOD = 0.02       # [s]
 REPORT_PERIOD = 0.5          # of an action that stays the same [s]
@@ -56,8 +58,8 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
         return from_the_edge(grasp, shift)
     if not isfinite(grasp.offset) or grasp.class_name == 'unknown' and any(grasp.hidden_taxels):
         return WAIT  # where or what the object is, is known in part only
-    if grasp.offset > MAX_OFFSET or grasp.misalignment > MAX_MISALIGNMENT:
-        tilt = opposing(grasp)
+    tilt = opposing(grasp)
+    if grasp.offset > MAX_OFFSET or hypot(*tilt) > MAX_MISALIGNMENT:
         return Correction('tilt', tilt=tilt) if all(map(isfinite, tilt)) else Correction('regrasp')
     if not is_sure(grasp):
         return Correction('regrasp') if grasp.stable else WAIT  # more frames may still decide, unless nothing moves
@@ -79,11 +81,18 @@ def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
 
 
 def opposing(grasp) -> tuple[float, float, float]:
-    """Return the rotation of the gripper, about the grasp's midpoint, that closes it along the line; NaN: not known."""
-    (a, b, c), (x, y, z) = CLOSING, (grasp.axis.x, grasp.axis.y, grasp.axis.z)
-    across = (b * z - c * y, c * x - a * z, a * y - b * x)
-    sine = hypot(*across)
-    return tuple(grasp.misalignment * each / sine if sine else nan for each in across)
+    """Return the rotation of the gripper, about the grasp's midpoint, that opposes the contacts; NaN: not known.
+
+    Faces that lean are laid flat: friction holds them at opposite edges, and their line is a diagonal. Else it is the
+    one that closes along the line.
+    """
+    about_x, about_y = (each / STIFFNESS for each in grasp.lean)
+    if not hypot(about_x, about_y) > FLUSH:
+        axis = (grasp.axis.x, grasp.axis.y, grasp.axis.z)
+        x, y = (sum(a * b for a, b in zip(side, axis)) for side in (PAD_X, PAD_Y))
+        is_known = hypot(x, y) and not any(grasp.saturated_taxels)
+        about_x, about_y = (grasp.misalignment * each / hypot(x, y) if is_known else nan for each in (-y, x))
+    return tuple(about_x * x + about_y * y for x, y in zip(PAD_X, PAD_Y))
 
 
 def is_sure(grasp) -> bool:

@@ -125,7 +125,7 @@ class Pads:
         nowhere = dict.fromkeys(('creep', 'width', 'offset', 'misalignment', 'centre_sd', 'yaw', 'yaw_sd', 'grip_force',
                                  'grip_force_sd', 'force_imbalance'), nan)
         message = Grasp(contact=contact, side_states=states, fresh=True, forces=forces, shape=ContactShape.UNKNOWN,
-                        class_name='unknown', centre=[nan, nan], pads_seen=[True, True],
+                        class_name='unknown', centre=[nan, nan], lean=[nan, nan], pads_seen=[True, True],
                         gap=self._motor.opening if self.knows_gap else nan,
                         gap_source=Grasp.GAP_JOINT_STATES if self.knows_gap else Grasp.GAP_NOT_KNOWN, **nowhere)
         for point in (message.midpoint, message.left_centre, message.right_centre):

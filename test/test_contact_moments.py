@@ -244,6 +244,41 @@ def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
     assert stated >= 0.5 * force.std()
 
 
+def pressed_face(slope, deepest=2e-3, stiffness=25e6):
+    """Pressures of a rigid face of 8 x 8 taxels whose edge at x = 4 is ``deepest`` [m] in an elastic skin, by hand."""
+    depth = deepest - slope * (np.arange(16) - 4) * PITCH
+    return np.where(block() > 0, stiffness * np.maximum(depth, 0.0), 0.0)
+
+
+@pytest.mark.parametrize('deepest', [2e-3, 4e-3])
+@pytest.mark.parametrize('slope', [0.0, 0.02, 0.1])
+def test_the_slope_of_the_pressures_is_that_of_the_face_by_the_stiffness_of_the_skin(slope, deepest):
+    frame = pressed_face(slope, deepest)
+    for values, expected in ((frame, (-25e6 * slope, 0.0)), (frame.T, (0.0, -25e6 * slope)),
+                             (frame[:, ::-1], (25e6 * slope, 0.0))):
+        assert moments(values).slope == pytest.approx(expected)
+    frame[6, 6] = np.nan
+    assert moments(frame).slope == pytest.approx((-25e6 * slope, 0.0))
+
+
+def test_even_faces_and_domes_have_no_slope():
+    x, y = np.meshgrid(np.arange(16) - 7.3, np.arange(16) - 7.8)
+    for frame in (block(), np.where((abs(y) < 5) & (abs(x) < (y + 5) / 2), 60e3, 0.0)):
+        assert moments(frame).slope == (0.0, 0.0)
+    assert np.abs(moments(np.maximum(90e3 - 3e3 * (x**2 + y**2), 0)).slope).max() < 1e6  # steepest: 18 kPa a taxel
+
+
+def test_a_slope_that_is_not_measured_is_not_known():
+    frame = block(20e3)
+    on_off, part = np.array(block() > 0), block()
+    part[:, 8:] = np.nan
+    small = np.zeros((16, 16))
+    small[4:6, 4:6] = 50e3
+    for found in (moments(on_off, unit='1'), moments(part), moments(np.zeros((16, 16))), moments(small),
+                  moments(block(), saturated=block() > 0)):
+        assert np.isnan(found.slope).all()
+
+
 def test_newtons_are_summed_and_on_off_has_no_force():
     assert contact_moments(VALUES, MASK, PITCH, 'N').force == pytest.approx(4000)
     assert np.isnan(contact_moments(MASK, MASK, PITCH, '1').force)

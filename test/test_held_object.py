@@ -274,6 +274,32 @@ def test_a_force_that_is_not_known_grips_with_none_that_is(changes):
         assert np.isnan((found.grip_force, found.grip_force_sd, found.force_imbalance)).all()
 
 
+# How oblique the faces are pressed
+
+@pytest.mark.parametrize('gripper', GRIPPERS.values(), ids=GRIPPERS)
+@pytest.mark.parametrize('turn', [(0.1, 0.0), (0.0, -0.2), (0.15, 0.1)])
+def test_faces_lean_as_the_object_is_turned(gripper, turn):
+    """Two parallel planes, turned about the left pad's x and y by small angles: how deep they are in each pad, by hand.
+
+    Of z = -l and z = l along the left pad's z only ``turn`` x place differs: the left pad feels more where it is below.
+    """
+    rate = 3e6  # Pa a metre of depth
+    x, y = gripper.left.rotation[:, 0], gripper.left.rotation[:, 1]
+    rotation = turn[0] * x + turn[1] * y
+    slopes = []
+    for pad in (gripper.left, gripper.right):
+        moved = [np.cross(rotation, pad.rotation[:, axis]) for axis in (0, 1)]  # of a place 1 m along the pad's axis
+        slopes.append(tuple(-rate * float(each @ pad.normal) for each in moved))
+    found = held(*(face(slope=slope) for slope in slopes), gripper)
+    assert found.lean == pytest.approx((rate * turn[0], rate * turn[1]), abs=1.0)
+    assert np.isnan(held(face(slope=slopes[0]), face(), gripper).lean).all()
+
+
+def test_a_wedge_that_both_pads_feel_alike_leans_nowhere():
+    """Its faces rise to one side: no rotation makes both flat."""
+    assert held(face(slope=(1e6, 0.0)), face(slope=(1e6, 0.0))).lean == pytest.approx((0.0, 0.0))
+
+
 # All of it
 
 def test_without_a_class_there_is_neither_size_nor_yaw_but_a_place_and_a_force():
@@ -286,7 +312,7 @@ def test_nothing_known_claims_nothing():
     found = HeldObject()
     assert (found.class_name, found.confidence, found.dimensions, found.symmetry) == ('unknown', 0.0, (), 0)
     assert np.isnan((*found.centre, found.centre_sd, found.yaw, found.yaw_sd, found.grip_force, found.grip_force_sd,
-                     found.force_imbalance)).all()
+                     found.force_imbalance, *found.lean)).all()
 
 
 @pytest.mark.parametrize('gripper', GRIPPERS.values(), ids=GRIPPERS)

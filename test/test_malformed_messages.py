@@ -165,7 +165,7 @@ SHAPES: dict[R, list[Change]] = {
     R.WRONG_LENGTH: [{'class_names': ['square']}, {'contact_areas': array('d')}, {'standard_deviations': array('d')},
                      {'dimension_names': []}, {'covariance': array('d', [0.0])}],
     R.NOT_FINITE: [{'contact_areas': array('d', [INF])}, {'probabilities.3': NAN}, {'frame_probabilities.3': INF},
-                   {'confidence': NAN}, {'centre_of_pressure.x': NAN}, {'pose.pose.position.y': INF},
+                   {'confidence': NAN}, {'centre_of_pressure.x': NAN}, {'pressure_slope.1': INF}, {'pose.pose.position.y': INF},
                    {'pose.pose.orientation.z': NAN}, {'dimensions': array('d', [NAN])}],
     R.WRONG_PROBABILITIES: [{'probabilities': array('f', [0.0] * 7)}, {'probabilities.3': 1.75},
                             {'frame_probabilities': array('f', [-1, 2, 0, 0, 0, 0, 0])}],
@@ -174,7 +174,8 @@ WITHOUT_YAW: Change = {'yaw': NAN, 'yaw_sd': NAN}
 WITHOUT_SIZE: Change = WITHOUT_YAW | {'symmetry': 0, 'dimension_names': [], 'dimensions': array('d'),
                                       'dimension_sds': array('d'), 'dimension_is_bound': []}
 WITHOUT_GRIP: Change = {'grip_force': NAN, 'grip_force_sd': NAN, 'force_imbalance': NAN}
-NO_OBJECT: Change = WITHOUT_SIZE | WITHOUT_GRIP | {'shape': ContactShape.UNKNOWN, 'class_name': 'unknown',
+WITHOUT_LEAN: Change = {'lean': [NAN, NAN]}
+NO_OBJECT: Change = WITHOUT_SIZE | WITHOUT_GRIP | WITHOUT_LEAN | {'shape': ContactShape.UNKNOWN, 'class_name': 'unknown',
                                                    'confidence': 0.0, 'centre': [NAN, NAN], 'centre_sd': NAN}
 NO_LINE: Change = {'offset': NAN, 'width': NAN, 'misalignment': NAN, 'midpoint.x': NAN, 'midpoint.y': NAN,
                    'midpoint.z': NAN}
@@ -191,6 +192,7 @@ GRASPS: dict[R, list[Change]] = {
                      {'fresh': False} | NO_LINE, {'fresh': False} | NO_LINE | NO_OBJECT | {'confidence': 0.3},
                      {'fresh': False} | NO_LINE | NO_OBJECT | {'centre': [0.0, 0.0]},
                      {'fresh': False} | NO_LINE | NO_OBJECT | {'centre_sd': 0.0},
+                     {'fresh': False} | NO_LINE | NO_OBJECT | {'lean': [0.0, 0.0]},
                      {'fresh': False} | NO_LINE | NO_OBJECT | {'grip_force': 1.0, 'grip_force_sd': 0.1,
                                                                'force_imbalance': 0.0},
                      {'fresh': False, 'contact': Grasp.ONE_SIDED, 'side_states.1': Grasp.SIDE_EMPTY} | NO_LINE
@@ -203,12 +205,12 @@ GRASPS: dict[R, list[Change]] = {
     R.WRONG_LENGTH: [{'dimension_names': []}, {'dimension_sds': array('d')}, {'dimension_is_bound': [False] * 2}],
     R.NOT_FINITE: [{'gap': INF}, {'offset': NAN}, {'centre.0': NAN}, {'centre_sd': INF}, {'confidence': NAN},
                    {'confidences.1': INF}, {'dimensions.0': INF}, {'dimension_sds.0': NAN}, {'yaw_sd': INF},
-                   {'forces.1': INF}, {'grip_force_sd': INF}],
+                   {'forces.1': INF}, {'grip_force_sd': INF}, {'lean.0': NAN}, {'lean.1': INF}],
     R.WRONG_PROBABILITIES: [{'confidence': -0.1}, {'confidences.0': 1.5}],
     R.WRONG_STAMP: [{'gap_age.sec': -1}]}
 #: What is legal: nothing known of the object, a doubtful yaw, a force that is a bound, a pad that is not seen
 FEWER: tuple[Change, ...] = (
-    {'fresh': False} | NO_LINE | NO_OBJECT, NO_OBJECT | NO_LINE, WITHOUT_YAW, WITHOUT_SIZE, WITHOUT_GRIP,
+    {'fresh': False} | NO_LINE | NO_OBJECT, NO_OBJECT | NO_LINE, WITHOUT_YAW, WITHOUT_LEAN, WITHOUT_SIZE, WITHOUT_GRIP,
     WITHOUT_GRIP | {'force_is_bound.0': True}, WITHOUT_GRIP | {'forces': [NAN, 1.0]},
     {'grip_force_sd': NAN}, {'centre_sd': NAN},
     {'side_states.0': 1, 'contact': 1, 'same_shape': False, 'forces.0': NAN} | NO_LINE | NO_OBJECT)

@@ -8,11 +8,13 @@ from threading import Event
 import bench_planner
 import numpy as np
 import planner_client
+import planner_world
 import pytest
 import rclpy
 from grasp_loop import MOVES, SETTLE, GraspLoop, Reason
+from planner_chain import Chain
 from planner_client import Correction
-from planner_world import AIM, FORCE, PITCH, Placed, Thing, close, noisy
+from planner_world import AIM, FORCE, PITCH, STIFFNESS, Placed, Thing, close, noisy
 from rclpy.parameter import Parameter
 from scipy.spatial.transform import Rotation
 
@@ -76,6 +78,59 @@ def test_the_world_is_what_statics_says():
     assert closed.gap == pytest.approx(0.04 - 2 * FORCE / (25e6 * 0.012**2), rel=1e-3)
     truth = placed(0.1).truth
     assert (truth.offset, truth.misalignment) == pytest.approx((0.04 * np.sin(0.1), 0.1))
+
+
+FACES = {'square': (8.0,), 'rectangle': (12.0, 6.0), 'isosceles_triangle': (9.0, 10.0), 'circle': (4.25,)}
+
+
+def advice(monkeypatch, thing, turn=(0.0, 0.0, 0.0), force=2.0, shift=0.0, top=planner_world.FULL_SCALE):
+    """What is asked for once ``thing``, turned by a rotation vector [rad], has been pressed for a while."""
+    monkeypatch.setattr(planner_world, 'FORCE', force)
+    closed = close(Placed(thing, np.array((AIM[0] + shift, AIM[1], 0.0)), Rotation.from_rotvec(turn)))
+    chain, random = Chain(), np.random.default_rng(2000)
+    for number in range(20):
+        values = closed.values if number > 3 else (np.zeros((16, 16)),) * 2
+        frames = [np.minimum(noisy(each, random), top) for each in values]
+        grasp = chain.grasp(dict(zip(('left', 'right'), frames)), closed.gap, 100.0 + 0.05 * number)
+    return planner_client.asked_for(grasp, AIM), grasp
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize('name', FACES)
+@pytest.mark.parametrize('force', [2.0, 5.0])
+@pytest.mark.parametrize('turn', [(0.0, 0.15, 0.0), (0.0, -0.12, 0.0), (0.15, 0.0, 0.0), (-0.09, 0.09, 0.0)])
+def test_oblique_faces_are_laid_flat_on_the_pads(name, force, turn, monkeypatch):
+    """A prism stands off and friction holds it: its edges are touched, left and right at opposite ones.
+
+    What it stands off is less after the advice, and no other way; the line of the contacts is a diagonal of the prism.
+    """
+    thing = Thing(Contact(name, FACES[name], x=0.0, y=0.0), length=0.05)
+    found, grasp = advice(monkeypatch, thing, turn, force)
+    assert found.action == 'tilt', grasp
+    assert np.linalg.norm(np.array(turn) - found.tilt) < 0.7 * np.linalg.norm(turn)
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize('force', [2.0, 5.0])
+def test_flat_faces_are_not_tilted_and_ball_ends_along_their_line(force, monkeypatch):
+    for name, sizes in FACES.items():
+        found, grasp = advice(monkeypatch, Thing(Contact(name, sizes, x=0.0, y=0.0), length=0.05), force=force)
+        assert found.action != 'tilt' and np.abs(grasp.lean).max() < 0.01 * STIFFNESS, grasp
+    rod = Thing(Contact('circle', (8.0,), x=0.0, y=0.0), length=0.05, ball=0.012)
+    found, grasp = advice(monkeypatch, rod, (0.0, 0.15, 0.0), force)
+    centres = 0.05 - 2 * 0.012
+    line = np.arctan2(centres * np.sin(0.15), centres * np.cos(0.15) + 2 * 0.012)  # of the balls' tops, by hand
+    assert found.action == 'tilt' and found.tilt == pytest.approx((0.0, line, 0.0), abs=0.02)
+
+
+@pytest.mark.ros
+def test_oblique_faces_that_are_not_wholly_seen_are_not_tilted(monkeypatch):
+    thing = Thing(Contact('square', (8.0,), x=0.0, y=0.0), length=0.05)
+    assert advice(monkeypatch, thing, (0.0, 0.15, 0.0), 5.0)[0].action == 'tilt'
+    saturated, grasp = advice(monkeypatch, thing, (0.0, 0.15, 0.0), 5.0, top=20e3)
+    assert saturated.action != 'tilt', grasp
+    for shift in (-0.011, 0.011):
+        assert advice(monkeypatch, thing, (0.0, 0.15, 0.0), 5.0, shift=shift)[0].action in ('wait', 'shift')
 
 
 @pytest.mark.slow

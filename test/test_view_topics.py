@@ -104,6 +104,7 @@ def grasp(header, **changed):
     for point in (message.left_centre, message.right_centre, message.midpoint, message.axis):
         point.x = point.y = point.z = NAN
     message.gap = message.width = message.offset = message.misalignment = message.creep = message.centre_sd = NAN
+    message.lean = [NAN, NAN]
     message.yaw = message.yaw_sd = message.grip_force = message.grip_force_sd = message.force_imbalance = NAN
     return message
 

@@ -46,6 +46,7 @@ class Face(NamedTuple):
     force: float                    #: [N]
     force_sd: float                 #: [N]; NaN also where the noise of the taxels is not known
     force_is_bound: bool = False
+    slope: Point = (nan, nan)       #: of the pressures along x and y of the pad [Pa/m]
 
 
 class HeldObject(NamedTuple):
@@ -63,6 +64,7 @@ class HeldObject(NamedTuple):
     yaw_sd: float = nan
     symmetry: int = 0
     handedness: int = 0
+    lean: Point = (nan, nan)
     grip_force: float = nan
     grip_force_sd: float = nan
     force_imbalance: float = nan
@@ -87,7 +89,7 @@ def held_object(left: Face, right: Face, gripper: Gripper) -> HeldObject:
     """
     name, confidence = common_class(left.probabilities, right.probabilities)
     held = HeldObject(name, confidence, _centre(left.centre, right.centre, gripper),
-                      hypot(left.centre_sd, right.centre_sd) / 2)
+                      hypot(left.centre_sd, right.centre_sd) / 2, lean=_lean(left, right, gripper))
     if all(isfinite(face.force) and not face.force_is_bound for face in (left, right)):
         held = held._replace(grip_force=(left.force + right.force) / 2, force_imbalance=left.force - right.force,
                              grip_force_sd=hypot(left.force_sd, right.force_sd) / 2)
@@ -121,6 +123,13 @@ def _centre(left: Point, right: Point, gripper: Gripper) -> Point:
     middle = (gripper.left.place(left, 0.0) + gripper.right.place(right, 0.0)) / 2
     x, y = gripper.across @ (middle - gripper.left.place((0.0, 0.0), 0.0))
     return float(x), float(y)
+
+
+def _lean(left: Face, right: Face, gripper: Gripper) -> Point:
+    """Return `HeldObject.lean`: what the pads feel alike is no rotation of the gripper's, and cancels."""
+    rise = gripper.left.rotation[:, :2] @ left.slope - gripper.right.rotation[:, :2] @ right.slope
+    x, y = gripper.across @ rise / 2
+    return float(-y), float(x)
 
 
 def _sized(held: HeldObject, fits: Sequence[FaceFit]) -> HeldObject:

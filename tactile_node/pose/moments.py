@@ -24,6 +24,7 @@ def check_pitch(pitch: float) -> None:
 
 
 VALUE_UNITS = ('Pa', 'N', '1')
+LEAST_PAIRS = 6          #: of neighbouring taxels along an axis, that show a slope
 ROUND_DIFFERENCE = 0.02  #: relative difference of the two second moments below which no axis is the longer one
 
 
@@ -46,6 +47,9 @@ class ContactMoments(NamedTuple):
     centre_of_pressure_is_bound: bool        #: not that of the whole contact, for the same reasons
     #: it may be larger: hidden taxels or the pad's edge next to it; or taxels are saturated: a fit may be too large
     size_is_bound: bool
+    #: of the pressures along x and y [Pa/m], where they are no part of what presses: an elastic skin under an oblique
+    #: face has its stiffness times the face's slope, as lightly as it is pressed
+    slope: tuple[float, float] = (np.nan, np.nan)
 
 
 def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str,
@@ -89,7 +93,8 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
         centre_of_pressure_sd=(_centre_sd(deviation, near[1] - centre[0], total) * pitch,
                                _centre_sd(deviation, near[0] - centre[1], total) * pitch),
         force_is_bound=is_bound, centre_of_pressure_is_bound=is_bound,
-        size_is_bound=is_bound or visibility.at_edge)
+        size_is_bound=is_bound or visibility.at_edge,
+        slope=(np.nan, np.nan) if is_bound else _slope(np.where(mask, values, np.nan), of_unit / pitch**3))
 
 
 class PadForce(NamedTuple):
@@ -170,6 +175,19 @@ def _centre_sd(deviation: np.ndarray, offset: np.ndarray, total: float) -> float
     """Return the sd of the weighted mean of places, whose derivative by a weight is ``offset`` from it / ``total``."""
     weighted = deviation * offset
     return float(np.sqrt(weighted @ weighted) / total) if total > 0 else float('nan')
+
+
+def _slope(inside: np.ndarray, of_unit: float) -> tuple[float, float]:
+    """Return by how much neighbours of ``inside`` differ, times ``of_unit``: by columns, by rows; NaN: too few.
+
+    Of the differences the middle third counts: not those at the edges, of which a taxel is covered in part.
+    """
+    found = []
+    for differences in (np.diff(inside, axis=1), np.diff(inside, axis=0)):
+        known = np.sort(differences[np.isfinite(differences)])
+        third = len(known) // 3
+        found.append(float(known[third:len(known) - third].mean() * of_unit) if len(known) >= LEAST_PAIRS else np.nan)
+    return found[0], found[1]
 
 
 def _principal_axis(x: np.ndarray, y: np.ndarray) -> float:

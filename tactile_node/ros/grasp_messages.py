@@ -90,7 +90,7 @@ def face_of(message: ContactShape) -> Face:
     return Face(message.class_name, dict(zip(message.class_names, map(float, message.probabilities))),
                 (math.nan, math.nan) if place is None else place,
                 max(of_fit, default=message.centre_of_pressure_sd), _face_fit(message), message.pad_force,
-                message.force_sd, message.pad_force_is_bound)
+                message.force_sd, message.pad_force_is_bound, tuple(message.pressure_slope))
 
 
 def _face_fit(message: ContactShape) -> FaceFit | None:

@@ -91,6 +91,7 @@ def check_grasp(message: Grasp) -> RejectReason | None:
             or _object_class(message)
             or _sizes(message)
             or _yaw(message)
+            or _lean(message)
             or _forces(message)
             or _times(message)
             or check_duration(message.held)
@@ -182,6 +183,8 @@ def _counts(message: ContactShape) -> RejectReason | None:
 def _place(message: ContactShape) -> RejectReason | None:
     """A shape without taxels is legal: of a pad that is not seen, it has no place and no fit."""
     is_none = message.shape == ContactShape.NONE
+    if any(map(math.isinf, message.pressure_slope)):
+        return RejectReason.NOT_FINITE
     if is_none and message.taxels or message.fit_valid and (is_none or not message.taxels):
         return RejectReason.INCONSISTENT
     if not message.taxels or message.unknown_reason == ContactShape.NOT_SEEN:
@@ -274,6 +277,12 @@ def _yaw(message: Grasp) -> RejectReason | None:
     if not fits:
         return RejectReason.INCONSISTENT
     return check_finite(message.yaw, message.yaw_sd) if has_yaw else None
+
+
+def _lean(message: Grasp) -> RejectReason | None:
+    if all(map(math.isnan, message.lean)):
+        return None
+    return check_finite(*message.lean) if _is_held(message) else RejectReason.INCONSISTENT
 
 
 def _forces(message: Grasp) -> RejectReason | None:

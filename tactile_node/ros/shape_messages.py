@@ -99,6 +99,7 @@ def _add_moments(message: ContactShape, found: FoundContact) -> None:
     x, y = moments.centre_of_pressure
     message.force, message.centre_of_pressure = moments.force, Point(x=x, y=y)
     message.contact_area, message.principal_axis = moments.area, moments.principal_axis
+    message.pressure_slope = moments.slope
     message.force_sd, message.centre_of_pressure_sd = moments.force_sd, float(max(moments.centre_of_pressure_sd))
     message.force_is_bound, message.size_is_bound = moments.force_is_bound, moments.size_is_bound
     message.centre_of_pressure_is_bound = moments.centre_of_pressure_is_bound
