@@ -1,7 +1,7 @@
 """Three ways to close a gripper on an item that is not quite where the hand is sent, and what they knew of it.
 
-`blind`: the gripper's own action, to the item's width. `touch`: the gripper node, up to a force. `shape`: closed until
-touched, corrected by examples/planner_client.py and examples/grasp_loop.py, then squeezed with that force.
+`blind`: the gripper's own action, to the item's width. `touch`: the gripper node, up to a force. `shape`: closed with a
+light force, corrected by examples/planner_client.py and examples/grasp_loop.py, then squeezed with that force.
 """
 
 import time
@@ -22,6 +22,7 @@ from examples.simulated_gripper.world import Outcome, Place
 from tactile_skin.msg import Grasp
 
 FORCE = 5.0           # N, one for all items: chosen on seeds of validation
+TOUCH = 2.0           # N, lightly: of less, faces that are pressed obliquely are too narrow to show how
 SQUEEZE = 0.01        # m by which a blind planner closes to less than the item's width
 LIFT, SHAKE = 0.1, 1.0  # m, times gravity
 CLEARANCE = 0.012     # m of the gap beyond that of the grasp, while the hand is corrected
@@ -87,7 +88,7 @@ def reopen(session: Session) -> None:
 def _shape(session: Session, item: Item) -> Record:
     loop, actions, endings = GraspLoop(), list[str](), list[str]()
     while True:
-        endings += closed(session)
+        endings += closed(session, TOUCH)
         order, grasp = _ordered(session, loop)
         if order.kind != 'move':
             break

@@ -10,7 +10,7 @@ a watchdog decides again when none comes.
 """
 
 import time
-from math import degrees, hypot, inf, isfinite, nan, pi, remainder
+from math import degrees, hypot, inf, isfinite, pi, remainder
 from typing import NamedTuple
 
 MIN_CONFIDENCE = 0.8         # of the object's class; below: let go and try elsewhere
@@ -19,9 +19,8 @@ MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
 MAX_MISALIGNMENT = 3 * pi / 180  # of faces, or of the line between the contacts, against the closing direction [rad]
 MAX_AGE = 0.3                # of an acquisition [s]
 TAUGHT = 8                   # ContactShape.OTHER
-PAD_X, PAD_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)  # of the left pad in the gripper's frame, as the grasp node's defaults
 STIFFNESS = 25e6             # of the skin, pressure by depth: rather too high than too low, which turns too far [Pa/m]
-FLUSH = 0.02                 # of what leans less it is not known which way [rad]
+FLUSH = 0.015                # of what leans less it is not known which way [rad]
 MAX_SILENCE = 0.1            # since the latest grasp arrived [s]
 WATCHDOG_PERIOD = 0.02       # [s]
 REPORT_PERIOD = 0.5          # of an action that stays the same [s]
@@ -33,11 +32,10 @@ class Correction(NamedTuple):
     action: str                         # 'hold', 'wait', 'open', 'regrasp', 'shift', 'rotate', 'tilt' or 'lift'
     shift: tuple[float, float] = (0.0, 0.0)  # [m]
     angle: float = 0.0                  # about the pad's z [rad]
-    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rotation vector in the gripper's frame [rad]
+    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rotation vector [rad]; both frames have the same axes
 
 
-HOLD = Correction('hold')               # what the gripper holds is not known: keep still
-WAIT = Correction('wait')
+HOLD, WAIT = Correction('hold'), Correction('wait')  # hold: what the gripper holds is not known, keep still
 
 
 def asked_for(grasp, aim: tuple[float, float]) -> Correction:
@@ -59,7 +57,7 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
     if not isfinite(grasp.offset) or grasp.class_name == 'unknown' and any(grasp.hidden_taxels):
         return WAIT  # where or what the object is, is known in part only
     tilt = opposing(grasp)
-    if grasp.offset > MAX_OFFSET or hypot(*tilt) > MAX_MISALIGNMENT:
+    if grasp.offset > MAX_OFFSET or grasp.misalignment > MAX_MISALIGNMENT or hypot(*tilt) > MAX_MISALIGNMENT:
         return Correction('tilt', tilt=tilt) if all(map(isfinite, tilt)) else Correction('regrasp')
     if not is_sure(grasp):
         return Correction('regrasp') if grasp.stable else WAIT  # more frames may still decide, unless nothing moves
@@ -81,18 +79,12 @@ def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
 
 
 def opposing(grasp) -> tuple[float, float, float]:
-    """Return the rotation of the gripper, about the grasp's midpoint, that opposes the contacts; NaN: not known.
-
-    Faces that lean are laid flat: friction holds them at opposite edges, and their line is a diagonal. Else it is the
-    one that closes along the line.
-    """
-    about_x, about_y = (each / STIFFNESS for each in grasp.lean)
-    if not hypot(about_x, about_y) > FLUSH:
-        axis = (grasp.axis.x, grasp.axis.y, grasp.axis.z)
-        x, y = (sum(a * b for a, b in zip(side, axis)) for side in (PAD_X, PAD_Y))
-        is_known = hypot(x, y) and not any(grasp.saturated_taxels)
-        about_x, about_y = (grasp.misalignment * each / hypot(x, y) if is_known else nan for each in (-y, x))
-    return tuple(about_x * x + about_y * y for x, y in zip(PAD_X, PAD_Y))
+    """Return the gripper's rotation, about the midpoint, onto faces that lean, else along the line; NaN: not known."""
+    about_x, about_y = (lean / STIFFNESS for lean in grasp.lean)
+    if hypot(about_x, about_y) <= FLUSH:  # else the line is a diagonal: friction holds such faces at opposite edges
+        sine = hypot(grasp.axis.x, grasp.axis.y) or 1.0
+        about_x, about_y = -grasp.misalignment * grasp.axis.y / sine, grasp.misalignment * grasp.axis.x / sine
+    return about_x, about_y, 0.0
 
 
 def is_sure(grasp) -> bool:
@@ -124,8 +116,7 @@ class Planner:
     def decide(self, now: float) -> Correction:
         """Return what to do at ``now``."""
         since = now - self._arrival
-        is_current = since <= MAX_SILENCE and self._age_on_arrival + since <= MAX_AGE
-        return self._correction if is_current else HOLD
+        return self._correction if since <= MAX_SILENCE and self._age_on_arrival + since <= MAX_AGE else HOLD
 
 
 def main() -> None:

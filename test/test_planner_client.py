@@ -25,9 +25,9 @@ class Codes:
 SQUARE, OTHER, UNKNOWN = 4, 8, 2
 #: As a rectangle has symmetry 2; the fields are those of Grasp.msg
 GOOD = {'contact': Codes.TWO_SIDED, 'fresh': True, 'stable': True, 'line_is_bound': False, 'offset': 0.0,
-        'misalignment': nan, 'axis': (nan, nan, nan), 'lean': (nan, nan), 'shape': SQUARE, 'class_name': 'square', 'confidence': 0.99,
+        'misalignment': nan, 'axis': (nan, nan, nan), 'lean': (0.0, 0.0), 'shape': SQUARE, 'class_name': 'square', 'confidence': 0.99,
         'dimensions': [0.01], 'centre': AIM, 'yaw': 0.0, 'symmetry': 2, 'at_edge': [False, False],
-        'pads_seen': [True, True], 'hidden_taxels': [0, 0], 'saturated_taxels': [0, 0]}
+        'pads_seen': [True, True], 'hidden_taxels': [0, 0]}
 UNKNOWN_OBJECT = {'shape': UNKNOWN, 'class_name': 'unknown', 'confidence': 0.3, 'dimensions': [], 'yaw': nan,
                   'symmetry': 0}
 
@@ -69,6 +69,20 @@ def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
     """By hand: a rotation about y takes z to x, one about x takes z to -y."""
     correction = choose(confidence=0.3, offset=0.006, misalignment=0.2, axis=axis)
     assert correction.action == 'tilt' and correction.tilt == pytest.approx(expected)
+
+
+DIAGONAL = {'offset': 0.008, 'misalignment': 0.15, 'axis': (-sin(0.15), 0.0, cos(0.15))}
+
+
+def test_a_gripper_is_laid_on_faces_that_lean_whatever_their_line():
+    lean = {'lean': (0.02 * client.STIFFNESS, 0.1 * client.STIFFNESS)}
+    for line in ({}, DIAGONAL, {'offset': 0.004}):  # none is misaligned, or that way, or without an opening
+        correction = choose(**line | lean)
+        assert correction.action == 'tilt' and correction.tilt == pytest.approx((0.02, 0.1, 0.0))
+    assert choose(**DIAGONAL, lean=(nan, nan)).action == 'regrasp'
+    assert choose(lean=(nan, nan)).action == choose(lean=(0.0, 0.04 * client.STIFFNESS)).action == 'lift'
+    for unsure in ({'line_is_bound': True}, {'offset': nan}, {'fresh': False}, {'contact': Codes.ONE_SIDED}):
+        assert choose(**DIAGONAL | lean | unsure).action in STILL
 
 
 @pytest.mark.parametrize(('angle', 'symmetry', 'expected'), [
