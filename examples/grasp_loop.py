@@ -3,7 +3,7 @@
 It reads decisions only; what moves the gripper is yours:
 
     loop = GraspLoop()
-    loop.closed(now)                                  # at a light force
+    loop.closed(now)                                  # at a light force, 2 N
     order = loop.next(planner.decide(now), now)       # as often as you like
     'wait': ask again; 'move': open, move by order.correction, close, loop.closed(now); 'done': squeeze and lift;
     'give_up': do not squeeze, order.reason says why
