@@ -269,7 +269,6 @@ def test_even_faces_and_domes_have_no_slope():
 
 
 def test_a_slope_that_is_not_measured_is_not_known():
-    frame = block(20e3)
     on_off, part = np.array(block() > 0), block()
     part[:, 8:] = np.nan
     small = np.zeros((16, 16))

@@ -165,8 +165,8 @@ SHAPES: dict[R, list[Change]] = {
     R.WRONG_LENGTH: [{'class_names': ['square']}, {'contact_areas': array('d')}, {'standard_deviations': array('d')},
                      {'dimension_names': []}, {'covariance': array('d', [0.0])}],
     R.NOT_FINITE: [{'contact_areas': array('d', [INF])}, {'probabilities.3': NAN}, {'frame_probabilities.3': INF},
-                   {'confidence': NAN}, {'centre_of_pressure.x': NAN}, {'pressure_slope.1': INF}, {'pose.pose.position.y': INF},
-                   {'pose.pose.orientation.z': NAN}, {'dimensions': array('d', [NAN])}],
+                   {'confidence': NAN}, {'centre_of_pressure.x': NAN}, {'pose.pose.position.y': INF},
+                   {'pressure_slope.1': INF}, {'pose.pose.orientation.z': NAN}, {'dimensions': array('d', [NAN])}],
     R.WRONG_PROBABILITIES: [{'probabilities': array('f', [0.0] * 7)}, {'probabilities.3': 1.75},
                             {'frame_probabilities': array('f', [-1, 2, 0, 0, 0, 0, 0])}],
     R.WRONG_STAMP: [{'held.sec': -1}]}
@@ -175,8 +175,8 @@ WITHOUT_SIZE: Change = WITHOUT_YAW | {'symmetry': 0, 'dimension_names': [], 'dim
                                       'dimension_sds': array('d'), 'dimension_is_bound': []}
 WITHOUT_GRIP: Change = {'grip_force': NAN, 'grip_force_sd': NAN, 'force_imbalance': NAN}
 WITHOUT_LEAN: Change = {'lean': [NAN, NAN]}
-NO_OBJECT: Change = WITHOUT_SIZE | WITHOUT_GRIP | WITHOUT_LEAN | {'shape': ContactShape.UNKNOWN, 'class_name': 'unknown',
-                                                   'confidence': 0.0, 'centre': [NAN, NAN], 'centre_sd': NAN}
+NO_OBJECT: Change = WITHOUT_SIZE | WITHOUT_GRIP | WITHOUT_LEAN | {
+    'shape': ContactShape.UNKNOWN, 'class_name': 'unknown', 'confidence': 0.0, 'centre': [NAN, NAN], 'centre_sd': NAN}
 NO_LINE: Change = {'offset': NAN, 'width': NAN, 'misalignment': NAN, 'midpoint.x': NAN, 'midpoint.y': NAN,
                    'midpoint.z': NAN}
 GRASPS: dict[R, list[Change]] = {

@@ -25,9 +25,9 @@ class Codes:
 SQUARE, OTHER, UNKNOWN = 4, 8, 2
 #: As a rectangle has symmetry 2; the fields are those of Grasp.msg
 GOOD = {'contact': Codes.TWO_SIDED, 'fresh': True, 'stable': True, 'line_is_bound': False, 'offset': 0.0,
-        'misalignment': nan, 'axis': (nan, nan, nan), 'lean': (0.0, 0.0), 'shape': SQUARE, 'class_name': 'square', 'confidence': 0.99,
-        'dimensions': [0.01], 'centre': AIM, 'yaw': 0.0, 'symmetry': 2, 'at_edge': [False, False],
-        'pads_seen': [True, True], 'hidden_taxels': [0, 0]}
+        'misalignment': nan, 'axis': (nan, nan, nan), 'lean': (0.0, 0.0), 'shape': SQUARE,
+        'class_name': 'square', 'confidence': 0.99, 'dimensions': [0.01], 'centre': AIM, 'yaw': 0.0, 'symmetry': 2,
+        'at_edge': [False, False], 'pads_seen': [True, True], 'hidden_taxels': [0, 0]}
 UNKNOWN_OBJECT = {'shape': UNKNOWN, 'class_name': 'unknown', 'confidence': 0.3, 'dimensions': [], 'yaw': nan,
                   'symmetry': 0}
 
