@@ -41,6 +41,7 @@ class Outcome(IntEnum):
     GRIPPER_SILENT = 16   #: the gripper did not answer
     NOT_STOPPED = 17      #: the gripper did not confirm that it stopped
     NOT_OPENING = 18      #: the force rises while it should open
+    HOLD_ENDED = 19       #: the travel of the hold is used
 
 
 #: The gripper does what the goal asked for.
@@ -62,6 +63,8 @@ class Touch(NamedTuple):
     fresh: bool
     contact: GraspContact
     pads: tuple[PadForce, PadForce]
+    force_sd: float = math.nan    #: standard deviation of either pad's force, at most [N]; NaN: not known
+    slides: bool = False          #: a contact moves across its pad
 
     @property
     def is_touched(self) -> bool:
@@ -71,6 +74,20 @@ class Touch(NamedTuple):
     def strongest(self) -> float:
         """Force that the stronger pad reads [N]; NaN: not known."""
         return max((pad.force for pad in self.pads if math.isfinite(pad.force)), default=math.nan)
+
+    @property
+    def weakest(self) -> float:
+        """Force that the weaker pad reads [N]."""
+        return min(pad.force for pad in self.pads)
+
+    @property
+    def has_force(self) -> bool:
+        """Whether the force of each contact is known, or is a bound."""
+        return not (self.is_touched and any(pad.is_hidden or math.isnan(pad.force) for pad in self.pads))
+
+    def most(self, edge_share: float) -> float:
+        """Return the force of the stronger pad, of a contact that goes on beyond it the most that it may be [N]."""
+        return max(pad.force / (edge_share if pad.is_bound else 1.0) for pad in self.pads)
 
     @property
     def is_seen(self) -> bool:
@@ -144,6 +161,10 @@ class Goal(NamedTuple):
     until_touched: bool  #: the client gave no force: it stops when both pads are touched
     speed_is_fixed: bool = False  #: the gripper takes none
 
+    def slow_speed(self, limits: TouchLimits) -> float:
+        """Return the speed from the first touch on [m/s]."""
+        return self.speed if self.speed_is_fixed else min(limits.slow_speed, self.speed)
+
 
 def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *,
               speed_is_fixed: bool = False) -> Goal:
@@ -185,7 +206,7 @@ class Closing:
         self._was_held = False     # both pads were touched
         self._seen_touched = now   # when a contact was last seen
         self._one_sided: float | None = None  # travel since one pad alone is touched [m]
-        self._slow_speed = goal.speed if goal.speed_is_fixed else min(limits.slow_speed, goal.speed)
+        self._slow_speed = goal.slow_speed(limits)
         self.speed = self._slow_speed if self._is_narrow() else goal.speed
         self._deadline = self._deadline_at(now)
 
@@ -203,9 +224,9 @@ class Closing:
 
     def _why_stop(self, now: float, touch: Touch) -> Outcome | None:
         is_held = touch.contact is GraspContact.TWO_SIDED
-        if touch.is_touched and any(pad.is_hidden or math.isnan(pad.force) for pad in touch.pads):
+        if not touch.has_force:
             return Outcome.TOUCHED if is_held and self._goal.until_touched else Outcome.FORCE_NOT_KNOWN
-        if self._strongest(touch) >= self._goal.force:
+        if touch.most(self._limits.edge_share) >= self._goal.force:
             return Outcome.FORCE_REACHED if is_held else Outcome.ONE_SIDED
         if is_held and self._goal.until_touched:
             return Outcome.TOUCHED
@@ -214,10 +235,6 @@ class Closing:
         if self._was_held and now - self._seen_touched > LOST_AFTER:
             return Outcome.LOST
         return Outcome.TOO_SLOW if now > self._deadline else None
-
-    def _strongest(self, touch: Touch) -> float:
-        """Return the force of the stronger pad, of a contact that goes on beyond it the most that it may be [N]."""
-        return max(pad.force / (self._limits.edge_share if pad.is_bound else 1.0) for pad in touch.pads)
 
     def _follow(self, now: float, touch: Touch, travel: float) -> None:
         self._was_held |= touch.contact is GraspContact.TWO_SIDED

@@ -1,0 +1,243 @@
+"""Holding with a force: a spring between two pads, of rubber that creeps, with noise, and a gripper that has steps."""
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from tactile_node.errors import ConfigurationError
+from tactile_node.grasp.closing import NO_TOUCH, Outcome, PadForce, Touch, TouchLimits, make_goal
+from tactile_node.grasp.holding import BLIND_TIME, SLIDE_PAUSE, Holding, HoldLimits
+from tactile_node.grasp.tracker import GraspContact
+
+FORCE, PERIOD, LOOK, SEEN_AFTER, OBEYS_AFTER = 5.0, 0.02, 0.005, 0.02, 0.015  # N; s: less than the latency together
+LIMITS, HOLD = TouchLimits(), HoldLimits()
+
+
+class Spring:
+    """What is held: ``stiffness`` [N/m]; the gripper has moved in whole ``step`` [m]; ``noise``: at most [N].
+
+    ``give`` [m] of a time: by which the object is thinner than at first.
+    """
+
+    def __init__(self, stiffness=1000.0, step=HOLD.gripper_step, noise=0.0, give=lambda now: 0.0, seed=0):
+        self.stiffness, self.step, self.noise, self.give = stiffness, step, noise, give
+        self._random = np.random.default_rng(seed)
+        self.place = self.first = 0.04
+        self.width = self.first + FORCE / stiffness
+        self.change = lambda touch, now: touch
+        self.forces, self.corrections, self.speed, self.now = [], [], 0.0, 0.0
+
+    @property
+    def opening(self):
+        return self.first + round((self.place - self.first) / self.step) * self.step
+
+    def force(self):
+        return max(0.0, self.stiffness * (self.width - self.give(self.now) - self.opening))
+
+    def touch(self):
+        pads = tuple(PadForce(max(0.0, self.force() + each)) for each in self._random.uniform(-1, 1, 2) * self.noise)
+        contact = GraspContact.TWO_SIDED if self.force() > 0.05 else GraspContact.NO_CONTACT
+        return self.change(Touch(self.now, True, contact, pads, force_sd=self.noise / 4), self.now)
+
+    def hold(self, seconds, holding, knows_opening=True):
+        """Follow; return how it ended. Commands and frames are late; the gripper rests as soon as it has stopped."""
+        end, commands, frames, outcome = self.now + seconds, [], [(self.now, self.touch())], None
+        while self.now < end and outcome is None:
+            if self.now - frames[-1][0] > PERIOD - 1e-9:
+                frames.append((self.now, self.touch()))
+            seen = [touch for at, touch in frames[-3:] if at <= self.now - SEEN_AFTER + 1e-9] or [frames[0][1]]
+            was = holding.speed
+            outcome = holding.look(self.now, seen[-1], self.opening if knows_opening else math.nan,
+                                   is_still=self.speed == 0.0 and not commands)
+            if holding.speed != was:
+                commands.append((self.now + OBEYS_AFTER, holding.speed, holding.target))
+                if holding.speed:
+                    self.corrections.append('eases' if holding.eases else 'closes')
+            while commands and commands[0][0] <= self.now:
+                _, self.speed, self.goal = commands.pop(0)
+            if self.speed:
+                travel = self.speed * LOOK
+                self.place += max(-travel, min(travel, self.goal - self.place))
+                if self.place == self.goal:
+                    self.speed = 0.0
+            self.forces.append(self.force())
+            self.now += LOOK
+        return outcome
+
+
+def holding(limits=LIMITS, opening=0.04, force=FORCE, **hold):
+    return Holding(make_goal(0.0, 0.0, force, limits), limits, HoldLimits(**hold), 0.0, opening)
+
+
+def test_a_force_that_stays_moves_nothing():
+    spring = Spring(noise=0.1)
+    assert spring.hold(20.0, holding()) is None and not spring.corrections and spring.place == spring.first
+
+
+@pytest.mark.parametrize(('stiffness', 'creep'), [(1000.0, 0.002), (300.0, 0.004)])
+def test_rubber_that_creeps_is_followed_within_the_deadband(stiffness, creep):
+    """It gives way by ``creep`` [m], at first fast: alone, its force would fall by 2 N and 1.2 N."""
+    spring = Spring(stiffness, noise=0.05, give=lambda now: creep * (1 - math.exp(-now / 5)))
+    control = holding()
+    assert spring.hold(20.0, control) is None
+    assert control.deadband == pytest.approx(1000 * 1e-4 + 0.06 * 0.005 * 1000 + 2 * 0.05)
+    assert FORCE - control.deadband - 0.2 < min(spring.forces) and max(spring.forces) < FORCE + control.deadband
+    assert set(spring.corrections) == {'closes'}
+
+
+def test_what_swells_is_eased_off_by_what_it_has_been_pressed_and_no_more():
+    """It gives way by 1 mm, comes back, and grows by 3 mm beyond."""
+    spring = Spring(give=lambda now: 0.001 if now < 10 else 0.001 - 0.0005 * (now - 10))
+    control = holding()
+    spring.hold(9.0, control)
+    closed = spring.first - spring.opening
+    assert spring.corrections == ['closes'] and closed > 0.0005
+    assert spring.hold(10.0, control) is None
+    assert spring.corrections.count('closes') == 1 and spring.opening == pytest.approx(spring.first, abs=HOLD.gripper_step)
+    assert spring.forces[-1] > FORCE + 2  # no wider than where it stopped first: what it holds may be heavy
+
+
+def test_beyond_the_highest_force_it_opens_further():
+    limits = TouchLimits(highest_force=6.0)
+    spring = Spring(give=lambda now: -0.0005 * now)
+    control = holding(limits)
+    spring.hold(10.0, control)
+    assert spring.corrections and set(spring.corrections) == {'eases'} and spring.opening > spring.first + 0.003
+    assert max(spring.forces) < 6.0 + control.deadband
+
+
+def test_without_a_measured_opening_it_never_opens():
+    spring = Spring(give=lambda now: -0.0005 * now)
+    spring.hold(10.0, holding(TouchLimits(highest_force=6.0)), knows_opening=False)
+    assert not spring.corrections
+    assert Spring(give=lambda now: 0.001).hold(5.0, holding(opening=math.nan), knows_opening=False) is None
+
+
+@pytest.mark.parametrize('stiffness', [1000.0, 300.0])
+@pytest.mark.parametrize('step', [1e-5, 1e-3])
+@pytest.mark.parametrize('noise', [0.0, 0.4])
+@pytest.mark.parametrize('offset', [-3.0, 3.0])
+def test_no_correction_causes_another(stiffness, step, noise, offset):
+    """Once, whatever the step: up to 1 N here, so larger than all else. ``offset`` [N]: what is to be corrected."""
+    limits = TouchLimits(highest_force=5.0)  # it may ease off, too
+    spring = Spring(stiffness, step, noise, give=lambda now: -offset / stiffness)
+    control = Holding(make_goal(0.0, 0.0, FORCE, limits), limits, HoldLimits(step, 0.05), 0.0, spring.first)
+    assert spring.hold(20.0, control) is None
+    counts = Counter(spring.corrections)
+    assert len(counts) <= 1
+    if stiffness == limits.stiffness:
+        assert counts.total() == 1
+    assert abs(spring.forces[-1] - FORCE) <= control.deadband + noise
+
+
+def test_where_the_step_is_larger_than_declared_its_travel_ends_it():
+    spring = Spring(step=2e-3, give=lambda now: 0.0012)
+    control = holding(TouchLimits(highest_force=5.0), hold_travel=0.02)
+    assert spring.hold(60.0, control) is Outcome.HOLD_ENDED
+    assert len(spring.corrections) > 2
+
+
+SEEN = Touch(0.0, True, GraspContact.TWO_SIDED, (PadForce(2.0), PadForce(2.0)))  # it should close
+
+
+def look(control, now, touch, opening=0.04):
+    return control.look(now, touch, opening, is_still=True)
+
+
+@pytest.mark.parametrize(('fault', 'end'), [
+    ({'fresh': False}, Outcome.NOT_SEEN), ({'contact': GraspContact.UNSEEN}, Outcome.NOT_SEEN),
+    ({'acquired': 0.5}, Outcome.NOT_SEEN), ({'acquired': -math.inf}, Outcome.NOT_SEEN), (NO_TOUCH._asdict(), Outcome.NOT_SEEN),
+    ({'pads': (PadForce(2.0, is_hidden=True), PadForce(2.0))}, Outcome.FORCE_NOT_KNOWN),
+    ({'pads': (PadForce(), PadForce(2.0))}, Outcome.FORCE_NOT_KNOWN)], ids=str)
+@pytest.mark.parametrize('is_under_way', [False, True])
+def test_by_what_is_not_trusted_it_rests_and_after_a_time_it_ends(fault, end, is_under_way):
+    control = holding()
+    if is_under_way:
+        assert look(control, 0.98, SEEN._replace(acquired=0.98)) is None and control.speed > 0
+    began = 0.98 if is_under_way else 0.0
+    for now in np.arange(1.0, began + BLIND_TIME, 0.01):
+        assert look(control, now, SEEN._replace(**{'acquired': now, **fault})) is None and control.speed == 0.0
+    now = began + BLIND_TIME + 0.02
+    assert look(control, now, SEEN._replace(**{'acquired': now, **fault})) is end and control.speed == 0.0
+
+
+def test_the_same_touch_when_it_is_trusted_is_followed():
+    control = holding()
+    assert look(control, 0.5, SEEN._replace(acquired=0.5)) is None and (control.speed, control.target) == (
+        LIMITS.slow_speed, 0.0)
+
+
+@pytest.mark.parametrize(('pads', 'speed'), [
+    ((PadForce(4.0, is_bound=True), PadForce(2.0)), 0.0),          # up to 8 N
+    ((PadForce(1.5, is_bound=True), PadForce(1.5)), LIMITS.slow_speed),  # 3 N at most
+    ((PadForce(4.9), PadForce(1.0)), 0.0),                          # the limit is that of the stronger pad
+    ((PadForce(9.0), PadForce(4.9)), 0.0)])                         # a load pushes on one
+def test_it_closes_by_what_may_be_most_and_opens_by_what_is_at_least(pads, speed):
+    control = holding(opening=0.05)
+    look(control, 0.5, SEEN._replace(acquired=0.5, pads=pads))
+    assert control.speed == speed
+
+
+def test_a_gripper_that_moves_still_is_waited_for_and_what_was_seen_before_it_stopped_is_not_judged():
+    control = holding()
+    control.look(0.5, SEEN._replace(acquired=0.5), 0.04, is_still=False)
+    assert control.speed == 0.0
+    look(control, 0.55, SEEN._replace(acquired=0.55))  # younger than the latency
+    assert control.speed == 0.0
+    look(control, 0.57, SEEN._replace(acquired=0.57))
+    assert control.speed > 0
+
+
+@pytest.mark.parametrize(('contact', 'pads', 'end'), [
+    (GraspContact.NO_CONTACT, (PadForce(0.0), PadForce(0.0)), Outcome.LOST),
+    (GraspContact.ONE_SIDED, (PadForce(2.0), PadForce(0.0)), Outcome.ONE_SIDED)])
+def test_what_is_not_held_by_both_pads_is_not_followed_and_ends_it(contact, pads, end):
+    control = holding()
+    look(control, 0.5, SEEN._replace(acquired=0.5))
+    assert control.speed > 0
+    gone = SEEN._replace(contact=contact, pads=pads)
+    assert look(control, 0.55, gone._replace(acquired=0.55)) is None and control.speed == 0.0  # a bounce, perhaps
+    assert look(control, 0.61, gone._replace(acquired=0.61)) is end
+
+
+def test_its_travel_ends_it_also_where_the_opening_does_not_change():
+    """A gripper that presses without moving, or relaxes whenever it is stopped, would press for ever."""
+    spring = Spring(give=lambda now: 0.0002 * now)
+    assert spring.hold(60.0, holding()) is Outcome.HOLD_ENDED
+    assert spring.first - spring.opening == pytest.approx(0.005, abs=1e-3)
+    control, now = holding(), 0.1
+    while look(control, now, SEEN._replace(acquired=now)) is None and now < 10:
+        now += 0.01
+    assert now == pytest.approx(0.1 + 0.005 / LIMITS.slow_speed, abs=0.02) and control.speed == 0.0
+    fast = holding()
+    look(fast, 0.1, SEEN._replace(acquired=0.1))
+    assert look(fast, 0.12, SEEN._replace(acquired=0.12), 0.034) is Outcome.HOLD_ENDED  # faster than commanded
+
+
+def test_to_sliding_it_answers_with_a_step_now_and_then_up_to_the_highest_force():
+    limits = TouchLimits(highest_force=6.5)
+    spring = Spring()
+    spring.change = lambda touch, now: touch._replace(slides=True)
+    control, steps = holding(limits, slide_force_step=0.3), []
+    while spring.now < 10 and spring.hold(0.1, control) is None:
+        steps += [(spring.now, round(control.force, 6))] if not steps or round(control.force, 6) != steps[-1][1] else []
+    assert [force for _, force in steps] == pytest.approx([5.0, 5.3, 5.6, 5.9, 6.2, 6.5])
+    assert min(np.diff([at for at, _ in steps[1:]])) >= SLIDE_PAUSE - 0.1
+    assert spring.forces[-1] == pytest.approx(6.5, abs=control.deadband)
+    assert len(spring.corrections) >= 4  # each step, though it is less than the deadband
+
+
+def test_without_the_parameter_sliding_changes_nothing():
+    spring = Spring()
+    spring.change = lambda touch, now: touch._replace(slides=True)
+    control = holding()
+    assert spring.hold(5.0, control) is None and control.force == FORCE and not spring.corrections
+
+
+@pytest.mark.parametrize('wrong', [{'gripper_step': 0.0}, {'hold_travel': math.nan}, {'slide_force_step': -1.0},
+                                   {'gripper_step': math.inf}], ids=str)
+def test_limits_that_are_none_are_refused(wrong):
+    with pytest.raises(ConfigurationError, match='holding'):
+        HoldLimits(**wrong)
