@@ -101,7 +101,7 @@ def test_it_closes_only_by_what_is_seen_and_current(fault, expected, at):
 def test_one_frame_that_is_not_seen_changes_nothing_but_what_the_other_pad_reads():
     seen = Touch(1.0, True, GraspContact.TWO_SIDED, (PadForce(1.0), PadForce(2.0)))
     unseen = Touch(1.02, True, GraspContact.UNSEEN, (PadForce(), PadForce(4.0)))
-    assert unseen.after(seen) == seen._replace(pads=(PadForce(1.0), PadForce(4.0)))  # as old as what was seen
+    assert unseen.after(seen) == seen._replace(pads=(PadForce(1.0), PadForce(4.0)), is_whole=False)  # as old as before
     assert seen.after(unseen) == seen and unseen.after(NO_TOUCH).is_seen is False
     control = closing(3.0)
     assert control.look(1.0, seen, 0.04) is None

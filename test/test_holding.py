@@ -95,7 +95,8 @@ def test_what_swells_is_eased_off_by_what_it_has_been_pressed_and_no_more():
     closed = spring.first - spring.opening
     assert spring.corrections == ['closes'] and closed > 0.0005
     assert spring.hold(10.0, control) is None
-    assert spring.corrections.count('closes') == 1 and spring.opening == pytest.approx(spring.first, abs=HOLD.gripper_step)
+    assert spring.corrections.count('closes') == 1
+    assert spring.opening == pytest.approx(spring.first, abs=HOLD.gripper_step)
     assert spring.forces[-1] > FORCE + 2  # no wider than where it stopped first: what it holds may be heavy
 
 
@@ -148,7 +149,8 @@ def look(control, now, touch, opening=0.04):
 
 @pytest.mark.parametrize(('fault', 'end'), [
     ({'fresh': False}, Outcome.NOT_SEEN), ({'contact': GraspContact.UNSEEN}, Outcome.NOT_SEEN),
-    ({'acquired': 0.5}, Outcome.NOT_SEEN), ({'acquired': -math.inf}, Outcome.NOT_SEEN), (NO_TOUCH._asdict(), Outcome.NOT_SEEN),
+    ({'acquired': 0.5}, Outcome.NOT_SEEN), ({'acquired': -math.inf}, Outcome.NOT_SEEN),
+    (NO_TOUCH._asdict(), Outcome.NOT_SEEN),
     ({'pads': (PadForce(2.0, is_hidden=True), PadForce(2.0))}, Outcome.FORCE_NOT_KNOWN),
     ({'pads': (PadForce(), PadForce(2.0))}, Outcome.FORCE_NOT_KNOWN)], ids=str)
 @pytest.mark.parametrize('is_under_way', [False, True])
@@ -161,6 +163,19 @@ def test_by_what_is_not_trusted_it_rests_and_after_a_time_it_ends(fault, end, is
         assert look(control, now, SEEN._replace(**{'acquired': now, **fault})) is None and control.speed == 0.0
     now = began + BLIND_TIME + 0.02
     assert look(control, now, SEEN._replace(**{'acquired': now, **fault})) is end and control.speed == 0.0
+
+
+def test_a_frame_that_is_not_seen_begins_no_correction_and_may_end_one():
+    control = holding()
+    unseen = SEEN._replace(acquired=0.62, contact=GraspContact.UNSEEN, pads=(PadForce(), PadForce(2.0)))
+    enough = SEEN._replace(acquired=0.6, pads=(PadForce(5.0), PadForce(5.0)))
+    look(control, 0.62, unseen.after(enough._replace(pads=(PadForce(2.0), PadForce(5.0)))))
+    assert control.speed == 0.0
+    look(control, 0.64, SEEN._replace(acquired=0.64))
+    assert control.speed > 0
+    pressed = unseen._replace(pads=(PadForce(), PadForce(5.0)))
+    look(control, 0.66, pressed.after(SEEN._replace(acquired=0.64)))
+    assert control.speed == 0.0
 
 
 def test_the_same_touch_when_it_is_trusted_is_followed():

@@ -65,6 +65,7 @@ class Touch(NamedTuple):
     pads: tuple[PadForce, PadForce]
     force_sd: float = math.nan    #: standard deviation of either pad's force, at most [N]; NaN: not known
     slides: bool = False          #: a contact moves across its pad
+    is_whole: bool = True         #: all of it was seen at once
 
     @property
     def is_touched(self) -> bool:
@@ -105,7 +106,7 @@ class Touch(NamedTuple):
         if self.is_seen:
             return self
         left, right = (old if math.isnan(new.force) else new for new, old in zip(self.pads, before.pads))
-        return before._replace(pads=(left, right))
+        return before._replace(pads=(left, right), is_whole=False)
 
 
 NO_TOUCH = Touch(-math.inf, False, GraspContact.NOT_KNOWN, (PadForce(), PadForce()))
@@ -201,7 +202,7 @@ class Closing:
     """One goal to close, from its start at ``now`` [s] and an ``opening`` [m], NaN: not known."""
 
     def __init__(self, goal: Goal, limits: TouchLimits, now: float, opening: float):
-        self._goal, self._limits = goal, limits
+        self.goal, self._limits = goal, limits
         self._opening, self._looked = opening, now
         self._was_held = False     # both pads were touched
         self._seen_touched = now   # when a contact was last seen
@@ -225,10 +226,10 @@ class Closing:
     def _why_stop(self, now: float, touch: Touch) -> Outcome | None:
         is_held = touch.contact is GraspContact.TWO_SIDED
         if not touch.has_force:
-            return Outcome.TOUCHED if is_held and self._goal.until_touched else Outcome.FORCE_NOT_KNOWN
-        if touch.most(self._limits.edge_share) >= self._goal.force:
+            return Outcome.TOUCHED if is_held and self.goal.until_touched else Outcome.FORCE_NOT_KNOWN
+        if touch.most(self._limits.edge_share) >= self.goal.force:
             return Outcome.FORCE_REACHED if is_held else Outcome.ONE_SIDED
-        if is_held and self._goal.until_touched:
+        if is_held and self.goal.until_touched:
             return Outcome.TOUCHED
         if self._one_sided is not None and self._one_sided >= self._limits.one_sided_travel:
             return Outcome.ONE_SIDED
@@ -257,7 +258,7 @@ class Closing:
 
     def _deadline_at(self, now: float) -> float:
         opening = self._opening if math.isfinite(self._opening) else self._limits.widest
-        return deadline(now, opening - self._goal.opening, self.speed)
+        return deadline(now, opening - self.goal.opening, self.speed)
 
 
 def deadline(now: float, travel: float, speed: float) -> float:

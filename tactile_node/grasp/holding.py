@@ -72,7 +72,7 @@ class Holding:
             self._rest(now, opening)
         elif not self.speed and not is_still:
             self._rested = now
-        elif not self.speed and touch.acquired >= self._rested + self._limits.latency:
+        elif not self.speed and touch.is_whole and touch.acquired >= self._rested + self._limits.latency:
             self._correct(now, touch, opening)
         return end
 

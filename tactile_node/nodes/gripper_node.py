@@ -5,7 +5,7 @@ import math
 import sys
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
@@ -25,6 +25,7 @@ from tactile_node.grasp.closing import (
     deadline,
     make_goal,
 )
+from tactile_node.grasp.holding import Holding, HoldLimits
 from tactile_node.grasp.opening import HIGHEST_GAP, GapSource, LinearGap
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.nodes.gripper_client import GripperClient, GripperResult
@@ -43,19 +44,21 @@ RESULT_TIMEOUT = 2  #: s for which a result is kept for a client that has not as
 MEASURED = (int(GapSource.JOINT_STATES), int(GapSource.TF))
 NEAR = 0.002  #: m, of where the gripper should be: it is there
 
+Limits = TypeVar('Limits', TouchLimits, HoldLimits)
 logger = logging.getLogger(__name__)
 
 
 @dataclass
 class _Run:
-    """A goal under way."""
+    """A goal under way, or the hold after it."""
 
     handle: ServerGoalHandle
     opening: float                     #: to which it goes [m]
     closing: Closing | None            #: None: it opens, whatever the pads see
+    holding: Holding | None = None     #: its result was given
     force: float = math.nan            #: of the stronger pad when it began [N]
     deadline: float = math.inf         #: of opening [s]
-    speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not yet
+    speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not, or it is stopped
     outcome: Outcome | None = None     #: once it is known
     by_cancel: bool = True             #: how it is being stopped: by a cancel, or by a goal at where it is
     stop_since: float = math.inf       #: [s]
@@ -74,7 +77,7 @@ class GripperNode(Node):
         super().__init__('touch_gripper', **options)
         declare(self, GripperSettings)
         self._settings = settings = read(self, GripperSettings)
-        self._limits = _limits(settings)
+        self._limits, self._hold_limits = _of(TouchLimits, settings), _of(HoldLimits, settings)
         self._law = LinearGap(settings.gap_offset, settings.gap_scale)
         self._interface = gripper_interface(settings.action_type, settings.joint)
         self._touch, self._ages = NO_TOUCH, InputAge()
@@ -110,7 +113,7 @@ class GripperNode(Node):
         if grasp.gap_source in MEASURED and math.isfinite(grasp.gap):
             self._gap, self._gap_measured = grasp.gap, arrival.steady - age_seconds(grasp.gap_age)
         self._look()
-        if self._run is not None and self._run.outcome is None:
+        if self._run is not None and self._run.outcome is None and self._run.holding is None:
             self._run.handle.publish_feedback(self._interface.fill(self._interface.action.Feedback(), self._state()))
 
     def _on_accepted(self, handle: ServerGoalHandle) -> None:
@@ -123,19 +126,23 @@ class GripperNode(Node):
         if self._run is not None:
             self._run.outcome = Outcome.REPLACED
             self._finish(self._run)
+        self._begin(run)
+        self._look()
+
+    def _begin(self, run: _Run) -> None:
         self._run = run
         self._timer.reset()
-        self._look()
 
     def _started(self, handle: ServerGoalHandle, command: Command) -> _Run:
         opening, speed = self._law.gap(command.position), command.speed * abs(self._law.scale)
         check_number('opening', opening, -BEYOND, HIGHEST_GAP, 'm')
         now, present = time.monotonic(), self._opening()
-        if self._run is not None and self._run.closing is None:
+        if self._run is not None and self._run.closing is None and self._run.holding is None:
             present = math.nan  # it opens still, and is wider than its last reading
         if self._opens(opening, present):
             travel = opening - (present if math.isfinite(present) else 0.0)
-            return _Run(handle, opening, None, self._touch.strongest, deadline(now, travel, self._limits.fast_speed))
+            return _Run(handle, opening, None, force=self._touch.strongest,
+                        deadline=deadline(now, travel, self._limits.fast_speed))
         goal = make_goal(opening, speed, command.effort, self._limits,
                          speed_is_fixed=not self._interface.commands_speed)
         return _Run(handle, opening, Closing(goal, self._limits, now, present))
@@ -160,27 +167,37 @@ class GripperNode(Node):
             return
         if run.outcome is None:
             run.outcome = self._outcome(run, now)
-            if run.outcome is None:
-                self._drive(run)
+            if run.outcome is None and self._drives(run):
                 return
-            if not self._client.is_stopped:
+            if not self._client.is_stopped and (run.outcome is not None or run.speed):
                 self._stop(run, self._cancels, now)
+            run.speed = 0.0
         if self._client.is_stopped:
-            self._finish(run)
+            if run.outcome is not None:
+                self._finish(run)
             return
         is_refused = not run.by_cancel and self._client.is_hold_refused
         if is_refused or now - run.stop_since > self._settings.answer_timeout:
             self._insist(run, now)
 
     def _outcome(self, run: _Run, now: float) -> Outcome | None:
-        if run.handle.is_cancel_requested:
+        if run.holding is None and run.handle.is_cancel_requested:
             return Outcome.CANCELED
         failure = self._client.failure(now) if run.speed else None
         if failure is not None:
             return failure
+        if run.holding is not None:
+            return self._why_not_hold(run, run.holding, now)
         stop = run.closing.look(now, self._touch, self._opening()) if run.closing else self._why_not_open(run, now)
         result = self._client.result if run.speed else None
         return stop if stop in SUCCESSES or result is None else self._ending(run, result, stop)
+
+    def _why_not_hold(self, run: _Run, holding: Holding, now: float) -> Outcome | None:
+        if run.speed and self._client.result is not None:
+            ending = self._ending(run, self._client.result, None)
+            if not (holding.eases and ending is Outcome.REACHED):
+                return ending
+        return holding.look(now, self._touch, self._opening(), is_still=self._client.is_stopped)
 
     def _why_not_open(self, run: _Run, now: float) -> Outcome | None:
         if self._is_current() and self._touch.strongest > run.force + self._limits.touch_force:
@@ -196,13 +213,16 @@ class GripperNode(Node):
         is_held_up = abs(self._opening() - run.opening) > NEAR or (run.closing is not None and self._touch.is_touched)
         return Outcome.STALLED if is_held_up else Outcome.REACHED
 
-    def _drive(self, run: _Run) -> None:
-        """Send the gripper on its way, and again where its speed changes."""
-        speed = run.closing.speed if run.closing else self._limits.fast_speed
-        if run.speed and (speed == run.speed or not self._interface.commands_speed):
-            return
-        run.speed = speed
-        self._client.drive(run.opening, speed)
+    def _drives(self, run: _Run) -> bool:
+        """Send the gripper on its way, and again where its speed changes; whether it is to move."""
+        if run.holding is not None:
+            run.opening = run.holding.target
+        of_goal = run.closing or run.holding
+        speed = of_goal.speed if of_goal is not None else self._limits.fast_speed
+        if speed and not (run.speed and (speed == run.speed or not self._interface.commands_speed)):
+            run.speed = speed
+            self._client.drive(run.opening, speed)
+        return speed > 0
 
     def _stop(self, run: _Run, by_cancel: bool, now: float) -> None:
         run.by_cancel, run.stop_since = by_cancel, now
@@ -231,6 +251,8 @@ class GripperNode(Node):
         outcome = run.outcome or Outcome.NOT_KNOWN
         state = self._state(outcome)
         self._publish(run, outcome, reason)
+        if run.holding is not None:
+            return
         is_held = run.closing is not None and self._touch.contact is GraspContact.TWO_SIDED and self._is_current()
         succeeds = outcome in SUCCESSES or (outcome is Outcome.STALLED and is_held)
 
@@ -239,21 +261,27 @@ class GripperNode(Node):
             end()
             return self._interface.fill(self._interface.action.Result(), state)
         run.handle.execute(execute)
+        goal = run.closing.goal if run.closing is not None else None
+        if self._settings.hold and goal is not None and outcome is Outcome.FORCE_REACHED and not goal.until_touched:
+            held = Holding(goal, self._limits, self._hold_limits, time.monotonic(), self._opening())
+            self._begin(_Run(run.handle, run.opening, None, held))
 
     def _publish(self, run: _Run, outcome: Outcome, reason: str) -> None:
         pads = (self._touch if self._is_current() else NO_TOUCH).pads
-        message = GripperOutcome(goal_id=run.handle.goal_id.uuid, outcome=int(outcome), opening=self._opening(),
-                                 message=outcome.name + (f': {reason}' if reason else ''),
+        message = GripperOutcome(goal_id=run.handle.goal_id.uuid, outcome=int(outcome), of_hold=run.holding is not None,
+                                 message=outcome.name + (f': {reason}' if reason else ''), opening=self._opening(),
                                  forces=[pad.force for pad in pads], force_is_bound=[pad.is_bound for pad in pads])
         message.header.stamp = self.get_clock().now().to_msg()
         self._outcomes.publish(message)
-        if outcome not in SUCCESSES and not reason:
-            logger.warning('%s: goal ended: %s', self.get_fully_qualified_name(), outcome.name)
+        is_usual = outcome in SUCCESSES or (run.holding is not None and outcome is Outcome.REPLACED)
+        if not is_usual and not reason:
+            logger.warning('%s: %s ended: %s', self.get_fully_qualified_name(), 'hold' if run.holding else 'goal',
+                           outcome.name)
 
 
-def _limits(settings: GripperSettings) -> TouchLimits:
-    names = TouchLimits.__dataclass_fields__
-    return TouchLimits(**{name: getattr(settings, name) for name in names})
+def _of(kind: type[Limits], settings: GripperSettings) -> Limits:
+    """Return the limits that the parameters of these names give."""
+    return kind(**{name: getattr(settings, name) for name in kind.__dataclass_fields__})
 
 
 def _is_cancel(stop_by: str) -> bool:

@@ -131,4 +131,5 @@ def touch_of(grasp: Grasp, acquired: float) -> Touch:
             for force, is_bound, hidden, saturated, seen, at_edge in zip(
                 grasp.forces, grasp.force_is_bound, grasp.hidden_taxels, grasp.saturated_taxels, grasp.pads_seen,
                 grasp.at_edge)]
-    return Touch(acquired, grasp.fresh, GraspContact(grasp.contact), (pads[0], pads[1]))
+    return Touch(acquired, grasp.fresh, GraspContact(grasp.contact), (pads[0], pads[1]),
+                 force_sd=2 * grasp.grip_force_sd)

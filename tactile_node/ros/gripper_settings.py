@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 from tactile_node.grasp.closing import TouchLimits
+from tactile_node.grasp.holding import HoldLimits
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.ros.settings import ReceiverSettings, parameter
 
-LIMITS = TouchLimits()
+LIMITS, HOLD = TouchLimits(), HoldLimits()
 
 
 @dataclass(frozen=True)
@@ -43,3 +44,12 @@ class GripperSettings(ReceiverSettings):
     latency: float = parameter(LIMITS.latency, 'time from a touch until the gripper stops [s]', 1e-3, 10)
     stiffness: float = parameter(LIMITS.stiffness, 'of pads and object: force for a metre of the opening [N/m]; with '
                                  'latency it limits the speed', 1, 1e7)
+    hold: bool = parameter(False, 'after a goal with an effort that ended as FORCE_REACHED the opening follows, so '
+                           'that the force stays')
+    gripper_step: float = parameter(HOLD.gripper_step, 'smallest change of the opening that the gripper makes [m]; '
+                                    'with stiffness and slow_speed: how far the force may be off', 1e-6, 0.01)
+    hold_travel: float = parameter(HOLD.hold_travel, 'travel of all corrections of a hold together, after which it '
+                                   'ends [m]', 1e-5, HIGHEST_GAP)
+    slide_force_step: float = parameter(HOLD.slide_force_step, 'by which the force that is held rises where the '
+                                        'object slides, once a second at most and up to highest_force [N]; 0: not', 0,
+                                        1e4)

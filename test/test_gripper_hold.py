@@ -1,0 +1,279 @@
+"""The gripper node while it holds with a force: what it follows, what it does not, and how the hold ends."""
+
+import math
+import signal
+import subprocess
+import sys
+from functools import partial
+
+import pytest
+from action_msgs.msg import GoalStatus
+from built_messages import environment_with
+from test_gripper_node import KINDS, MAX_AGE, NOT_SEEN, hide, set_
+
+from tactile_node.grasp.closing import Outcome, TouchLimits
+from tactile_node.grasp.holding import BLIND_TIME, HoldLimits
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
+
+LIMITS, FORCE = TouchLimits(), 5.0
+DEADBAND = LIMITS.stiffness * HoldLimits.gripper_step + LIMITS.overshoot(LIMITS.slow_speed)
+SHRINKS = 0.0015  # m: 1.5 N less
+LATE = 0.5  # N: on a busy machine
+
+
+@pytest.fixture
+def make_bench(ros):
+    from gripper_bench import GripperBench
+    return partial(GripperBench, ros)
+
+
+@pytest.fixture
+def held(make_bench):
+    """Return a function that makes a bench whose gripper holds with FORCE."""
+    def make(kind=KINDS[0], **parameters):
+        bench = make_bench(kind, {'hold': True, **parameters})
+        hold(bench)
+        return bench
+    return make
+
+
+def hold(bench):
+    """Close from nearby; again, where a busy machine saw too late."""
+    for _ in range(3):
+        bench.motor.opening = bench.motor._target = bench.pads.width + 0.001
+        bench.wait(0.2)
+        status, _, outcome = bench.close(position=0.0, effort=FORCE)
+        if outcome.outcome != Outcome.NOT_SEEN:
+            break
+    assert (status, outcome.outcome, outcome.of_hold) == (GoalStatus.STATUS_SUCCEEDED, Outcome.FORCE_REACHED, False)
+    bench.goal_id = outcome.goal_id.tolist()
+    bench.wait(0.2)
+    bench.motor.commands.clear()
+
+
+def force(bench):
+    return max(bench.pads.forces())
+
+
+def ended(bench):
+    """Wait until the hold has ended; return how."""
+    bench.until(lambda: ends(bench))
+    end, = ends(bench)
+    assert end.goal_id.tolist() == bench.goal_id
+    return end.outcome
+
+
+def ends(bench):
+    return [each for each in bench.client.outcomes if each.of_hold]
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_the_opening_follows_what_gives_way_and_the_goal_has_ended_before(held, kind):
+    bench = held(kind, hold_travel=0.02)
+    bench.pads.strongest = 0.0
+    speed = LIMITS.slow_speed if kind == KINDS[0] else LIMITS.fast_speed
+    for _ in range(3):
+        bench.pads.width -= SHRINKS + (speed - LIMITS.slow_speed) * LIMITS.latency * 2  # further, as it is fast
+        bench.until(lambda: force(bench) > FORCE - 0.1)
+        bench.wait(0.2)
+        assert not bench.motor.moves
+    assert bench.pads.strongest < FORCE + LIMITS.overshoot(speed) + LATE
+    assert {each.effort for each in bench.motor.commands} == {10.0} and not ends(bench)
+
+
+@pytest.mark.parametrize(('parameters', 'effort', 'shrinks'), [({}, FORCE, SHRINKS), ({'hold': True}, 0.0, 2e-5)])
+def test_it_is_off_by_default_and_after_a_goal_without_effort(make_bench, parameters, effort, shrinks):
+    bench = make_bench(parameters=parameters)
+    bench.close(position=0.0, effort=effort)
+    bench.wait(0.1)
+    bench.motor.commands.clear()
+    bench.pads.width -= shrinks
+    bench.wait(0.5)
+    assert not bench.motor.commands and force(bench) < FORCE - 1
+
+
+def test_it_eases_off_by_what_it_has_pressed(held):
+    bench = held()
+    first = bench.motor.opening
+    bench.pads.width -= SHRINKS
+    bench.until(lambda: force(bench) > FORCE - 0.1)
+    bench.wait(0.3)
+    bench.pads.width += SHRINKS / 2
+    bench.until(lambda: force(bench) < FORCE + 0.1)
+    bench.pads.width += SHRINKS / 2 + 0.002
+    bench.until(lambda: bench.motor.opening >= first - 2e-4)
+    bench.wait(0.5)
+    assert bench.motor.opening <= first + 2e-4 and force(bench) > FORCE + 1 and not ends(bench)
+
+
+HIDDEN = [set_(hidden_taxels=[2, 0]), set_(saturated_taxels=[0, 1]), set_(force_is_bound=[True, False]),
+          set_(forces=[math.nan, 3.0])]
+
+
+@pytest.mark.parametrize('changes', [NOT_SEEN, HIDDEN], ids=['not seen', 'hidden'])
+def test_by_what_is_not_trusted_it_does_not_move_and_ends_after_a_time(held, changes):
+    bench = held()
+    for change in changes:
+        hide(bench, change)
+        bench.wait(0.05)
+        bench.pads.width -= SHRINKS
+        end = ended(bench)
+        assert end == (Outcome.NOT_SEEN if changes is NOT_SEEN else Outcome.FORCE_NOT_KNOWN)
+        assert not bench.motor.commands
+        bench.client.outcomes.clear()
+        bench.open()
+        hold(bench)
+
+
+def test_what_is_not_seen_for_a_moment_is_waited_for(held):
+    bench = held()
+    bench.pads.change = set_(hidden_taxels=[3, 0])
+    bench.wait(0.05)
+    bench.pads.width -= SHRINKS
+    bench.wait(0.4)
+    assert not bench.motor.commands
+    bench.pads.change = lambda message: message
+    bench.until(lambda: force(bench) > FORCE - 0.1)
+    assert not ends(bench)
+
+
+def test_a_force_that_may_be_more_is_not_added_to(held):
+    bench = held()
+    bench.pads.change = set_(force_is_bound=[True, True], at_edge=[True, True])
+    bench.wait(0.05)
+    bench.pads.width -= SHRINKS  # it reads 3.5 N of up to 7 N
+    bench.wait(0.5)
+    assert not bench.motor.commands and not ends(bench)
+
+
+def closes(bench):
+    """Have it press: let the object give way by all, until the gripper moves."""
+    bench.pads.width -= 0.004
+    bench.until(lambda: bench.motor.moves)
+
+
+@pytest.mark.parametrize('change', NOT_SEEN)
+def test_a_correction_stops_when_a_pad_is_no_longer_seen(held, change):
+    bench = held()
+    bench.motor.slowness = 5.0
+    closes(bench)
+    hide(bench, change)
+    before = bench.motor.opening
+    bench.until(lambda: not bench.motor.moves)
+    stopped = bench.motor.opening
+    assert before - stopped < LIMITS.slow_speed * (MAX_AGE + 0.2)
+    assert ended(bench) == Outcome.NOT_SEEN and bench.motor.opening == stopped
+
+
+def test_its_travel_ends_it(held):
+    bench = held(hold_travel=0.003)
+    first = bench.motor.opening
+    while not ends(bench) and bench.motor.opening > first - 0.01:
+        bench.pads.width -= 2e-5
+        bench.wait(0.01)
+    assert ended(bench) == Outcome.HOLD_ENDED and not bench.motor.moves
+    assert first - bench.motor.opening == pytest.approx(0.003, abs=0.0015)
+    stopped = bench.motor.opening
+    bench.pads.width -= SHRINKS
+    bench.wait(0.5)
+    assert bench.motor.opening == stopped
+
+
+def test_what_is_lost_ends_it(held):
+    bench = held()
+    bench.pads.width = 0.0
+    assert ended(bench) == Outcome.LOST
+    stopped = bench.motor.opening
+    assert stopped > 0.03
+    bench.wait(0.3)
+    assert bench.motor.opening == stopped and not bench.motor.moves
+
+
+def test_a_new_goal_ends_it_and_is_held_itself(held):
+    bench = held()
+    refused = bench.close(position=math.nan)[2]
+    assert refused.outcome == Outcome.REFUSED and not ends(bench)
+    status, _, outcome = bench.close(position=0.0, effort=8.0)
+    assert outcome.outcome == Outcome.FORCE_REACHED and not outcome.of_hold
+    assert [each.outcome for each in ends(bench)] == [Outcome.REPLACED]
+    bench.pads.width -= SHRINKS
+    bench.until(lambda: force(bench) > 8.0 - 0.1)
+
+
+@pytest.mark.parametrize('change', [lambda message: message, *NOT_SEEN])
+def test_opening_always_ends_it(held, change):
+    bench = held()
+    closes(bench)
+    hide(bench, change)
+    assert bench.close(position=0.08)[2].outcome == Outcome.REACHED and bench.motor.opening == pytest.approx(0.08)
+    assert ended(bench) == Outcome.REPLACED
+    bench.wait(BLIND_TIME + MAX_AGE + 0.2)
+    assert bench.motor.opening == pytest.approx(0.08) and len(ends(bench)) == 1
+
+
+def test_a_cancel_of_the_goal_that_has_ended_changes_nothing(make_bench):
+    bench = make_bench(parameters={'hold': True})
+    bench.motor.opening = bench.motor._target = bench.pads.width + 0.001
+    handle = bench.client.send(position=0.0, effort=FORCE)
+    bench.client.result(handle)
+    answer = handle.cancel_goal_async()
+    bench.until(answer.done)
+    assert not answer.result().goals_canceling
+    bench.pads.width -= SHRINKS
+    bench.until(lambda: force(bench) > FORCE - 0.1)
+    assert not ends(bench)
+
+
+@pytest.mark.parametrize(('fault', 'expected'), [
+    (lambda bench: setattr(bench.motor, 'rejects', True), Outcome.GRIPPER_REFUSED),
+    (lambda bench: bench.motor.kill(), Outcome.NO_GRIPPER),
+    (lambda bench: bench.executor.remove_node(bench.motor.node), Outcome.GRIPPER_SILENT),
+    (lambda bench: setattr(bench.motor, 'blocked_at', bench.motor.opening), Outcome.STALLED)],
+    ids=['rejects', 'dead', 'silent', 'stalls'])
+def test_a_gripper_that_does_not_take_the_correction_ends_it(held, fault, expected):
+    bench = held()
+    fault(bench)
+    bench.pads.width -= SHRINKS
+    assert ended(bench) == expected
+
+
+def test_a_correction_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(held):
+    bench = held()
+    bench.motor.stays = True
+    bench.pads.width -= SHRINKS
+    bench.until(lambda: any(each.position > 0 for each in bench.motor.commands))
+    bench.wait(1.0)
+    assert FORCE - DEADBAND < force(bench) < FORCE + LIMITS.slow_speed * LIMITS.stiffness * 0.5 + LATE
+    assert not ends(bench)
+
+
+def test_a_node_that_ends_in_a_correction_stops_the_gripper(held):
+    bench = held()
+    bench.motor.slowness = 5.0
+    closes(bench)
+    bench.node.destroy_node()
+    before = bench.motor.opening
+    bench.wait(0.4)
+    assert before - bench.motor.opening < LIMITS.slow_speed * 0.2 and bench.motor.cancels
+
+
+def test_killed_in_a_correction_the_gripper_has_a_safe_command(make_bench):
+    bench = make_bench()
+    bench.node.destroy_node()
+    bench.executor.remove_node(bench.node)
+    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--ros-args', '-p',
+                                'hold:=true'], env=environment_with('control_msgs'))
+    try:
+        bench.until(lambda: bench.client._client.server_is_ready())
+        bench.wait(1.5)
+        hold(bench)
+        bench.motor.slowness = 5.0
+        closes(bench)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        bench.wait(0.2)
+        assert bench.motor.moves and {each.effort for each in bench.motor.commands} == {10.0}
+    finally:
+        process.kill()
+        process.wait()
