@@ -39,7 +39,7 @@ from sensor_msgs.msg import JointState
 
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
-from tactile_skin.msg import Contact, ContactShape, TaxelArray
+from tactile_skin.msg import Contact, ContactShape, GripperOutcome, TaxelArray
 from tactile_skin.srv import Tare
 
 FROZEN_AFTER = 0.5  # s, parameter of the driver
@@ -291,31 +291,51 @@ def _has(name: str) -> Claim:
     return lambda record: record[name] is not None
 
 
-def _closes(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
-    """Return the case of a gripper that closes on nothing by its node while ``spoil`` spoils what its pads see."""
+def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Callable[[World, GripperBench], None],
+           held: dict, parameters: dict, **given: dict) -> Case:
+    """Return the case of a gripper that closes by its node while ``spoil`` spoils what its pads see."""
     def case() -> list[Finding]:
-        with World({'is_there': False}, **given) as world, ExitStack() as stack:
-            world.wait(lambda: world.latest('grasp').get('contact') == 'NO_CONTACT', 'empty pads')
+        with World(held, **given) as world, ExitStack() as stack:
+            world.wait(lambda: world.latest('grasp').get('fresh'), 'a grasp')
             rclpy.init()
             stack.callback(rclpy.try_shutdown)
-            bench = GripperBench(stack, parameters={'max_age': MAX_AGE, 'fast_speed': 0.01}, pads=None)
-            bench.client.send(position=0.0)
+            bench = GripperBench(stack, parameters={'max_age': MAX_AGE, 'fast_speed': 0.01, **parameters}, pads=None)
+            begin(world, bench)
             bench.wait(0.5)
-            assert bench.motor.opening < START - 0.002, 'the gripper does not close while all is well'
+            assert bench.motor.moves and bench.motor.opening < START - 0.001, 'it does not close while all is well'
             since = time.monotonic()
             spoiler = threading.Thread(target=spoil, args=(world,))
             spoiler.start()
             bench.wait(bound + 1.0)
             spoiler.join()
             goes_on = max(0.0, bench.motor.moved_at - since)
-            stall = sum(length for begin, length in world.stalls if since <= begin <= since + bound)
+            stall = sum(length for begun, length in world.stalls if since <= begun <= since + bound)
             return [Finding('closes', goes_on, len(bench.motor.commands), bound, PERIOD, stall,
                             ', '.join(each.message for each in bench.client.outcomes) or 'no outcome',
                             has_ended=not bench.motor.moves)]
-    return named(f'gripper_closes_while_{what}', case)
+    return named(name, case)
+
+
+def _closes(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
+    """Of a goal to close, on nothing."""
+    return _moves(f'gripper_closes_while_{what}', spoil, bound, lambda _, bench: bench.client.send(position=0.0),
+                  {'is_there': False}, {}, **given)
+
+
+def _presses(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
+    """Of a hold whose object presses less and less: its pads lie, or the gripper would follow."""
+    def begin(world: World, bench: GripperBench) -> None:
+        world.hold()
+        tries = (bench.close(position=0.0, effort=0.9 * world.latest('left')['force'])[2] for _ in range(TRIES))
+        assert any(outcome.outcome == GripperOutcome.FORCE_REACHED for outcome in tries), 'a busy machine sees too late'
+        world.skin.set(pressure=0.25)
+        bench.until(lambda: bench.motor.moves)
+    return _moves(f'gripper_presses_while_{what}', spoil, bound, begin, {},
+                  {'hold': True, 'hold_travel': 0.05}, **given)
 
 
 MAX_AGE = 0.15  # s, parameter of the gripper node
+TRIES = 5
 STOPPED = MAX_AGE + PERIOD + 0.03  # s; a message, and the way of a cancel
 LOST_ROWS = [tpdo.cob_id.of(NODE_IDS[0]) for tpdo in gripper_pads()[0].layout.tpdos[6:24]]
 CLOSING = (
@@ -326,7 +346,11 @@ CLOSING = (
     _closes('rows_are_hidden', lambda world: world.skin.lose(LOST_ROWS), STOPPED),
     _closes('driver_ends', lambda world: world.remove('driver'), STOPPED),
     _closes('classifier_ends', lambda world: world.remove('classifier_right'), STOPPED),
-    _closes('grasp_node_ends', lambda world: world.remove('grasp'), STOPPED))
+    _closes('grasp_node_ends', lambda world: world.remove('grasp'), STOPPED),
+    _presses('skin_freezes', lambda world: world.skin.set(is_frozen=True), FROZEN_AFTER + STOPPED,
+             driver={'frozen_after': FROZEN_AFTER}),
+    _presses('bus_fails', lambda world: world.skin.unplug(), STOPPED),
+    _presses('rows_are_hidden', lambda world: world.skin.lose(LOST_ROWS), STOPPED))
 
 
 #: with `make misled SHORT=1`
