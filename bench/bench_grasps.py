@@ -1,4 +1,4 @@
-"""Grasps in physics, counted: blind, until touched with a force, and corrected by what is felt; the same starts.
+"""Grasps in physics, counted: blind, until touched with a force, corrected by what is felt, and held; the same starts.
 
 An item is off by up to 8 mm and 15 degrees. A gripper closes on it (bench/grasp_columns.py: how), lifts it 10 cm and
 shakes it with 1 g, at which 4.9 N hold the slippery block and 6 N break the fragile one: at 2 g no force serves both.
@@ -34,7 +34,7 @@ from scipy.stats import binomtest
 from examples.simulated_gripper.items import ITEMS
 from examples.simulated_gripper.world import AIM, SIDES, Place, random_place
 
-FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape')
+FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
 ENDS = ('held', 'dropped', 'broken', 'refused')  # refused: it gave up, and so did not squeeze
 SPEEDS, REPEATS, LIMIT, OPENED = (0.005, 0.02, 0.05), 5, 3.0, 0.055  # m/s; of each for each of --starts; N; m
 FAST = {'slow_speed': 0.05, 'fast_speed': 0.05, 'latency': 0.02, 'gripper_effort': 20.0}
@@ -77,16 +77,18 @@ def read(file: Path) -> dict[tuple[str, str, int], dict]:
 
 def run(args: argparse.Namespace, link: Path) -> None:
     from grasp_columns import grasped
-    from grasp_session import Session, WatchedWorld
+    from grasp_session import HOLD, PARAMETERS, Session, WatchedWorld
     done = read(args.output)
     seeds = range(args.seed, args.seed + args.starts)
-    todo = {name: [(seed, column) for seed in seeds for column in args.columns if (column, name, seed) not in done]
-            for name in args.items}
+    todo = {(name, holds): [(seed, column) for seed in seeds for column in args.columns
+                            if (column == 'hold') is holds and (column, name, seed) not in done]
+            for name in args.items for holds in (False, True)}
     left, began, finished = sum(map(len, todo.values())), time.monotonic(), 0
-    for name, starts in todo.items():
+    for (name, holds), starts in todo.items():
         if not starts:
             continue
-        with Session(WatchedWorld(ITEMS[name]), link) as session, args.output.open('a', encoding='utf-8') as file:
+        with (Session(WatchedWorld(ITEMS[name]), link, HOLD if holds else PARAMETERS) as session,
+              args.output.open('a', encoding='utf-8') as file):
             gc.freeze()  # a full collection would delay a sweep
             for seed, column in starts:
                 record = grasped(session, column, ITEMS[name], start_of(name, seed))

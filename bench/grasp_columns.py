@@ -1,7 +1,8 @@
-"""Three ways to close a gripper on an item that is not quite where the hand is sent, and what they knew of it.
+"""Four ways to close a gripper on an item that is not quite where the hand is sent, and what they knew of it.
 
 `blind`: the gripper's own action, to the item's width. `touch`: the gripper node, up to a force. `shape`: closed with a
 light force, corrected by examples/planner_client.py and examples/grasp_loop.py, then squeezed with that force.
+`hold`: as `touch`, and the force is kept, and raised where the item slides.
 """
 
 import time
@@ -38,6 +39,7 @@ def grasped(session: Session, column: str, item: Item, place: Place) -> Record:
     """Put ``item`` at ``place``, close, lift and shake; what became of it, and what was seen on the way."""
     world = session.world
     session.place(place)
+    session.holds.clear()
     begin, left_out = time.monotonic(), world.left_out
     record = COLUMNS[column](session, item)
     record |= {'peaks': [*world.peaks.values()], 'closing': time.monotonic() - begin,
@@ -49,7 +51,7 @@ def grasped(session: Session, column: str, item: Item, place: Place) -> Record:
         session.until(lambda: not world.is_moving)
         session.wait(AFTER)
     record |= {'end': _end(world.outcome, is_refused), 'seconds': time.monotonic() - begin,
-               'left_out': world.left_out - left_out}
+               'left_out': world.left_out - left_out, 'holds': [*session.holds]}
     return record
 
 
@@ -145,4 +147,4 @@ def belief(grasp: Grasp, session: Session, item: Item) -> Record:
 
 
 COLUMNS: Mapping[str, Callable[[Session, Item], Record]] = MappingProxyType({
-    'blind': _blind, 'touch': _touch, 'shape': _shape})
+    'blind': _blind, 'touch': _touch, 'shape': _shape, 'hold': _touch})

@@ -37,6 +37,8 @@ TOUCH_ACTION = 'touch_gripper/gripper_cmd'
 PARAMETERS: Mapping[str, Any] = MappingProxyType({
     'gripper_action': ACTION, 'joint': JOINT, 'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.1,
     'fast_speed': 0.02, 'slow_speed': 0.003, 'touch_force': 2.0, 'gripper_effort': 10.0})
+HOLD: Mapping[str, Any] = MappingProxyType({
+    **PARAMETERS, 'hold': True, 'slide_force_step': 1.0, 'hold_travel': 0.02, 'highest_force': 9.0})
 TIMEOUT, LOOK = 60.0, 0.005  # s
 PATIENCE = 30.0  # s, for a goal: what rocks between the pads never rests, and the gripper's own action never ends
 FELT = 2 * NOISE * FULL_SCALE  # Pa, of the taxel that is pressed most: pads find a contact below their noise floor
@@ -75,14 +77,20 @@ class PlannerNode(Node):
     def __init__(self) -> None:
         super().__init__('planner')
         self._planner, self._ages = Planner(), InputAge()
-        self.grasp, self.outcomes = Grasp(), list[GripperOutcome]()
+        self.grasp, self.outcomes, self.holds = Grasp(), list[GripperOutcome](), list[str]()
         self.closers = {name: ActionClient(self, ParallelGripperCommand, name) for name in (ACTION, TOUCH_ACTION)}
         self.create_subscription(Grasp, 'grasp', self._on_grasp, qos_profile_sensor_data)
-        self.create_subscription(GripperOutcome, 'touch_gripper/outcome', self.outcomes.append, 10)
+        self.create_subscription(GripperOutcome, 'touch_gripper/outcome', self._on_outcome, 10)
 
     def decide(self) -> tuple[Correction, Grasp]:
         """Return what to do now, and the latest grasp."""
         return self._planner.decide(time.monotonic()), self.grasp
+
+    def _on_outcome(self, outcome: GripperOutcome) -> None:
+        if outcome.of_hold:
+            self.holds.append(Ending(outcome.outcome).name)
+        else:
+            self.outcomes.append(outcome)
 
     def _on_grasp(self, grasp: Grasp) -> None:
         if check_grasp(grasp) is None:
@@ -175,6 +183,11 @@ class Session(ExitStack):
                 bytes(self._node.outcomes[-1].goal_id) == bytes(handle.goal_id.uuid)))
             return Ending(self._node.outcomes[-1].outcome).name
         return 'STALLED' if result.result().result.stalled else 'REACHED'
+
+    @property
+    def holds(self) -> list[str]:
+        """How holds have ended."""
+        return self._node.holds
 
     def decide(self) -> tuple[Correction, Grasp]:
         return self._node.decide()
