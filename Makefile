@@ -128,7 +128,7 @@ bench: setup $(BENCH_VENV)/.installed  ## how fast and how good, against the alt
 		$(BIN)/python $$file || exit 1; done
 	@$(BENCH_VENV)/bin/python bench/bench_recognition.py
 
-grasps: setup  ## grasps in physics, counted: blind, by touch, by shape (over an hour; goes on where it was; STARTS=10)
+grasps: setup  ## grasps in physics, counted, by four ways to close (over an hour; goes on where it was; STARTS=10)
 	@$(BIN)/python -c 'import mujoco' 2>/dev/null \
 		|| $(BIN)/python -m pip install --disable-pip-version-check --quiet -r requirements/bench_physics.txt
 	@OMP_NUM_THREADS=1 $(BIN)/python bench/bench_grasps.py --starts $(or $(STARTS),10)
