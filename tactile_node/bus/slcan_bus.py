@@ -5,7 +5,6 @@ frames/s) are too much for it. Reading all that waits takes a fraction of that. 
 a damaged line: here each is checked whole.
 """
 
-import fcntl
 import os
 import time
 from collections import deque
@@ -137,6 +136,10 @@ class BulkSlcanBus(slcanBus):
 
 def _lock_port(port: str) -> int | None:
     """A descriptor that keeps ``port`` from being opened by others that ask (pyserial: exclusive); None: no file."""
+    try:
+        import fcntl
+    except ImportError:  # Windows: it opens a serial port for one process only
+        return None
     try:
         descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError:

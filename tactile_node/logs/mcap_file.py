@@ -48,12 +48,17 @@ class Stored(NamedTuple):
     data: bytes
 
 
+def _read(file: int, size: int, at: int) -> bytes:
+    os.lseek(file, at, os.SEEK_SET)  # not os.pread: Windows has none
+    return os.read(file, size)
+
+
 class McapFile:
     """Reads an open file, called ``name``. ``summary`` is what it says of itself at its end, None where it cannot."""
 
     def __init__(self, file: int, name: str):
         self._file, self._name, self._size = file, name, os.fstat(file).st_size
-        tail = os.pread(file, TAIL_BYTES, max(self._size - TAIL_BYTES, 0))
+        tail = _read(file, TAIL_BYTES, max(self._size - TAIL_BYTES, 0))
         self._has_end = tail.endswith(MCAP_MAGIC)
         self.summary = self._read_summary(tail) if self._has_end and len(tail) == TAIL_BYTES else None
         self._schemas: dict[int, Schema] = {} if self.summary is None else self.summary.schemas
@@ -78,7 +83,7 @@ class McapFile:
 
     def _read_summary(self, tail: bytes) -> Summary | None:
         begin, _, checksum = _FOOTER.unpack_from(tail, RECORD_HEAD.size)
-        content = os.pread(self._file, max(self._size - TAIL_BYTES - begin, 0), begin) if begin < self._size else b''
+        content = _read(self._file, max(self._size - TAIL_BYTES - begin, 0), begin) if begin < self._size else b''
         if not content or checksum not in (0, zlib.crc32(content + tail[:-len(MCAP_MAGIC) - 4])):
             return None
         try:
@@ -92,7 +97,7 @@ class McapFile:
         for index in sorted(indexes, key=lambda index: index.chunk_start_offset):
             if index.message_end_time < since:
                 continue
-            record = os.pread(self._file, index.chunk_length, index.chunk_start_offset)
+            record = _read(self._file, index.chunk_length, index.chunk_start_offset)
             chunk = _chunk_of(record[RECORD_HEAD.size:])
             if chunk is None or RECORD_HEAD.unpack_from(record)[1] != index.chunk_length - RECORD_HEAD.size:
                 yield Damage(DamageKind.RECORDS, self._name, 1, index.chunk_length)
@@ -104,7 +109,7 @@ class McapFile:
         while at is not None:
             opcode, length = self._head(at) or (None, 0)
             end = at + RECORD_HEAD.size + length
-            record = os.pread(self._file, end - at, at)
+            record = _read(self._file, end - at, at)
             chunk = _chunk_of(record[RECORD_HEAD.size:])
             if chunk is not None:
                 if chunk.message_end_time >= since or self.summary is not None or not self._channels:
@@ -124,7 +129,7 @@ class McapFile:
 
     def _head(self, at: int) -> tuple[int, int] | None:
         """Return opcode and length of the record at ``at``; None where none can be that lies within the file."""
-        head = os.pread(self._file, RECORD_HEAD.size, at)
+        head = _read(self._file, RECORD_HEAD.size, at)
         if len(head) < RECORD_HEAD.size:
             return None
         opcode, length = RECORD_HEAD.unpack(head)
@@ -135,11 +140,11 @@ class McapFile:
 
     def _next_chunk(self, at: int) -> int | None:
         for begin in range(at, self._size, SEARCH_BYTES):
-            content = os.pread(self._file, SEARCH_BYTES + RECORD_HEAD.size + CHUNK_SIZE, begin)
+            content = _read(self._file, SEARCH_BYTES + RECORD_HEAD.size + CHUNK_SIZE, begin)
             for match in _CHUNK_HEAD.finditer(content):
                 found = begin + match.start()
                 head = self._head(found)
-                if head is not None and _chunk_of(os.pread(self._file, head[1], found + RECORD_HEAD.size)) is not None:
+                if head is not None and _chunk_of(_read(self._file, head[1], found + RECORD_HEAD.size)) is not None:
                     return found
         return None
 

@@ -1,7 +1,7 @@
 """What a view shows again: taxels of a bag as published, or of a CAN log as the driver would assemble them."""
 
-import os
 import tempfile
+import threading
 from array import array
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
@@ -26,18 +26,23 @@ class _Track:
         self.geometry = shape, pitch, unit
         self.places = array('d')  # as stamps, but never back
         self.file = tempfile.TemporaryFile()
+        self._lock = threading.Lock()  # of its place: os.pread, which needs none, is not on Windows
         self._record = np.dtype([('stamp', 'f8'), ('sequence', 'u8'), ('values', 'f4', shape),
                                  ('status', 'u1', shape), ('missing', 'u4')])
 
     def add(self, frame: TaxelFrame) -> None:
         record = np.array((frame.stamp, frame.sequence, frame.values, frame.status, frame.missing_can_frames),
                           self._record)
-        os.pwrite(self.file.fileno(), record.tobytes(), len(self.places) * self._record.itemsize)
+        with self._lock:
+            self.file.seek(len(self.places) * self._record.itemsize)
+            self.file.write(record.tobytes())
         self.places.append(max(frame.stamp, self.places[-1]) if self.places else frame.stamp)  # last: it is complete
 
     def frame(self, index: int) -> TaxelFrame:
         size = self._record.itemsize
-        found = np.frombuffer(os.pread(self.file.fileno(), size, index * size), self._record)[0]
+        with self._lock:
+            self.file.seek(index * size)
+            found = np.frombuffer(self.file.read(size), self._record)[0]
         return TaxelFrame(float(found['stamp']), int(found['sequence']), read_only(found['values']),
                           read_only(found['status']), int(found['missing']))
 
