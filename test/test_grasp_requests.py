@@ -9,6 +9,7 @@ import rclpy
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from rclpy.action import ActionClient
+from rclpy.action.server import GoalEvent, ServerGoalHandle
 from rclpy.parameter import Parameter
 from ros_bench import TIMEOUT
 from test_grasp_node import BOTH, PERIOD, SIM_TIME, Gripper, hidden_shape
@@ -78,7 +79,25 @@ def planner(make_planner):
     return make_planner()
 
 
-def test_goals_wait_beside_each_other_and_each_gets_its_answer(planner):
+@pytest.fixture(params=['', 'rules of Lyrical'])
+def rules(request, monkeypatch):
+    """Those of rclpy 10.0.10 on a goal that is only accepted: no feedback is sent; `executing` may be called first."""
+    update, publish = ServerGoalHandle._update_state, ServerGoalHandle.publish_feedback
+
+    def is_executing(handle):
+        return handle.status == GoalStatus.STATUS_EXECUTING
+
+    def update_once(handle, event=GoalEvent.EXECUTE):
+        if event != GoalEvent.EXECUTE or not is_executing(handle):
+            update(handle, event)
+    if request.param:
+        monkeypatch.setattr(ServerGoalHandle, 'executing', update_once, raising=False)
+        monkeypatch.setattr(ServerGoalHandle, '_update_state', update_once)
+        monkeypatch.setattr(ServerGoalHandle, 'publish_feedback',
+                            lambda handle, message: publish(handle, message) if is_executing(handle) else None)
+
+
+def test_goals_wait_beside_each_other_and_each_gets_its_answer(rules, planner):
     held, feedback = planner.send()
     other, _ = planner.send(shapes=[ContactShape.CIRCLE])
     short, _ = planner.send(timeout=0.2)

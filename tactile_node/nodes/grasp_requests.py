@@ -49,8 +49,8 @@ class _Goal:
 class GraspRequests:
     """Answers both from what ``current()`` gives when it answers, never from an earlier grasp.
 
-    A goal that waits is not executed: rclpy would poll its coroutine without a pause. So its status is ACCEPTED until
-    the answer is at hand; then it is executed, which looks again.
+    A goal that waits is not executed: rclpy would poll its coroutine without a pause. So its status is ACCEPTED (in
+    Lyrical EXECUTING, see `allow_feedback`) until the answer is at hand; then it is executed, which looks again.
     """
 
     def __init__(self, node: Node, current: Callable[[], CurrentGrasp]):
@@ -98,6 +98,7 @@ class GraspRequests:
             # A goal that is rejected gets no result, so no reason.
             handle.execute(lambda handle, error=error: self._refuse(handle, error))
             return
+        allow_feedback(handle)
         self._goals.append(_Goal(handle, requirement, time.monotonic() + timeout))
         self._timer.reset()
         self.look(self._current())
@@ -148,6 +149,12 @@ class GraspRequests:
             raise RefusedRequirementError('wait_for_grasp', RequirementRefusal.TOO_MANY_GOALS,
                                           expected=f'at most {MOST_GOALS} goals that wait', got='one more',
                                           remedy='Cancel those that are not needed.')
+
+
+def allow_feedback(handle: ServerGoalHandle) -> None:
+    """Have rclpy send what ``handle`` publishes: since Lyrical, it sends none of a goal that is only accepted."""
+    if hasattr(handle, 'executing'):
+        handle.executing()
 
 
 def _fill(answer: WaitForGrasp.Result | CheckGrasp.Response, outcome: int, found: Sequence[Missing] = (),

@@ -29,6 +29,7 @@ from tactile_node.grasp.holding import Holding, HoldLimits
 from tactile_node.grasp.opening import HIGHEST_GAP, GapSource, LinearGap
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.nodes.gripper_client import GripperClient, GripperResult
+from tactile_node.nodes.grasp_requests import allow_feedback
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface, touch_of
@@ -67,8 +68,9 @@ class _Run:
 class GripperNode(Node):
     """Serves `~/gripper_cmd`; a client uses it as the gripper's own action.
 
-    A goal to close goes on by what `grasp` says and on nothing else. It is under way, with status ACCEPTED, until its
-    result is known. The latest goal replaces the one before. Raises ConfigurationError for a wrong parameter.
+    A goal to close goes on by what `grasp` says and on nothing else. It is under way, with status ACCEPTED (Lyrical:
+    EXECUTING), until its result is known. The latest goal replaces the one before. Raises ConfigurationError for a
+    wrong parameter.
     """
 
     def __init__(self, **options: Any):
@@ -131,6 +133,7 @@ class GripperNode(Node):
 
     def _begin(self, run: _Run) -> None:
         self._run = run
+        allow_feedback(handle)
         self._timer.reset()
 
     def _started(self, handle: ServerGoalHandle, command: Command) -> _Run:

@@ -11,7 +11,6 @@ from typing import Any, Generic, Protocol, TypeGuard
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tactile_node.bus.message_pace import Reminder
 from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
@@ -233,10 +232,11 @@ def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
                          if own and _is_known(info) and info.topic_type_hash != own[0]}))
 
 
-def _full_name(info: TopicEndpointInfo) -> str:
+# `info` is rclpy's TopicEndpointInfo: Lyrical has it in another module than Jazzy and Kilted.
+def _full_name(info: Any) -> str:
     return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
 
 
-def _is_known(info: TopicEndpointInfo) -> bool:
+def _is_known(info: Any) -> bool:
     """A publisher of an older ROS 2 sends none."""
     return any(info.topic_type_hash.value)
