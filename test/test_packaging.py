@@ -1,9 +1,14 @@
 """What is stated in two places agrees: versions of the package and of what it needs."""
 
+import os
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import make_canopen_deb
 import pytest
 
 import tactile_node
@@ -55,3 +60,22 @@ def test_without_metadata_the_version_is_unknown_and_not_that_of_another_install
     monkeypatch.setattr(package_files, 'is_checkout', lambda: False)
     monkeypatch.setattr(package_files, 'PACKAGE_FOLDER', tmp_path / 'tactile_node')
     assert package_files.package_version() == 'unknown'
+
+
+def test_the_canopen_of_the_install_page_is_the_pinned_one():
+    pinned, = re.findall(r'^canopen==(\S+)', (ROOT / 'requirements/lock.txt').read_text(), re.MULTILINE)
+    page = (ROOT / 'docs/install.md').read_text(encoding='utf-8')
+    assert re.findall(r'apt install \./dist/(\S+)', page) == [f'python3-canopen_{pinned}_all.deb']
+
+
+@pytest.mark.skipif(not shutil.which('dpkg-deb'), reason='dpkg-deb is not installed')
+def test_the_debian_package_of_canopen_holds_all_of_it(tmp_path):
+    """`make deb-test` installs it in a clean Debian."""
+    made = make_canopen_deb.make(tmp_path)
+    subprocess.run(['dpkg-deb', '--extract', made, tmp_path], check=True)
+    libraries = tmp_path / 'usr/lib/python3/dist-packages'
+    program = 'import canopen, importlib.metadata as m; print(m.version("canopen"), canopen.__file__)'
+    out = subprocess.run([sys.executable, '-c', program], env={**os.environ, 'PYTHONPATH': str(libraries)}, check=True,
+                         capture_output=True, text=True).stdout.split()
+    assert out[1].startswith(str(libraries)) and made.name == f'python3-canopen_{out[0]}_all.deb'
+    assert 'python3-can ' in subprocess.check_output(['dpkg-deb', '--field', made, 'Depends'], text=True)

@@ -1,0 +1,54 @@
+"""Makes a Debian package of the canopen of this environment, for robots that have apt and no pip.
+
+Run by `make deb`, or: python tools/make_canopen_deb.py dist. It runs with every Python of Debian and Ubuntu.
+"""
+
+import re
+import subprocess
+import sys
+import tempfile
+from importlib.metadata import Distribution, distribution
+from pathlib import Path
+
+DEPENDS = {'python-can>=3.0.0': 'python3-can (>= 3.0.0)'}  #: by the requirement of canopen
+OF_PIP = {'INSTALLER', 'RECORD', 'REQUESTED', 'direct_url.json'}  # with these, pip would uninstall files of apt
+CONTROL = """Package: python3-canopen
+Version: {version}
+Architecture: all
+Section: python
+Priority: optional
+Maintainer: tactile_skin maintainers <maintainers@tactile-skin.org>
+Depends: python3, {depends}
+Homepage: https://github.com/canopen-python/canopen
+Description: {summary}
+ Made of the files that PyPI has, by tactile_skin; the licence is in them.
+"""
+
+
+def control(canopen: Distribution) -> str:
+    """Return the control file. Raises KeyError for a requirement that has no package in DEPENDS."""
+    needed = [re.sub('[ ()]', '', each) for each in canopen.requires or () if 'extra ==' not in each]
+    return CONTROL.format(version=canopen.version, summary=canopen.metadata['Summary'],
+                          depends=', '.join(DEPENDS[each] for each in needed))
+
+
+def make(folder: Path) -> Path:
+    """Write the package to ``folder`` and return its path."""
+    canopen = distribution('canopen')
+    path = folder / f'python3-canopen_{canopen.version}_all.deb'
+    with tempfile.TemporaryDirectory() as root:
+        for file in canopen.files or ():
+            if file.suffix != '.pyc' and file.name not in OF_PIP:
+                target = Path(root, 'usr/lib/python3/dist-packages', file)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_bytes(file.read_binary())
+        Path(root, 'DEBIAN').mkdir()
+        Path(root, 'DEBIAN/control').write_text(control(canopen), encoding='utf-8')
+        Path(root).chmod(0o755)
+        folder.mkdir(parents=True, exist_ok=True)
+        subprocess.run(['dpkg-deb', '--root-owner-group', '--build', root, path], check=True)
+    return path
+
+
+if __name__ == '__main__':
+    make(Path(sys.argv[1]))
