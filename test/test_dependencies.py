@@ -49,6 +49,10 @@ OF_TESTS = {'jsonschema': 'python3-jsonschema', 'py_trees': 'py_trees', 'pytest'
 NOT_MODULES = {'rosidl_default_runtime', 'ros2launch', 'xacro'}
 #: Nothing imports them: the messages of an action are made of them
 OF_INTERFACES = {'action_msgs'}
+#: Modules that rclpy has in some of Jazzy, Kilted and Lyrical (7.1.6, 9.1.2, 10.0.10) and not in others
+NOT_IN_EVERY_ROS = {f'rclpy.{name}' for name in (
+    'destroyable', 'endpoint_info', 'experimental', 'qos_event', 'subscription_content_filter_options',
+    'topic_endpoint_info')}
 OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', 'examples', 'from_code',
         *(path.stem for folder in ('tools', 'bench', 'examples') for path in (ROOT / folder).glob('*.py'))}
 #: Imported by single tests or examples that say so: what a robot has that needs the example, or a tool of this machine
@@ -76,6 +80,12 @@ def _modules(node: ast.AST) -> list[str]:
             'import_module', 'find_spec', '_library') and node.args and isinstance(node.args[0], ast.Constant):
         return [node.args[0].value]
     return []
+
+
+def test_no_module_is_imported_that_a_supported_ros_has_not():
+    for path in [*(ROOT / 'tactile_node').rglob('*.py'), *(ROOT / 'examples').rglob('*.py')]:
+        found = {module for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))) for module in _modules(node)}
+        assert not {'.'.join(module.split('.')[:2]) for module in found} & NOT_IN_EVERY_ROS, path
 
 
 def keys(*tags: str) -> set[str]:
@@ -121,7 +131,7 @@ def test_every_dependency_is_one_of_the_code():
 def test_a_released_package_depends_on_no_pip_key():
     """rosdistro refuses such a release; bloom takes what is without condition or whose condition holds."""
     package = pytest.importorskip('catkin_pkg.package').parse_package(str(ROOT / 'package.xml'))
-    for distro in ('jazzy', 'kilted'):
+    for distro in ('jazzy', 'kilted', 'lyrical'):
         package.evaluate_conditions({'ROS_VERSION': '2', 'ROS_DISTRO': distro, 'ROS_PYTHON_VERSION': '3'})
         released = {depend.name for depend in package.exec_depends if depend.evaluated_condition}
         assert not released & PIP_KEYS and not any(name.endswith('-pip') for name in released)
