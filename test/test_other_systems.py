@@ -12,7 +12,7 @@ from tactile_node.cli.main import COMMANDS
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[1]
-#: What Windows has not: pty and tty are there, and fail without termios. pyserial comes first: it has a part for Windows
+#: What Windows has not: pty and tty are there, and fail without termios. pyserial, imported first, works there
 WINDOWS = """
 import os, serial, signal, sys
 for name in ('termios', 'fcntl', 'resource', 'grp', 'pwd', 'readline', 'rclpy', 'tactile_skin', 'std_msgs'):

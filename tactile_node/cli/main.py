@@ -39,7 +39,8 @@ FIRST_COMMANDS = 10
 RUNS_NODES = 'bringup'
 
 #: by command, what its help would promise in vain without
-NEEDED = {'simulate': ('termios',), 'bringup': ('rclpy', 'tactile_skin'), 'view': ('viser',), 'completion': ('argcomplete',)}
+NEEDED = {'simulate': ('termios',), 'bringup': ('rclpy', 'tactile_skin'), 'view': ('viser',),
+          'completion': ('argcomplete',)}
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make setup` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',

@@ -28,8 +28,8 @@ from tactile_node.grasp.closing import (
 from tactile_node.grasp.holding import Holding, HoldLimits
 from tactile_node.grasp.opening import HIGHEST_GAP, GapSource, LinearGap
 from tactile_node.grasp.tracker import GraspContact
-from tactile_node.nodes.gripper_client import GripperClient, GripperResult
 from tactile_node.nodes.grasp_requests import allow_feedback
+from tactile_node.nodes.gripper_client import GripperClient, GripperResult
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface, touch_of
