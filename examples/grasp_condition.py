@@ -11,16 +11,15 @@ succeeds by an old message. Tick the tree in a timer of the same node, or in the
 
 import time
 from collections.abc import Callable, Collection
+from math import inf
 
 import py_trees
 from rclpy.qos import QoSProfile
 
+from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE, Doubt, doubt
 from tactile_node.ros.message_age import Arrival, InputAge
 from tactile_node.ros.message_checks import check_grasp
 from tactile_skin.msg import ContactShape, Grasp
-
-MAX_AGE = 0.3       # of an acquisition [s]
-MAX_SILENCE = 0.1   # since the latest grasp arrived [s]
 
 
 class GraspWatch:
@@ -63,12 +62,10 @@ class IsGraspStable(py_trees.behaviour.Behaviour):
     def _missing(self) -> str:
         """What is missing first; empty: nothing."""
         grasp = self._watch.current()
-        if grasp is None or grasp.contact in (Grasp.NOT_KNOWN, Grasp.UNSEEN):
+        if grasp is None:
             return 'not known'
-        if grasp.contact != Grasp.TWO_SIDED:
-            return 'not held by both pads'
-        if not grasp.stable or grasp.line_is_bound:
-            return 'not stable' if not grasp.stable else 'seen in part only'
+        if (found := doubt(grasp, silence=0.0, max_age=inf)) is not Doubt.NONE:  # `current` has looked at the times
+            return found.value
         if self._shapes and grasp.class_name not in self._shapes:
             return 'another shape'
         if self._min_confidence and (grasp.shape == ContactShape.UNKNOWN or grasp.confidence < self._min_confidence):
