@@ -1,6 +1,7 @@
 """`tactile check` and `tactile draft`: all problems of a layout with their lines, and a layout from an EDS."""
 
 import json
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -230,3 +231,13 @@ def test_what_cannot_be_a_draft_is_refused(words, capsys):
     assert main(['draft', *words]) == 2
     out = capsys.readouterr()
     assert not out.out and 'expected' in out.err
+
+
+def test_the_layout_on_the_page_is_whole_and_names_its_dead_taxels(tmp_path):
+    page = (CONFIG.parent / 'docs' / 'howto' / 'my_skin.md').read_text(encoding='utf-8')
+    text = next(part for part in page.split('```yaml\n') if part.lstrip().startswith('rows:')).split('```')[0]
+    assert len(text.splitlines()) <= 25
+    layout = read_layout(str(written(tmp_path, textwrap.dedent(text))))
+    assert (layout.rows, layout.cols, layout.dead) == (4, 8, ((0, 3), (2, 0), (2, 1)))
+    assert [[(taxel.row, taxel.col) for taxel in each.taxels] for each in layout.tpdos] == [
+        [(row, col) for col in range(8)] for row in range(4)]
