@@ -25,11 +25,21 @@ ZERO_FRAMES = 20
 #: source -> package and message, and what it holds of a pad, in any order that `rows` and `cols` make a grid of
 SOURCES: Mapping[str, tuple[str, str, Callable[[Any, int], Any]]] = MappingProxyType({
     'array': ('std_msgs', 'Float32MultiArray', lambda message, pad: message.data),
-    'image': ('sensor_msgs', 'Image', lambda message, pad: np.frombuffer(message.data, np.float32)),
+    'image': ('sensor_msgs', 'Image', lambda message, pad: pixels(message)),
     'robotiq': ('robotiq_tsf', 'StaticData', lambda message, pad: message.taxels[pad].values),
-    'xela': ('xela_server_ros2', 'SensStream', lambda message, pad: [each.z for each in message.sensors[pad].forces])})
+    # A sensor that is missing leaves no place in the list: only sensor_pos, from 1, says which one it is.
+    'xela': ('xela_server_ros2', 'SensStream', lambda message, pad: [
+        each.z for sensor in message.sensors if sensor.sensor_pos == pad + 1 for each in sensor.forces])})
 PARAMETERS = {'source': 'array', 'pad': 0, 'rows': 12, 'cols': 8, 'pitch': 0.004, 'unit': 'Pa', 'scale': 1.0,
-              'frame': 'pad', 'port': '/dev/ttyACM0', 'baud_rate': 115200}
+              'flip': False, 'frame': 'pad', 'port': '/dev/ttyACM0', 'baud_rate': 115200}
+
+
+def pixels(image: Any) -> np.ndarray:
+    """Return the pixels (height, width) of a 32FC1 image, (0,) of another."""
+    if image.encoding != '32FC1':
+        return np.empty(0)
+    return np.ndarray((image.height, image.width), '>f4' if image.is_bigendian else '<f4', bytes(image.data),
+                      strides=(image.step, 4))
 
 
 class OtherSkin(Node):
@@ -54,10 +64,11 @@ class OtherSkin(Node):
         now, rows, cols = self.get_clock().now(), self.settings['rows'], self.settings['cols']
         self._sequence += 1  # a frame that cannot be used leaves a gap, which is counted as a loss
         raw = np.asarray(numbers, float)
-        if raw.size != rows * cols:
-            self.get_logger().error(f'frame dropped: expected {rows} * {cols} numbers, got {raw.size}',
+        if raw.shape not in ((rows * cols,), (rows, cols)):
+            self.get_logger().error(f'frame dropped: expected {rows} * {cols} numbers, got {raw.shape}',
                                     throttle_duration_sec=1.0)
             return
+        raw = raw.reshape(rows, cols)[::-1 if self.settings['flip'] else 1]
         if len(self._first) < ZERO_FRAMES:
             self._first.append(raw)
             self._zero = np.ma.masked_invalid(self._first).mean(0).filled(np.nan)

@@ -1,29 +1,45 @@
 """The example for skins that are not on CANopen: its taxels are recognised, and what has no value is NaN."""
 
 import os
+import subprocess
+import sys
 import threading
 import time
+from contextlib import ExitStack
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import other_skin as example
 import pytest
 import rclpy
+from builtin_interfaces.msg import Duration, Time
+from documented_commands import commands_of
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
-from std_msgs.msg import Float32MultiArray
+from sensor_msgs.msg import Image
+from std_msgs.msg import Float32MultiArray, Header
 
+from tactile_node.grasp.trust import Doubt, doubt
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.view_topics import TopicSource
+from tactile_node.ros.message_checks import check_taxel_array
+from tactile_node.ros.qos import frames_qos
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import Contact
-from tactile_skin.msg import ContactShape, TaxelArray
+from tactile_skin.msg import ContactShape, Grasp, TaxelArray
+from training.ground_truth.indenters import flat_punch
+from training.ground_truth.layer import sample, stress_field
+from training.ground_truth.mechanics import solve
 
 pytestmark = pytest.mark.ros
 
 ROWS, COLS, PITCH, SIDE, REST, COUNT, TIMEOUT = 12, 14, 0.004, 6.0, 300, 25.0, 60.0
 DEAD = (2, 3)
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = (ROOT / 'docs' / 'howto' / 'other_skins.md').read_text(encoding='utf-8')
 
 
 @pytest.fixture(autouse=True)
@@ -87,9 +103,83 @@ def test_messages_of_makers_are_read():
     """StaticData of robotiq_tsf: two pads of 28 numbers; SensStream of xela_server_ros2: forces along x, y, z [N]."""
     static = SimpleNamespace(taxels=[SimpleNamespace(values=[1] * 28), SimpleNamespace(values=[2] * 28)])
     forces = [SimpleNamespace(x=9.0, y=9.0, z=float(z)) for z in range(16)]
-    stream = SimpleNamespace(sensors=[SimpleNamespace(forces=[]), SimpleNamespace(forces=forces)])
+    stream = SimpleNamespace(sensors=[SimpleNamespace(sensor_pos=2, forces=forces)])
     assert list(example.SOURCES['robotiq'][2](static, 1)) == [2] * 28
     assert example.SOURCES['xela'][2](stream, 1) == [float(z) for z in range(16)]
+    assert example.SOURCES['xela'][2](stream, 0) == []  # the sensor of this pad is missing
+
+
+@pytest.mark.parametrize('order', ['<', '>'])
+def test_an_image_is_read_with_its_steps_and_byte_order_and_of_another_encoding_nothing(order):
+    padded = np.arange(10, dtype=f'{order}f4').reshape(2, 5)
+    image = Image(height=2, width=3, encoding='32FC1', is_bigendian=order == '>', step=20, data=padded.tobytes())
+    assert example.pixels(image).tolist() == [[0, 1, 2], [5, 6, 7]]
+    assert example.pixels(Image(height=2, width=3, encoding='32SC1', step=20, data=padded.tobytes())).size == 0
+
+
+def test_rows_are_reversed_on_request_and_a_grid_of_other_sides_is_dropped():
+    node, sent = other_skin(rows=2, cols=3, scale=1.0, flip=True), []
+    node._publisher = SimpleNamespace(publish=sent.append)
+    for _ in range(example.ZERO_FRAMES):
+        node.take(np.zeros(6))
+    node.take(np.zeros((3, 2)))
+    assert not sent
+    node.take(range(6))
+    assert list(sent[0].values) == [3, 4, 5, 0, 1, 2]
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(('field', 'wrong'), [
+    ('header.stamp', Header(stamp=Time(sec=-1))), ('age', Duration(sec=-1)), ('rows', 0), ('cols', 2000),
+    ('pitch', 0.0), ('unit', 'counts'), ('unit', ''), ('values', [0.0]), ('values', [np.inf, 0.0]), ('status', [1]),
+    ('status', [1, 7]), ('status', [1, 2])])
+def test_the_page_names_beside_a_field_for_which_reason_a_wrong_one_is_dropped(field, wrong):
+    row = next(line.split('|') for line in PAGE.splitlines() if line.startswith('| ') and f'`{field}`' in
+               line.split('|')[1])
+    message = TaxelArray(rows=1, cols=2, pitch=0.002, unit='Pa', values=[0.0, 0.0], status=[1, 1])
+    assert check_taxel_array(message) is None
+    setattr(message, field.split('.')[0], wrong)
+    assert f'`{check_taxel_array(message).key}`' in row[3]
+
+
+@pytest.mark.bus
+def test_two_serial_devices_started_as_on_the_page_give_a_view_and_a_grasp(monkeypatch):
+    """A square by contact mechanics, pressed between both; terminals take the place of the devices."""
+    words = next(each.words[1:] for each in commands_of(PAGE, '') if 'other_skin.py' in each.text)
+    solution = solve(flat_punch(Contact('square', (1.0,), 0.0, 0.0), 0.03, 0.12))
+    stress = sample(stress_field(solution, 16.0, 0.5), 3.6, 5.4, 0.2, 12, 8)
+    rng, keyboards, grasps = np.random.default_rng(20261125), [], []
+    with ExitStack() as stack:
+        def start(*words):
+            process = subprocess.Popen([sys.executable, *words], cwd=ROOT)
+            stack.callback(process.wait, TIMEOUT)
+            stack.callback(process.terminate)
+        for pad in ('left', 'right'):
+            keyboard, port = os.openpty()
+            keyboards.append(keyboard)
+            start(*[word.replace('/dev/ttyACM0', os.ttyname(port)).replace('/left', f'/{pad}') for word in words])
+        start('-m', 'tactile_node.cli.main', 'bringup', '--side', 'perception', '--pads', 'left,right')
+        peer = rclpy.create_node('peer')
+        peer.create_subscription(Grasp, '/grasp', grasps.append, frames_qos(1))
+        stack.callback(peer.destroy_node)
+        stack.enter_context(spinning([peer]))
+
+        def send_until(condition, load):
+            end = time.monotonic() + TIMEOUT
+            while not condition():
+                assert time.monotonic() < end, grasps[-1:]
+                for keyboard, pressed in zip(keyboards, (stress, stress[:, ::-1])):
+                    counts = np.rint(400 + load * pressed + 4 * rng.standard_normal(stress.shape)).astype(int)
+                    os.write(keyboard, ' '.join(map(str, counts.ravel())).encode() + b'\n')
+                time.sleep(0.03)
+        send_until(lambda: grasps and grasps[-1].contact == Grasp.NO_CONTACT, 0)
+        monkeypatch.setattr(rclpy, 'init', lambda **given: None)  # it runs already
+        view = TopicSource()
+        stack.callback(view.stop)
+        view.start()
+        send_until(lambda: doubt(grasps[-1], 0.0) is Doubt.NONE and grasps[-1].class_name == 'square', 1200)
+        shown = view.store.shown().pads
+        assert {pad: state.contact.shape for pad, state in shown.items()} == {'left': 'square', 'right': 'square'}
 
 
 def test_lines_of_a_serial_port_are_frames_and_a_word_that_is_no_number_is_nan():
