@@ -7,7 +7,6 @@
 #define TACTILE_SKIN__TRUST_HPP_
 
 #include <cmath>
-#include <cstdint>
 
 namespace tactile_skin
 {
@@ -44,8 +43,8 @@ Doubt doubt(
   const Grasp & grasp, double silence, double max_age = MAX_AGE, double max_silence = MAX_SILENCE)
 {
   if (!(silence >= 0.0 && silence <= max_silence)) {return Doubt::SILENT;}
-  const bool has_age = grasp.age.sec >= 0 && grasp.age.sec < INT32_MAX;
-  if (!has_age || !(grasp.age.sec + 1e-9 * grasp.age.nanosec + silence <= max_age)) {return Doubt::OLD;}
+  const double age = grasp.age.sec + 1e-9 * grasp.age.nanosec;  // 2^31 - 1 s and more: not known
+  if (!(age >= 0.0 && age + silence <= max_age)) {return Doubt::OLD;}
   if (grasp.contact == Grasp::UNSEEN) {return Doubt::UNSEEN;}
   if (grasp.contact == Grasp::NO_CONTACT) {return Doubt::NO_CONTACT;}
   if (grasp.contact == Grasp::ONE_SIDED) {return Doubt::ONE_SIDED;}

@@ -9,7 +9,6 @@ from typing import Any
 
 MAX_AGE = 0.3      #: of an acquisition [s]
 MAX_SILENCE = 0.1  #: since the latest grasp arrived [s]
-AGE_NOT_KNOWN = 2**31 - 1  #: `sec` of such an age
 
 
 class Doubt(Enum):
@@ -37,8 +36,8 @@ def doubt(grasp: Any, silence: float, max_age: float = MAX_AGE, max_silence: flo
     """
     if not 0 <= silence <= max_silence:
         return Doubt.SILENT
-    sec, nanosec = grasp.age.sec, grasp.age.nanosec
-    if not 0 <= sec < AGE_NOT_KNOWN or not sec + nanosec * 1e-9 + silence <= max_age:
+    age = grasp.age.sec + grasp.age.nanosec * 1e-9  # 2^31 - 1 s and more: not known
+    if not (age >= 0 and age + silence <= max_age):
         return Doubt.OLD
     short_of = {grasp.UNSEEN: Doubt.UNSEEN, grasp.NO_CONTACT: Doubt.NO_CONTACT, grasp.ONE_SIDED: Doubt.ONE_SIDED}
     if grasp.contact != grasp.TWO_SIDED:
