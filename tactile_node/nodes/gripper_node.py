@@ -5,7 +5,7 @@ import math
 import sys
 import time
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
@@ -33,7 +33,7 @@ from tactile_node.nodes.gripper_client import GripperClient, GripperResult
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface, touch_of
-from tactile_node.ros.gripper_settings import GripperSettings
+from tactile_node.ros.gripper_settings import GripperSettings, limits_of
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import check_grasp
 from tactile_node.ros.parameters import declare, read
@@ -45,7 +45,6 @@ RESULT_TIMEOUT = 2  #: s for which a result is kept for a client that has not as
 MEASURED = (int(GapSource.JOINT_STATES), int(GapSource.TF))
 NEAR = 0.002  #: m, of where the gripper should be: it is there
 
-Limits = TypeVar('Limits', TouchLimits, HoldLimits)
 logger = logging.getLogger(__name__)
 
 
@@ -79,7 +78,7 @@ class GripperNode(Node):
         super().__init__('touch_gripper', **options)
         declare(self, GripperSettings)
         self._settings = settings = read(self, GripperSettings)
-        self._limits, self._hold_limits = _of(TouchLimits, settings), _of(HoldLimits, settings)
+        self._limits, self._hold_limits = limits_of(TouchLimits, settings), limits_of(HoldLimits, settings)
         self._law = LinearGap(settings.gap_offset, settings.gap_scale)
         self._interface = gripper_interface(settings.action_type, settings.joint)
         self._touch, self._ages = NO_TOUCH, InputAge()
@@ -128,12 +127,12 @@ class GripperNode(Node):
         if self._run is not None:
             self._run.outcome = Outcome.REPLACED
             self._finish(self._run)
+        allow_feedback(handle)
         self._begin(run)
         self._look()
 
     def _begin(self, run: _Run) -> None:
         self._run = run
-        allow_feedback(handle)
         self._timer.reset()
 
     def _started(self, handle: ServerGoalHandle, command: Command) -> _Run:
@@ -280,11 +279,6 @@ class GripperNode(Node):
         if not is_usual and not reason:
             logger.warning('%s: %s ended: %s', self.get_fully_qualified_name(), 'hold' if run.holding else 'goal',
                            outcome.name)
-
-
-def _of(kind: type[Limits], settings: GripperSettings) -> Limits:
-    """Return the limits that the parameters of these names give."""
-    return kind(**{name: getattr(settings, name) for name in kind.__dataclass_fields__})
 
 
 def _is_cancel(stop_by: str) -> bool:

@@ -1,6 +1,7 @@
 """The parameters of the gripper node; see settings.py. Most are the limits of closing, with their defaults."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 from tactile_node.grasp.closing import TouchLimits
 from tactile_node.grasp.holding import HoldLimits
@@ -8,6 +9,8 @@ from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.ros.settings import ReceiverSettings, parameter
 
 LIMITS, HOLD = TouchLimits(), HoldLimits()
+
+Limits = TypeVar('Limits', TouchLimits, HoldLimits)
 
 
 @dataclass(frozen=True)
@@ -53,3 +56,8 @@ class GripperSettings(ReceiverSettings):
     slide_force_step: float = parameter(HOLD.slide_force_step, 'by which the force that is held rises where the '
                                         'object slides, once a second at most and up to highest_force [N]; 0: not', 0,
                                         1e4)
+
+
+def limits_of(kind: type[Limits], settings: GripperSettings) -> Limits:
+    """Return the limits that the parameters of these names give."""
+    return kind(**{name: getattr(settings, name) for name in kind.__dataclass_fields__})
