@@ -100,7 +100,7 @@ def good_shape(sequence=0) -> ContactShape:
     frame = Recognition.of({Shape.SQUARE: 0.75, Shape.UNKNOWN: 0.25})
     found = pad_contact_of(contact).found
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
-    result = StreamedContact(found.pattern, frame, FusedRecognition(frame, STAMP, 1.5, 30), fit, found)
+    result = StreamedContact(found.pattern, frame, FusedRecognition(frame, STAMP, 1.5, 30), fit, found, found.moments)
     return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).whole
 
 

@@ -80,7 +80,7 @@ def shape(values, kind, solid_height=0.0):
     found = pad_contact_of(message).found
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
     fused = FusedRecognition(frame, STAMP - 1.5, 1.5, 30)
-    result = StreamedContact(found.pattern, frame, fused, found.fit(kind), found)
+    result = StreamedContact(found.pattern, frame, fused, found.fit(kind), found, found.moments)
     return pad_shape(pad_frame_of(message), result, 'learned', solid_height).whole
 
 

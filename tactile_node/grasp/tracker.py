@@ -42,6 +42,7 @@ class SideResult(NamedTuple):
     resolution: float = 0.0002           #: what a moving contact's centre is wrong by beside its noise [m]
     is_bound: bool = False               #: the contact may reach beyond what is seen: its centre may be another one
     hides_creep: bool = False            #: so much is not seen that it could creep without a move of its centre
+    moves: bool = False                  #: the pad's contact is seen to slide or to turn
 
 
 class GraspContact(IntEnum):
@@ -77,7 +78,7 @@ class GraspState(NamedTuple):
     line: Line | None   #: None unless TWO_SIDED and fresh with both centres known
     line_is_bound: bool
     held: float         #: for how long shapes and centres of both sides have held [s]
-    stable: bool        #: two-sided, fresh, held long enough, and neither centre creeps
+    stable: bool        #: two-sided, fresh, held long enough, neither centre creeps and neither contact moves
     creep: float        #: speed of the faster centre [m/s]; NaN: not known
 
 
@@ -219,4 +220,4 @@ class _Side:
                 or abs(result.time - before.time) > self._longest_gap()):
             self._steadiness.restart()
         self._touch = result
-        self.rests = self._steadiness.update(result.time, result.centre, result.resolution)
+        self.rests = self._steadiness.update(result.time, result.centre, result.resolution) and not result.moves

@@ -16,17 +16,20 @@ from tactile_node.pose.pipeline import DEFAULT_FUSION, ContactPipeline, Streamed
 from tactile_node.ros.contact_messages import PadContact, pad_contact_of
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_contact
+from tactile_node.ros.motion_messages import event_message
 from tactile_node.ros.parameters import declare, read
-from tactile_node.ros.qos import is_wanted
+from tactile_node.ros.qos import frames_qos, is_wanted
 from tactile_node.ros.settings import ClassifierSettings
 from tactile_node.ros.shape_messages import MOST_SHAPES, PadShape, pad_shape, pose_message, shapes_message
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
-from tactile_skin.msg import Contact, ContactShape, ContactShapes
+from tactile_skin.msg import Contact, ContactEvent, ContactShape, ContactShapes
+
+EVENT_DEPTH = 10  # messages
 
 
 class ClassifierNode(StageNode):
-    """Publishes `shape` for the newest usable contact on `contact`, and `pose` while the contact has one.
+    """Publishes `shape` for the newest usable contact on `contact`, `pose` while the contact has one, and `events`.
 
     While something subscribes to them, `shapes` too, each of the largest contacts, and `markers`. A lossless classifier
     answers every contact and always publishes `shapes`, since it keeps messages for late subscribers. ``hand_over``:
@@ -46,6 +49,8 @@ class ClassifierNode(StageNode):
                                                           lambda shape: shape.whole, hand_over)
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)
         self._all_shapes = self.create_publisher(ContactShapes, 'shapes', qos)
+        self._events = self.create_publisher(ContactEvent, 'events',
+                                            frames_qos(EVENT_DEPTH, self._settings.lossless))
         self._view = ShapeView(self, self._settings.queue_depth, self._settings.full_scale)
         self._contacts = StageInput(self, Contact, 'contact', self.accept, self._settings, check=check_contact,
                                     parse=pad_contact_of, hand_over=hand_over, newest_only=True)
@@ -60,6 +65,8 @@ class ClassifierNode(StageNode):
         self._shapes.send(shape, self._contacts.arrival.acquired)
         if shape.bare.fit_valid and is_wanted(self._poses, self._settings.lossless):
             self._poses.publish(pose_message(shape.bare))
+        for event in result.motion.events:
+            self._events.publish(event_message(event, contact.header, contact.sequence, self._age()))
         self.recognised += 1
         if is_wanted(self._all_shapes, self._settings.lossless):
             self._publish_all(contact, result)

@@ -23,14 +23,14 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.ros.contact_messages import PadContact, contact_message, taxel_array_message, taxel_values
-from tactile_node.ros.message_age import InputAge
+from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import check_contact, check_contact_shape, check_grasp, check_taxel_array
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.time_messages import seconds
 from tactile_node.ros.view_messages import ContactMarkers, MarkerLifetime, colour_image, value_image, wrench_message
 from tactile_node.shape.recognition import UnknownReason
 from tactile_node.viewing.source import Store, ViewSource
-from tactile_node.viewing.states import GraspFacts, PadState, SeenContact, facts_of_status
+from tactile_node.viewing.states import GraspFacts, PadState, SeenContact, facts_of_status, moving_words
 from tactile_skin.msg import Contact, ContactShape, Grasp, SkinStatus, TaxelArray
 
 Message = TypeVar('Message')
@@ -237,4 +237,6 @@ def _seen(shape: ContactShape, mask: np.ndarray | None) -> SeenContact:
     outline = np.array([(point.x, point.y) for point in shape.outline.points]) if shape.fit_valid else None
     return SeenContact(shape.class_name, reason, dict(zip(shape.class_names, map(float, shape.probabilities))), outline,
                        tuple(zip(shape.dimension_names, map(float, shape.dimensions))) if shape.fit_valid else (),
-                       bool(shape.size_is_bound), float(shape.force), mask, bool(shape.force_is_bound))
+                       bool(shape.size_is_bound), float(shape.force), mask, bool(shape.force_is_bound),
+                       moving_words(shape.motion.moving, shape.motion.speed, shape.motion.rate,
+                                    shape.motion.last_event, age_seconds(shape.motion.last_event_age)))

@@ -15,11 +15,12 @@ from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.pose.box import ContactBox, contact_box
 from tactile_node.pose.fit import Finder, FitFollower, ShapeFit, fit_contact
 from tactile_node.pose.moments import ContactMoments, PadForce, contact_moments, pad_force
+from tactile_node.pose.motion import Motion, MotionFollower, Sight
 from tactile_node.pose.profiles import Layer
 from tactile_node.shape.fusion import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.patch import join_pieces
-from tactile_node.shape.recognition import Recognition, ShapeClass
+from tactile_node.shape.recognition import Recognition, Shape, ShapeClass
 from tactile_node.taxel_frame import NO_SIDE, ON_OFF_UNIT, SkinSide
 
 DEFAULT_FUSION = FusionSettings()
@@ -94,7 +95,9 @@ class StreamedContact(NamedTuple):
     recognition: Recognition  #: answer of this frame alone, or of the one just before it with the same taxels
     fused: FusedRecognition   #: answer of all frames since the contact began
     fit: ShapeFit | None      #: fit of the fused shape; None while nothing with an outline touches
-    found: FoundContact       #: the same contact with what is seen of it, its moments and its box
+    found: FoundContact       #: the same contact with what is seen of it and its box
+    moments: ContactMoments   #: of the same contact
+    motion: Motion = Motion()  #: what moves; not known where each frame is answered alone
 
 
 class _Answer(NamedTuple):
@@ -134,6 +137,7 @@ class ContactPipeline:
         self._answer: _Answer | None = None  # the last that the recogniser gave
         self._fits = fits
         self._follower = FitFollower()
+        self._motion = MotionFollower()
 
     def find(self, values: np.ndarray, taxels: Taxels, *, saturated: ArrayLike | None = None,
              unmapped: ArrayLike | None = None) -> FoundContact:
@@ -154,7 +158,10 @@ class ContactPipeline:
         fused = _alone(frame, stamp) if self._fusion is None else self._fusion.update(stamp, frame)
         if fused.frames == 1:
             self._follower.restart()
-        return self._described(found, frame, fused, None if self._fusion is None else self._follower.at(stamp))
+        if self._fusion is None:
+            return self._described(found, frame, fused)
+        result = self._described(found, frame, fused, self._follower.at(stamp))
+        return result._replace(motion=self._motion.update(_sight(result, stamp)))
 
     def follow(self, values: np.ndarray, taxels: Taxels, stamp: float, *, saturated: ArrayLike | None = None,
                unmapped: ArrayLike | None = None) -> StreamedContact:
@@ -181,6 +188,7 @@ class ContactPipeline:
     def restart(self) -> None:
         """Forget what the frames before have shown of the shape, as when another object is known to be touched."""
         self._follower.restart()
+        self._motion.restart()
         self._answer = None
         if self._fusion is not None:
             self._fusion.reset()
@@ -194,12 +202,18 @@ class ContactPipeline:
     def _described(self, found: FoundContact, frame: Recognition, fused: FusedRecognition,
                    find: Finder | None = None) -> StreamedContact:
         fit = found.fit(fused.recognition.shape, find) if self._fits else None
-        return StreamedContact(found.pattern, frame, fused, fit, found)
+        return StreamedContact(found.pattern, frame, fused, fit, found, found.moments)
 
 
 def _with_pieces(found: FoundContact, frame: Recognition) -> tuple[FoundContact, Recognition]:
     """Return the contact that ``frame`` is the recognition of, with the pieces of it that are torn off."""
     return (found.of_pattern(join_pieces(found.pattern)) if frame.joined else found), frame
+
+
+def _sight(result: StreamedContact, stamp: float) -> Sight:
+    found, none = result.found, result.recognition.probabilities.get(Shape.NONE, 0.0)
+    return Sight(stamp, found.pattern, found.visibility, result.moments, result.fit, none, found.taxels.pitch,
+                 (found.taxels.unit or ON_OFF_UNIT) == ON_OFF_UNIT)
 
 
 def _alone(frame: Recognition, stamp: float) -> FusedRecognition:

@@ -74,18 +74,24 @@ def reach(rim: Rim, angles: np.ndarray) -> np.ndarray:
     return ends
 
 
-def is_cut(rim: Rim, angle: float) -> np.ndarray:
-    """Return whether the contact may go on beyond either end along ``angle``, and across it: bool (2,).
+def ends_seen(rim: Rim, angle: float) -> np.ndarray:
+    """Return whether the contact is seen to end along ``angle`` and across it, at the low and high end: bool (2, 2).
 
     An end is seen where the rim reaches as far away from all that is not seen, as the flank of a bar does that leaves
     the pad.
     """
     if rim.is_end.all():
-        return np.zeros(2, bool)
+        return np.ones((2, 2), bool)
     along = _along(rim, np.array([angle]))[..., 0]
     ends = along[rim.is_end]
     low, high = along.min(0) + STRAIGHT_TOLERANCE, along.max(0) - STRAIGHT_TOLERANCE
-    return ~((ends <= low).any(0) & (ends >= high).any(0))
+    return np.stack(((ends <= low).any(0), (ends >= high).any(0)), 1)
+
+
+def is_cut(rim: Rim, angle: float) -> np.ndarray:
+    """Return whether the contact may go on beyond either end along ``angle``, and across it: bool (2,)."""
+    cut: np.ndarray = np.logical_and.reduce(ends_seen(rim, angle), 1) == 0
+    return cut
 
 
 def _along(rim: Rim, angles: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from tactile_node.grasp.steadiness import FIT_RESOLUTION, PATTERN_RESOLUTION, PR
 from tactile_node.grasp.tracker import GraspContact, GraspState, SideResult, SideState
 from tactile_node.ros.contact_messages import single
 from tactile_node.ros.message_age import age_message
+from tactile_node.ros.motion_messages import current_motion, is_moving
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import SHAPES
@@ -33,12 +34,12 @@ NANOSECONDS = 10**9
 
 def side_result(message: ContactShape, time: float) -> SideResult:
     """What one pad reports; ``time`` [s]: of its acquisition, on our clock."""
-    is_hidden, centre = _is_largely_hidden(message), _centre(message)
+    is_hidden, centre, moves = _is_largely_hidden(message), _centre(message), is_moving(message.motion)
     if centre is None:
-        return SideResult(time, _reported_state(message), message.class_name, hides_creep=is_hidden)
+        return SideResult(time, _reported_state(message), message.class_name, hides_creep=is_hidden, moves=moves)
     resolution, is_bound = _of_fit(message) if message.fit_valid else _of_pressure(message)
     return SideResult(time, _reported_state(message), message.class_name, centre, resolution,
-                      is_bound=is_bound or is_hidden, hides_creep=is_hidden)
+                      is_bound=is_bound or is_hidden, hides_creep=is_hidden, moves=moves)
 
 
 def _centre(message: ContactShape) -> tuple[float, float] | None:
@@ -122,7 +123,7 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
     is_held = state.fresh and state.contact is GraspContact.TWO_SIDED
     left, right = sides
     _add_object(message, held_object(face_of(left), face_of(right), gripper) if is_held else HeldObject())
-    _add_sides(message, state, sides)
+    _add_sides(message, state, sides, ages)
     return message
 
 
@@ -162,7 +163,7 @@ def _add_object(message: Grasp, held: HeldObject) -> None:
     message.confidence = single(held.confidence)
 
 
-def _add_sides(message: Grasp, state: GraspState, sides: Sequence[ContactShape]) -> None:
+def _add_sides(message: Grasp, state: GraspState, sides: Sequence[ContactShape], ages: Sequence[float]) -> None:
     message.forces = [side.pad_force if each >= SideState.EMPTY else math.nan
                       for each, side in zip(state.side_states, sides)]
     message.force_is_bound = [side.pad_force_is_bound for side in sides]
@@ -172,6 +173,8 @@ def _add_sides(message: Grasp, state: GraspState, sides: Sequence[ContactShape])
     message.at_edge = [side.at_edge for side in sides]
     message.hidden_taxels = [side.hidden_taxels + side.hidden_ring_taxels for side in sides]
     message.saturated_taxels = [side.saturated_taxels + side.saturated_ring_taxels for side in sides]
+    message.motions = [current_motion(side.motion, age, each >= SideState.EMPTY)
+                       for each, side, age in zip(state.side_states, sides, ages)]
 
 
 def _point(place: np.ndarray) -> Point:

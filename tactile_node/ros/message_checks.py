@@ -9,13 +9,14 @@ checked first, so that no check costs more than the message itself and nothing i
 import math
 from array import array
 from collections.abc import Callable
-from typing import TypeAlias, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from tactile_node.contact.pattern import MOST_LABELS
 from tactile_node.grasp.held_object import LEAST_PROBABILITY
 from tactile_node.grasp.tracker import GraspContact, SideState
+from tactile_node.ros.motion_messages import check_motion
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
 from tactile_node.skin.taxel_array import RejectReason as RejectReason
 from tactile_node.skin.taxel_array import (
@@ -41,12 +42,6 @@ SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))
 UNKNOWN_REASONS = (ContactShape.NOT_UNKNOWN, ContactShape.NOT_SEEN, ContactShape.UNFAMILIAR, ContactShape.TOO_SMALL)
 
 Message = TypeVar('Message')
-
-
-#: They have stamp and age.
-Staged: TypeAlias = Contact | ContactShape | Grasp
-
-
 #: Returns None for a message that can be used
 Check = Callable[[Message], RejectReason | None]
 
@@ -76,6 +71,7 @@ def check_contact_shape(message: ContactShape) -> RejectReason | None:
             or _counts(message)
             or _place(message)
             or _fit(message)
+            or check_motion(message.motion)
             or _times(message)
             or check_duration(message.held))
 
@@ -93,6 +89,7 @@ def check_grasp(message: Grasp) -> RejectReason | None:
             or _yaw(message)
             or _lean(message)
             or _forces(message)
+            or _motions(message)
             or _times(message)
             or check_duration(message.held)
             or check_duration(message.gap_age))
@@ -302,7 +299,11 @@ def _forces(message: Grasp) -> RejectReason | None:
     return None if fits else RejectReason.INCONSISTENT
 
 
-def _times(message: Staged) -> RejectReason | None:
+def _motions(message: Grasp) -> RejectReason | None:
+    """Of a pad that is not seen it is not known what moves."""
+    wrong = [motion.moving for motion, state in zip(message.motions, message.side_states) if state <= Grasp.SIDE_UNSEEN]
+    return RejectReason.INCONSISTENT if any(wrong) else next(filter(None, map(check_motion, message.motions)), None)
+
+
+def _times(message: Contact | ContactShape | Grasp) -> RejectReason | None:
     return check_time(message.header.stamp) or check_duration(message.age)
-
-

@@ -8,10 +8,12 @@ from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from std_msgs.msg import Header
 
 from tactile_node.pose.fit import ShapeFit
+from tactile_node.pose.moments import ContactMoments
 from tactile_node.pose.pipeline import FoundContact, StreamedContact
 from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state, single
-from tactile_node.ros.time_messages import duration_message
+from tactile_node.ros.motion_messages import motion_message
+from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 from tactile_skin.msg import ContactShape, ContactShapes
 
@@ -77,7 +79,8 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         contacts=pattern.contacts, others_present=pattern.contacts > 1,
         contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
         pose=_nowhere() if result.fit is None else _pose(result.fit), residual=float('nan'))
-    _add_moments(message, result.found)
+    _add_moments(message, result.found, result.moments)
+    message.motion = motion_message(result.motion, seconds(frame.header.stamp))
     if result.fit is not None:
         _add_fit(message, result.fit)
     return PadShape(message, result, solid_height)
@@ -94,8 +97,7 @@ def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
 
 
-def _add_moments(message: ContactShape, found: FoundContact) -> None:
-    moments = found.moments
+def _add_moments(message: ContactShape, found: FoundContact, moments: ContactMoments) -> None:
     x, y = moments.centre_of_pressure
     message.force, message.centre_of_pressure = moments.force, Point(x=x, y=y)
     message.contact_area, message.principal_axis = moments.area, moments.principal_axis

@@ -46,21 +46,22 @@ def _png(state: PadState, full_scale: float) -> Markup:
 
 
 def words(contact: SeenContact | None) -> str:
-    """Return the contact in one line: what it is, how sure, how large.
+    """Return the contact in one line: what it is, how sure, how large, what moves.
 
     >>> words(SeenContact('square', '', {'square': 0.97}, None, (('side', 0.028),), False, 1.5, None))
     'square 97 %, side 28.0 mm, 1.50 N'
     """
     if contact is None:
         return 'not recognised: no shape comes with these taxels'
+    moves = f', {contact.moves}' if contact.moves else ''
     if contact.shape == 'unknown':
-        return f'unknown ({contact.reason.replace("_", " ")}){_force(contact)}'
+        return f'unknown ({contact.reason.replace("_", " ")}){_force(contact)}{moves}'
     if contact.shape == 'none':
-        return 'nothing touches'
+        return f'nothing touches{moves}'
     bound = '≥ ' if contact.size_is_bound else ''
     lengths = ''.join(f', {name.replace("_", " ")} {bound}{1e3 * length:.1f} mm' for name, length in contact.dimensions)
     return f'{contact.shape.replace("_", " ")} {contact.confidence:.0%}'.replace('%', ' %') + lengths \
-        + _force(contact)
+        + _force(contact) + moves
 
 
 def _force(contact: SeenContact) -> str:

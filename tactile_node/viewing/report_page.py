@@ -42,6 +42,7 @@ MARK_LEGEND = {Mark.GOOD: ('#2e8b57', 'values in every frame, which change'),
          Mark.SOME_MISSING: ('#f78154', 'no value in some frames'),
          Mark.NO_VALUE: ('#8d3b72', 'no value in any frame'), Mark.FLICKERING: ('#5f7fff', 'flickers'),
          Mark.STUCK: ('#c1121f', 'stuck'), Mark.DEAD: ('#1d1d1d', 'dead'), Mark.UNMAPPED: ('#ececec', 'no taxel')}
+MOST_EVENTS = 5  #: of a touch that are listed
 MOST_LISTED_TAXELS = 20  #: taxels listed
 
 
@@ -50,7 +51,7 @@ def page_of(report: Report) -> str:
     begin = report.recording.begin
     functions = {function.__name__: function for function in (
         utc, command_text, node_label, event_text, force_of, health_pictures, identity_of, load_chart, load_text,
-        mark_counts, name_of, count_text, size_of, touch_charts, touch_picture, worst_taxels)}
+        mark_counts, name_of, count_text, moves_of, size_of, touch_charts, touch_picture, worst_taxels)}
     return environment().get_template('report.html').render(
         functions, report=report, recording=report.recording, begin=begin, end=report.recording.end, bus=report.bus,
         at=lambda stamp, digits=3: f'{stamp - begin:.{digits}f}', found=findings(report),
@@ -83,6 +84,12 @@ def size_of(touch: ReportedTouch) -> str:
 def force_of(touch: ReportedTouch) -> str:
     """Return the force; on/off taxels give none."""
     return 'not known' if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
+
+
+def moves_of(touch: ReportedTouch, begin: float) -> str:
+    """Return what has happened to the contact, the first MOST_EVENTS."""
+    said = [f'{event.kind.name.lower()} at {event.stamp - begin:.2f} s' for event in touch.events[:MOST_EVENTS]]
+    return ', '.join((*said, *(['...'] if len(touch.events) > MOST_EVENTS else []))) or 'no event'
 
 
 def reading_text(value: float, unit: str) -> str:

@@ -11,6 +11,7 @@ from tactile_node.assembly.fault_text import failure_text, node_text
 from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
 from tactile_node.assembly.health import BusHealth, NodeHealth
 from tactile_node.cia301.objects import state_name
+from tactile_node.pose.motion import EventKind, Moving
 
 
 class SeenContact(NamedTuple):
@@ -25,11 +26,27 @@ class SeenContact(NamedTuple):
     force: float                          #: [N], NaN: not known
     mask: np.ndarray | None               #: bool (rows, cols), its taxels; None: not known
     force_is_bound: bool = False          #: it may be more: taxels are saturated or hidden
+    moves: str = ''                       #: what moves and what has just happened, see `moving_words`
 
     @property
     def confidence(self) -> float:
         """Probability of ``shape``."""
         return self.probabilities.get(self.shape, 0.0)
+
+
+SAID_FOR = 3.0  #: s after an event
+
+
+def moving_words(moving: int, speed: float, rate: float, event: int, age: float) -> str:
+    """Return what a contact does, by a sum of `Moving`, and its last ``event``, ``age`` [s] ago; '' for nothing new.
+
+    >>> moving_words(Moving.SLIDING, 0.0123, math.nan, EventKind.SLIDING, 0.44)
+    'sliding 12.3 mm/s, event: sliding 0.4 s ago'
+    """
+    said = [f'sliding {1e3 * speed:.1f} mm/s'] if moving & Moving.SLIDING else []
+    said += [f'turning {math.degrees(rate):.0f} deg/s'] if moving & Moving.TURNING else []
+    said += [f'event: {EventKind(event).name.lower()} {age:.1f} s ago'] if event and age < SAID_FOR else []
+    return ', '.join(said)
 
 
 class PadState(NamedTuple):
@@ -84,8 +101,6 @@ class BusFacts(NamedTuple):
     load: float                 #: part of the bus's time in use; NaN: not known (a log)
     counts: Mapping[str, int]   #: what was lost of the bus itself, by name; those without any are left out
     pads: tuple[PadFacts, ...]
-
-
 
 
 def facts_of(statistics: BusStatistics, health: BusHealth, load_is_known: bool = True) -> BusFacts:

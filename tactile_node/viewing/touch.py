@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.pose.fit import ShapeFit
+from tactile_node.pose.motion import Event
 from tactile_node.shape.recognition import ShapeClass, UnknownReason
 
 
@@ -45,6 +46,7 @@ class ReportedTouch:
     is_open: bool                 #: the recording ends within it
     dimensions: tuple[tuple[str, float], ...]  #: name, length [m]; of the fitted outline
     picture: Picture | None       #: None: too many touches
+    events: tuple[Event, ...] = ()  #: by the centre of pressure, of the samples
 
 
 MOST_TOUCHES = 500  #: on the page

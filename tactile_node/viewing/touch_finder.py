@@ -13,11 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_node.contact.press import SMALLEST_CONTACT
+from tactile_node.pose.motion import Event, EventKind
 from tactile_node.pose.pipeline import ContactPipeline, FoundContact, StreamedContact, Taxels
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recognition import Shape, ShapeClass, UnknownReason
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.viewing.states import PadState, SeenContact
+from tactile_node.viewing.states import PadState, SeenContact, moving_words
 from tactile_node.viewing.touch import MOST_TOUCHES, Picture, ReportedTouch, Sample, TouchList
 
 
@@ -36,7 +37,7 @@ class PadRecogniser:
         """Return what is seen in ``frame``, which was ``acquired`` [s, steady clock]."""
         result = self._pipeline.follow(frame.values, self._taxels, frame.stamp, **_marks(frame))
         return PadState(self._pad, frame.stamp, acquired, frame.values, frame.status, self._taxels.pitch,
-                        self._taxels.unit or '', _seen(result))
+                        self._taxels.unit or '', _seen(result, frame.stamp))
 
 
 def _marks(frame: TaxelFrame) -> dict[str, np.ndarray]:
@@ -44,8 +45,9 @@ def _marks(frame: TaxelFrame) -> dict[str, np.ndarray]:
     return {'saturated': frame.status == TaxelStatus.SATURATED, 'unmapped': frame.status == TaxelStatus.UNMAPPED}
 
 
-def _seen(result: StreamedContact) -> SeenContact:
-    contact, shape, fit, moments = result.contact, result.fused.recognition, result.fit, result.found.moments
+def _seen(result: StreamedContact, stamp: float) -> SeenContact:
+    motion, event = result.motion, result.motion.last_event
+    contact, shape, fit, moments = result.contact, result.fused.recognition, result.fit, result.moments
     return SeenContact(
         shape=shape.shape.value, reason=shape.reason.name.lower() if shape.shape is Shape.UNKNOWN else '',
         probabilities={each.value: value for each, value in shape.probabilities.items()},
@@ -53,7 +55,9 @@ def _seen(result: StreamedContact) -> SeenContact:
         dimensions=() if fit is None else tuple(zip(fit.dimension_names, fit.dimensions)),
         size_is_bound=fit is not None and moments.size_is_bound,
         force=moments.force if contact.mask.any() or result.found.visibility.pad_seen else np.nan, mask=contact.mask,
-        force_is_bound=moments.force_is_bound)
+        force_is_bound=moments.force_is_bound,
+        moves=moving_words(motion.moving, motion.speed, motion.rate, event.kind if event else EventKind.NOT_KNOWN,
+                           stamp - event.stamp if event else np.inf))
 
 
 RECOGNITION_PERIOD = 0.1  #: s between two recognitions of one touch: they cost as much as the rest of a report
@@ -118,6 +122,7 @@ class _OpenTouch:
         self._strongest: FoundContact | None = None  # of that frame
         self._reasons: Counter[UnknownReason] = Counter()
         self.samples: list[Sample] = []
+        self._events: list[Event] = []
 
     def shown(self, seen: np.ndarray) -> float:
         """The share of the taxels last pressed that are ``seen``, bool (rows, cols)."""
@@ -148,14 +153,15 @@ class _OpenTouch:
             shape=shape, reason=reason, confidence=confidence, force=moments.force,
             force_is_bound=moments.force_is_bound, size_is_bound=moments.size_is_bound, is_open=is_open,
             dimensions=() if fit is None else tuple(zip(fit.dimension_names, fit.dimensions)),
-            picture=Picture(self._stamp, pattern.values, pattern.saturated, fit))
+            picture=Picture(self._stamp, pattern.values, pattern.saturated, fit), events=tuple(self._events))
 
     def _recognise(self, stamp: float, found: FoundContact) -> None:
         result = self._pipeline.recognise(found, stamp)
         fused = result.fused.recognition
+        self._events += result.motion.events
         if fused.shape is Shape.UNKNOWN:
             self._reasons[fused.reason] += 1
-        self.samples.append(Sample(stamp, fused.shape, fused.confidence, result.found.moments.force))
+        self.samples.append(Sample(stamp, fused.shape, fused.confidence, result.moments.force))
 
 
 def _most_frequent(shapes: Sequence[ShapeClass]) -> ShapeClass:

@@ -1,0 +1,149 @@
+"""Contact events: after how much movement they are reported, how often falsely, beside a naive rule; docs/events.png.
+
+Run from the checkout: nice python bench/bench_events.py [slides turns quiet shaken] [--count 3] [--seconds 30]
+
+Contacts of contact mechanics slide and turn at 0.5 to 100 mm/s in any direction, or are held, quietly or while the
+force shakes by 20 % at 5 to 15 Hz. Noise 1 %, drift, hum of 50 Hz, 3 % dead taxels. The naive rule reports when the
+centre of pressure of the raw values is farther from where it was at first than a threshold, which is tuned on training
+seeds to one false report in ten minutes of a quiet hold.
+"""
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+
+for library in ('OPENBLAS', 'OMP', 'MKL'):
+    os.environ[f'{library}_NUM_THREADS'] = '1'  # read when numpy is imported
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
+
+import numpy as np
+from event_world import BEFORE, KINDS, PITCH, RATE, Frame, Scene, moved, shaken, slide, turn
+
+from tactile_node.pose.motion import EventKind
+from tactile_node.shape.methods import VisibilityGuard, make_recogniser
+from training.ground_truth.seeds import Purpose, generator
+
+SPEEDS = (0.5, 2.0, 10.0, 20.0, 50.0, 100.0)  # mm/s
+PROMISED = {'outline': 0.3, 'centre of pressure': 0.8, 'on/off': 1.5}  # pitches
+FAR = {'outline': 1.4, 'centre of pressure': 1.8, 'on/off': 2.4}
+TURNS = tuple(kind for kind in KINDS if kind not in ('circle', 'ball', 'cone'))  # what has a direction
+MINUTES_OF_ONE = 10.0  # in which the naive rule may report falsely once
+SEED = 71_000_000
+Found = dict[str, list[float]]  # after how much movement [pitches], of each way
+FOUND = ROOT / 'build/bench_events.json'
+
+
+def reported_after(frames: list[Frame], kind: EventKind, radius: float = 0.0) -> float:
+    """Return after how much movement ``kind`` was reported first [pitches]; inf: never."""
+    for frame in frames:
+        if frame.time >= BEFORE and any(event.kind is kind for event in frame.motion.events):
+            return moved(frame.place, radius)
+    return np.inf
+
+
+def naive_after(frames: list[Frame], threshold: float) -> float:
+    reference = np.mean([frame.naive for frame in frames[:15]], 0)
+    for frame in frames:
+        if frame.time >= BEFORE and np.hypot(*(frame.naive - reference)) > threshold:
+            return moved(frame.place)
+    return np.inf
+
+
+def naive_threshold(recogniser: VisibilityGuard, seconds: float) -> float:
+    """Return the threshold at which MINUTES_OF_ONE of quiet holds of training seeds have one false report."""
+    farthest = []
+    for number, kind in enumerate(KINDS):
+        rng = generator(Purpose.TRAINING, SEED + number)
+        frames = Scene(rng, kind).follow(recogniser, lambda _: {}, seconds)
+        reference = np.mean([frame.naive for frame in frames[:15]], 0)
+        farthest.append(max(np.hypot(*(frame.naive - reference)) for frame in frames))
+    most = int(len(KINDS) * seconds / 60 / MINUTES_OF_ONE)  # holds that may report
+    return float(np.sort(farthest)[::-1][most])
+
+
+def measure(recogniser: VisibilityGuard, what: str, count: int, naive: float, only: list[str]) -> Found:
+    """Print after how much movement events come; return it for each way and the naive rule [pitches]."""
+    found: Found = {}
+    kinds, kind = (KINDS, EventKind.SLIDING) if what == 'slides' else (TURNS, EventKind.TURNING)
+    for way in [way for way in only if what == 'slides' or way != 'centre of pressure']:  # that shows no turn
+        found[way] = []
+        for row, speed in enumerate(SPEEDS):
+            ways, rule = [], []
+            for number in range(count * len(kinds)):
+                rng = generator(Purpose.EVALUATION, SEED + 1000 * row + number)
+                scene = Scene(rng, kinds[number % len(kinds)], way)
+                path, seconds = slide(rng, speed, FAR[way]) if what == 'slides' else \
+                    turn(rng, speed, 1.3 * FAR[way], scene.radius)
+                frames = scene.follow(recogniser, path, seconds)
+                ways.append(reported_after(frames, kind, scene.radius))
+                rule.append(naive_after(frames, naive))
+            allowed = PROMISED[way] + speed * 1e-3 / PITCH / RATE
+            median, most = np.quantile(ways, (0.5, 0.9), method='nearest')
+            print(f'{what} {way} {speed:g} mm/s: median {median:.2f}, 90 % {most:.2f} pitches, '
+                  f'{1e3 * median * PITCH / speed:.3f} s; {np.mean(np.array(ways) <= allowed + 1e-9):.0%} of '
+                  f'{len(ways)} within {allowed:.2f}; naive {np.quantile(rule, 0.5, method="nearest"):.2f}', flush=True)
+            found[way] += ways
+            if way == 'outline':
+                found['naive rule'] = found.get('naive rule', []) + rule
+    return found
+
+
+def count_false(recogniser: VisibilityGuard, what: str, seconds: float, seed: int, only: list[str]) -> None:
+    """Print the false reports of holds of every kind."""
+    for way in only:
+        kinds: list[str] = []
+        for number, kind in enumerate(KINDS):
+            rng = generator(Purpose.EVALUATION, SEED + 100_000 + 100 * seed + number)
+            scene, path = Scene(rng, kind, way), shaken(rng) if what == 'shaken' else lambda _: {}
+            frames = scene.follow(recogniser, path, seconds)
+            kinds += [f'{kind} {event.kind.name}' for frame in frames for event in frame.motion.events]
+        minutes = len(KINDS) * seconds / 60
+        print(f'{what} {way}: {len(kinds)} false reports in {minutes:.1f} min, {60 * len(kinds) / minutes:.1f} an hour '
+              f'{kinds}', flush=True)
+
+
+def draw(found: Found, file: Path) -> None:
+    from matplotlib.figure import Figure
+    figure = Figure(figsize=(6, 3.5), layout='constrained')
+    axes = figure.subplots()
+    for way in [way for way in (*PROMISED, 'naive rule') if way in found]:
+        ways = np.sort(found[way])
+        style = '-' if way in PROMISED else 'k:'
+        axes.step(ways, (np.arange(len(ways)) + 1) / len(ways), style, where='post', label=way)
+    axes.set(xlim=(0, 2.4), ylim=(0, 1.02), xlabel='movement [pitches]', ylabel='slides reported')
+    axes.grid(alpha=0.3)
+    axes.legend(loc='lower right')
+    figure.savefig(file, dpi=110)
+    print(file)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('what', nargs='*', default=['slides', 'turns', 'quiet', 'shaken'])
+    parser.add_argument('--count', type=int, default=1, help='of each kind, way and speed')
+    parser.add_argument('--seconds', type=float, default=30.0, help='of a hold')
+    parser.add_argument('--ways', nargs='*', default=list(PROMISED), choices=list(PROMISED), help='to measure now')
+    parser.add_argument('--seed', type=int, default=0, help='of the holds: further ones')
+    parser.add_argument('--output', type=Path, default=ROOT / 'docs/events.png')
+    args = parser.parse_args()
+    recogniser = make_recogniser()
+    for what in args.what:
+        if what in ('quiet', 'shaken'):
+            count_false(recogniser, what, args.seconds, args.seed, args.ways)
+            continue
+        needs_rule = what == 'slides' and 'outline' in args.ways
+        threshold = naive_threshold(recogniser, args.seconds) if needs_rule else np.inf
+        found = measure(recogniser, what, args.count, threshold, args.ways)
+        if what == 'slides':  # the ways may be measured one by one
+            print(f'naive rule: {threshold:.2f} pitches')
+            FOUND.parent.mkdir(exist_ok=True)
+            found = (json.loads(FOUND.read_text()) if FOUND.exists() else {}) | found
+            FOUND.write_text(json.dumps(found))
+            draw(found, args.output)
+
+
+if __name__ == '__main__':
+    main()

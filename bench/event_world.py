@@ -1,0 +1,102 @@
+"""What bench_events measures on: contacts of contact mechanics that are held, slide or turn, and what is reported."""
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from bench.recognition import mechanics
+from tactile_node.pose.motion import Motion
+from tactile_node.pose.pipeline import ContactPipeline, Taxels
+from tactile_node.shape.methods import VisibilityGuard
+from tactile_node.simulator.world import CLASSES
+from training.ground_truth.layer import sample, stress_field
+
+KINDS = (*CLASSES, 'ball', 'cylinder', 'cone')
+PITCH, RATE, SIDE, FULL_SCALE = 0.002, 50.0, 24, 100e3  # m, Hz, taxels, Pa
+NOISE, DEAD, GAIN_DRIFT, ZERO_DRIFT, HUM = 0.01, 0.03, 0.05, 0.01, 0.005  # of full scale; drifts in ten minutes
+SHAKE, SHAKEN = 0.2, (5.0, 15.0)  # of the force; Hz
+STILL, BEFORE = 0.6, 1.5  # s after and before a movement
+QUIET = {'dx': 0.0, 'dy': 0.0, 'turn': 0.0, 'force': 1.0}
+Path: TypeAlias = Callable[[float], dict[str, float]]  # at a time [s], what differs from QUIET
+
+
+class Frame(NamedTuple):
+    """What was reported of one frame, and where the contact was."""
+
+    time: float
+    place: dict[str, float]
+    motion: Motion
+    naive: np.ndarray  # centre of pressure of the raw values [pitches]
+
+
+class Scene:
+    """A contact of one kind on a pad; ``way``: outline, centre of pressure or on/off."""
+
+    def __init__(self, rng: np.random.Generator, kind: str, way: str = 'outline', dead: float = DEAD):
+        draw = {'ball': mechanics.random_ball, 'cylinder': mechanics.random_cylinder, 'cone': mechanics.random_cone}
+        indenter, tilt = draw.get(kind, mechanics.random_punch)(rng, KINDS.index(kind))
+        towards = rng.uniform(0, 2 * np.pi) if indenter.kind == 'flat_punch' else 0.0
+        self._solution = mechanics.solved(indenter, tilt, towards)
+        area = float(rng.choice((16, 25, 40)))
+        self._field = stress_field(self._solution, area, rng.uniform(*mechanics.DEPTH))
+        self.radius = float(np.hypot(*self._solution.outline.T).max() * np.sqrt(area))  # of the farthest corner
+        self._rng, self._way, self._pressure = rng, way, rng.uniform(0.1, 0.6)
+        self._x, self._y = (SIDE - 1) / 2 + rng.uniform(-0.5, 0.5, 2)
+        self._angle, self._dead = rng.uniform(0, 2 * np.pi), rng.random((SIDE, SIDE)) < dead
+        self._gain = rng.uniform(-GAIN_DRIFT, GAIN_DRIFT)
+        self._zero = rng.uniform(-ZERO_DRIFT, ZERO_DRIFT, (SIDE, SIDE))
+        self._hum, self._mains = rng.uniform(0, HUM), 50 + rng.uniform(-0.3, 0.3)
+
+    def values(self, time: float, dx: float, dy: float, turn: float, force: float) -> np.ndarray:
+        """Return taxel values; ``dx``, ``dy`` [pitches] and ``turn`` [rad] from its place, ``force``: 1 is its own."""
+        stress = sample(self._field, self._x + dx, self._y + dy, self._angle + turn, SIDE, SIDE)
+        drift, noise = time / 600, NOISE * self._rng.standard_normal(stress.shape)
+        values = self._pressure * force * (1 + self._gain * drift) * stress + self._zero * drift + noise
+        values = np.minimum(values + self._hum * np.sin(2 * np.pi * self._mains * time), 1.0) * FULL_SCALE
+        if self._way == 'on/off':
+            values = (values > 0.3 * self._pressure * FULL_SCALE).astype(float)
+        values[self._dead] = np.nan
+        return values
+
+    def follow(self, recogniser: VisibilityGuard, path: Path, seconds: float, stamp: float = 1e3) -> list[Frame]:
+        """Return what is reported while the contact goes along ``path``."""
+        pipeline = ContactPipeline(recogniser, fits=self._way != 'centre of pressure')
+        taxels, frames = Taxels(PITCH, '1' if self._way == 'on/off' else 'Pa'), []
+        for time in np.arange(round(seconds * RATE)) / RATE:
+            place = QUIET | path(time)
+            values = self.values(time, **place)
+            motion = pipeline.follow(values, taxels, stamp + time).motion
+            raw = np.nan_to_num(values)
+            y, x = np.indices(raw.shape)
+            frames.append(Frame(time, place, motion, np.array(((raw * x).sum(), (raw * y).sum())) / raw.sum()))
+        return frames
+
+
+def slide(rng: np.random.Generator, speed: float, far: float) -> tuple[Path, float]:
+    """Return a path that slides ``far`` [pitches] at ``speed`` [mm/s], and how long it takes [s]."""
+    direction, rate = rng.uniform(0, 2 * np.pi), speed * 1e-3 / PITCH
+
+    def path(time: float) -> dict[str, float]:
+        way = min(max(0.0, time - BEFORE) * rate, far)
+        return {'dx': way * np.cos(direction), 'dy': way * np.sin(direction)}
+    return path, BEFORE + far / rate + STILL
+
+
+def turn(rng: np.random.Generator, speed: float, far: float, radius: float) -> tuple[Path, float]:
+    """Return the same of a turn, by the way of the farthest corner."""
+    rate, sign = speed * 1e-3 / PITCH, rng.choice((-1, 1))
+
+    def path(time: float) -> dict[str, float]:
+        return {'turn': sign * min(max(0.0, time - BEFORE) * rate, far) / radius}
+    return path, BEFORE + far / rate + STILL
+
+
+def shaken(rng: np.random.Generator) -> Path:
+    frequency = rng.uniform(*SHAKEN)
+    return lambda time: {'force': 1 + SHAKE * np.sin(2 * np.pi * frequency * time)}
+
+
+def moved(place: dict[str, float], radius: float = 0.0) -> float:
+    """Return how far a contact has come [pitches]."""
+    return float(np.hypot(place['dx'], place['dy']) + abs(place['turn']) * radius)

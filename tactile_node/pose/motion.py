@@ -1,0 +1,300 @@
+"""What happens to the contact on one pad: made, lost, harder, lighter, sliding, turning; and what of it cannot be seen.
+
+Two places are followed side by side: the outline, where one is fitted, and the centre of pressure. No event never means
+no slip: `observable` says which movements would show. Normal pressure shows where a contact is, not whether it rolls
+there or slides.
+"""
+
+import math
+from enum import IntEnum, IntFlag
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.contact.neighbours import grown
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.contact.visibility import Visibility
+from tactile_node.pose.fit import ShapeFit
+from tactile_node.pose.moments import ContactMoments
+from tactile_node.pose.rim import ends_seen, rim_of
+from tactile_node.pose.track import ForceTrack, Track
+
+
+class EventKind(IntEnum):
+    """What has happened (ContactEvent.msg mirrors these numbers)."""
+
+    NOT_KNOWN = 0
+    MADE = 1     #: the pad was seen empty, and is touched
+    LOST = 2     #: it was touched, and is seen empty
+    SLIDING = 3  #: the contact has begun to move across the pad
+    TURNING = 4  #: it has begun to turn
+    HARDER = 5   #: its force has risen by a step
+    LIGHTER = 6
+
+
+class SeenBy(IntEnum):
+    """What an event was seen by (ContactEvent.msg mirrors these numbers)."""
+
+    NOT_KNOWN = 0
+    OUTLINE = 1             #: the fitted one
+    CENTRE_OF_PRESSURE = 2
+    ON_OFF = 3              #: outline or centre of on/off taxels
+    PRESSURE = 4            #: what is pressed, and how hard
+
+
+class Moving(IntFlag):
+    """What a contact does now (ContactMotion.msg mirrors these numbers)."""
+
+    NOT_KNOWN = 0
+    STILL = 1
+    SLIDING = 2
+    TURNING = 4
+
+
+class Observable(IntFlag):
+    """Which movements of a contact would show (ContactMotion.msg mirrors these numbers)."""
+
+    NOTHING = 0
+    ALONG_X = 1
+    ALONG_Y = 2
+    ROTATION = 4
+
+
+class Sight(NamedTuple):
+    """What one frame shows of the contact on a pad."""
+
+    stamp: float  #: of its acquisition [s]
+    pattern: ContactPattern
+    visibility: Visibility
+    moments: ContactMoments
+    fit: ShapeFit | None
+    none: float   #: probability that nothing touches the pad
+    pitch: float  #: [m]
+    is_on_off: bool
+
+
+class Event(NamedTuple):
+    """Something that has happened; NaN: not of this kind, or not known."""
+
+    kind: EventKind
+    stamp: float  #: acquisition of the frame that showed it [s]
+    seen_by: SeenBy
+    probability: float
+    speed: float = math.nan      #: [m/s]
+    direction: float = math.nan  #: in the pad's frame, x to y [rad]
+    rate: float = math.nan       #: x to y positive [rad/s]
+    force_before: float = math.nan  #: [N]
+    force: float = math.nan         #: [N]
+
+
+class Motion(NamedTuple):
+    """What is known of the movement of a contact in one frame."""
+
+    moving: Moving = Moving.NOT_KNOWN
+    speed: float = math.nan      #: while SLIDING [m/s]; NaN: not known
+    direction: float = math.nan  #: while SLIDING, in the pad's frame, x to y [rad]
+    rate: float = math.nan       #: while TURNING, x to y positive [rad/s]
+    observable: Observable = Observable.NOTHING
+    events: tuple[Event, ...] = ()  #: of this frame
+    last_event: Event | None = None  #: since when the pad has been followed
+
+
+#: After how much movement it is reported [pitches]; less than is promised (0.3, 0.8, 1.5): a frame must confirm it
+OUTLINE_STEP, PRESSURE_STEP, ON_OFF_STEP = 0.2, 0.55, 1.1
+TURN_STEP = 1.3  #: of the farthest corner, relative to these: an angle jumps from fit to fit
+SLACK = 3.0  #: standard deviations of an angle that a slide may change it by
+MAX_GAP = 0.25  #: without a frame that shows it, after which what was known is not any more [s]
+OTHER_SIZE = 1.6  #: times as many taxels, or as few: another contact, or two that have joined
+OTHER_LENGTH, OTHER_PITCHES = 0.2, 0.5  #: of a dimension, and pitches: the outline has become another one
+HIDES_DIRECTION = 0.5  #: cosine to a direction that does not show, from which on another one does not either
+
+
+class MotionFollower:
+    """Follows the contact of one pad, frame by frame."""
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget everything."""
+        self._stamp = -math.inf  # of the last frame in which the pad was seen
+        self._was_empty = False  # in that frame
+        self._contact: _Followed | None = None
+        self._last_event: Event | None = None
+
+    def update(self, sight: Sight) -> Motion:
+        """Take what the next frame shows and return what moves."""
+        is_touched = bool(np.count_nonzero(sight.pattern.mask))
+        if not (is_touched or sight.visibility.pad_seen):
+            return Motion(last_event=self._last_event)
+        if not 0 <= sight.stamp - self._stamp <= MAX_GAP:
+            self.restart()
+        self._stamp = sight.stamp
+        motion = self._of_contact(sight) if is_touched else self._of_nothing(sight)
+        self._was_empty = not is_touched
+        if motion.events:
+            self._last_event = motion.events[-1]
+        return motion._replace(last_event=self._last_event)
+
+    def _of_nothing(self, sight: Sight) -> Motion:
+        before, self._contact = self._contact, None
+        if before is None:
+            return Motion()
+        return Motion(events=(Event(EventKind.LOST, sight.stamp, before.by_pressure, sight.none,
+                                    force_before=before.force.last, force=sight.moments.force),))
+
+    def _of_contact(self, sight: Sight) -> Motion:
+        if self._contact is None or not self._contact.goes_on(sight.pattern.mask):
+            self._contact = _Followed(sight)
+        motion = self._contact.update(sight)
+        if not self._was_empty:
+            return motion
+        made = Event(EventKind.MADE, sight.stamp, self._contact.by_pressure, 1 - sight.none,
+                     force_before=0.0 * sight.moments.force, force=sight.moments.force)
+        return motion._replace(events=(made, *motion.events))
+
+
+class _Followed:
+    """One contact."""
+
+    def __init__(self, first: Sight):
+        self._pitch, self._is_on_off = first.pitch, first.is_on_off
+        self.by_pressure = SeenBy.ON_OFF if self._is_on_off else SeenBy.PRESSURE
+        of_outline, of_pressure = (ON_OFF_STEP,) * 2 if self._is_on_off else (OUTLINE_STEP, PRESSURE_STEP)
+        self._outline = Track(of_outline * first.pitch)
+        self._turn = Track(TURN_STEP * of_outline * first.pitch)
+        self._centre = Track(of_pressure * first.pitch)
+        self.force = ForceTrack()
+        self._mask = first.pattern.mask
+        self._hidden = first.pattern.hidden
+        self._stamp = math.inf  # of the last frame that showed how it moves
+        self._fit: ShapeFit | None = None  # at the beginning
+        self._outlined = -math.inf  # stamp of the last
+        self._angle = self._radius = 0.0
+        self._moving = Moving.NOT_KNOWN
+
+    def goes_on(self, mask: np.ndarray) -> bool:
+        """Return whether ``mask`` is the same contact: it overlaps with it and is about as large."""
+        before, now = np.count_nonzero(self._mask), np.count_nonzero(mask)
+        return bool(max(before, now) <= OTHER_SIZE * min(before, now) + 2 and np.count_nonzero(self._mask & mask))
+
+    def update(self, sight: Sight) -> Motion:
+        """Take its next frame."""
+        stamp, moments, fit = sight.stamp, sight.moments, sight.fit
+        self._mask = sight.pattern.mask
+        if not self._shows_motion(sight):
+            return Motion()
+        self._stamp = stamp
+        events = self._changes_of_force(stamp, moments)
+        self._centre.update(stamp, *moments.centre_of_pressure, max(moments.centre_of_pressure_sd))
+        is_whole = not (sight.visibility.outline_hidden or sight.visibility.inside_hidden)
+        if fit is not None and is_whole:
+            if self._follow_outline(fit, moments, stamp):
+                self._centre.restart()
+                if not self._turn.is_moving:
+                    self._turn.restart()
+        elif not is_whole or stamp - self._outlined > MAX_GAP:
+            self._outline.restart()
+            self._turn.restart()
+        return self._motion(sight, events)
+
+    def _changes_of_force(self, stamp: float, moments: ContactMoments) -> list[Event]:
+        changed = self.force.update(stamp, moments.force, moments.force_sd)
+        if not changed:
+            return []
+        kind, before = EventKind.HARDER if changed > 0 else EventKind.LIGHTER, self.force.before
+        self.force.restart()
+        return [Event(kind, stamp, self.by_pressure, abs(changed), force_before=before, force=moments.force)]
+
+    def _shows_motion(self, sight: Sight) -> bool:
+        """Return whether a frame shows as much of the contact as those before it; begin again where it stays so."""
+        stamp, hidden = sight.stamp, sight.pattern.hidden
+        other = hidden ^ self._hidden
+        if not math.isfinite(sight.moments.centre_of_pressure[0]):
+            return False
+        if stamp - self._stamp <= MAX_GAP and np.count_nonzero(other) and np.count_nonzero(other & grown(self._mask)):
+            return False
+        if not 0 <= stamp - self._stamp <= MAX_GAP:
+            for track in (self._outline, self._turn, self._centre, self.force):
+                track.restart()
+        self._hidden = hidden
+        return True
+
+    def _follow_outline(self, fit: ShapeFit, moments: ContactMoments, stamp: float) -> bool:
+        """Follow place and angle of ``fit``; another outline begins again. Return whether it has stopped just now.
+
+        The place is the mean of both centres: a fit keeps to its minimum, pressure jumps from taxel to taxel.
+        """
+        if self._fit is None or not _is_alike(fit, self._fit, self._pitch):
+            for track in (self._outline, self._turn):
+                track.forget()
+            self._fit, self._angle = fit, fit.angle
+            self._radius = float(np.hypot(*(fit.outline - fit.centre).T).max())
+        self._outlined, had_moved = stamp, self._outline.is_moving
+        variance = fit.covariance.diagonal().tolist()
+        x, y = ((of_fit + of_pressure) / 2 for of_fit, of_pressure in zip(fit.centre, moments.centre_of_pressure))
+        self._outline.update(stamp, x, y, math.sqrt(max(variance[:2])))
+        if fit.symmetry:
+            self._angle += math.remainder(fit.angle - self._angle, 2 * math.pi / fit.symmetry)
+            sd = math.sqrt(variance[2]) * self._radius  # of which a slide shows what stays the same in a hold
+            self._turn.update(stamp, self._angle * self._radius, 0.0, sd, SLACK * sd * self._outline.is_moving)
+        return had_moved and not self._outline.is_moving
+
+    def _motion(self, sight: Sight, events: list[Event]) -> Motion:
+        before, self._moving = self._moving, self._states()
+        has_begun = self._moving & ~before
+        speed = direction = rate = math.nan
+        if self._moving & Moving.SLIDING:
+            by = self._outline if self._outline.is_moving else self._centre
+            shown = self._centre if math.isnan(by.speed) else by  # of an outline that has just become another one
+            speed, direction = shown.speed, shown.direction
+            if has_begun & Moving.SLIDING:
+                seen_by = SeenBy.OUTLINE if by is self._outline else SeenBy.CENTRE_OF_PRESSURE
+                events.append(Event(EventKind.SLIDING, sight.stamp, SeenBy.ON_OFF if self._is_on_off else seen_by,
+                                    by.probability, speed, direction))
+        if self._moving & Moving.TURNING:
+            rate = self._turn.velocity[0] / self._radius
+            if has_begun & Moving.TURNING:
+                seen_by = SeenBy.ON_OFF if self._is_on_off else SeenBy.OUTLINE
+                events.append(Event(EventKind.TURNING, sight.stamp, seen_by, self._turn.probability, rate=rate))
+        return Motion(self._moving, speed, direction, rate, _observable(sight), tuple(events))
+
+    def _states(self) -> Moving:
+        moving = Moving.NOT_KNOWN
+        if self._outline.is_moving or self._centre.is_moving:
+            moving |= Moving.SLIDING
+        if self._turn.is_moving:
+            moving |= Moving.TURNING
+        is_known = self._outline.is_known or self._centre.is_known
+        return moving or (Moving.STILL if is_known else Moving.NOT_KNOWN)
+
+
+def _is_alike(fit: ShapeFit, before: ShapeFit, pitch: float) -> bool:
+    """Return whether both are one outline, as far as a fit may differ from another one."""
+    if (fit.shape, fit.symmetry, fit.handedness) != (before.shape, before.symmetry, before.handedness):
+        return False
+    return all(is_bound or abs(length - old) <= OTHER_LENGTH * old + OTHER_PITCHES * pitch
+               for length, old, is_bound in zip(fit.dimensions, before.dimensions, fit.is_bound))
+
+
+def _observable(sight: Sight) -> Observable:
+    """A contact shows a movement along an axis of its own by either end of it that is seen."""
+    fit, seen, found = sight.fit, sight.visibility, Observable.ALONG_X | Observable.ALONG_Y
+    if seen.outline_hidden or seen.inside_hidden:
+        return Observable.NOTHING
+    if fit is not None and fit.symmetry:
+        found |= Observable.ROTATION
+    if not seen.at_edge:
+        return found
+    axis = fit.angle if fit is not None else np.nan_to_num(sight.moments.principal_axis)
+    along, across = (any(ends) for ends in ends_seen(rim_of(sight.pattern, seen), float(axis)).tolist())
+    if along and across:
+        return found
+    if not (along or across):
+        return Observable.NOTHING
+    blind = axis if across else axis + math.pi / 2
+    if abs(math.cos(blind)) > HIDES_DIRECTION:
+        found &= ~Observable.ALONG_X
+    if abs(math.sin(blind)) > HIDES_DIRECTION:
+        found &= ~Observable.ALONG_Y
+    return found

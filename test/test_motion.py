@@ -1,0 +1,174 @@
+"""Events of a contact, in contact mechanics: a slide and a turn are reported in time, a hold and what is hidden not.
+
+`bench/bench_events.py` measures more of the same.
+"""
+
+import os
+
+import numpy as np
+import pytest
+from event_world import BEFORE, KINDS, PITCH, RATE, Scene, moved, shaken, slide, turn
+
+from tactile_node.pose.motion import EventKind, Moving, Observable, SeenBy
+from tactile_node.pose.pipeline import ContactPipeline, Taxels
+from tactile_node.shape.methods import make_recogniser
+from training.ground_truth.seeds import Purpose, generator
+
+PROMISED = {'outline': 0.3, 'centre of pressure': 0.8, 'on/off': 1.5}  #: pitches
+SEED, LONG = 4_100, bool(os.environ.get('TACTILE_LONG'))
+WHOLE = np.s_[6:12, 7:13]
+TAXELS = Taxels(PITCH, 'Pa')
+
+
+@pytest.fixture(scope='module')
+def recogniser():
+    return make_recogniser()
+
+
+def events_of(frames):
+    return [(frame, event) for frame in frames for event in frame.motion.events]
+
+
+@pytest.mark.parametrize('way', PROMISED)
+@pytest.mark.parametrize('speed', [0.5, 10.0, 100.0])
+@pytest.mark.parametrize('kind', ['square', 'ball', 'right_triangle'])
+def test_a_slide_is_reported_within_what_is_promised_and_a_frame(recogniser, way, speed, kind):
+    rng = generator(Purpose.TEST, SEED)
+    path, seconds = slide(rng, speed, PROMISED[way] + 0.7)
+    frames = Scene(rng, kind, way, dead=0.0).follow(recogniser, path, seconds)
+    (frame, event), *others = events_of(frames)
+    assert event.kind is EventKind.SLIDING and frame.time > BEFORE
+    assert moved(frame.place) <= PROMISED[way] + speed * 1e-3 / PITCH / RATE + 1e-9
+    assert {'outline': SeenBy.OUTLINE, 'centre of pressure': SeenBy.CENTRE_OF_PRESSURE,
+            'on/off': SeenBy.ON_OFF}[way] is event.seen_by
+    assert event.stamp == pytest.approx(1e3 + frame.time) and event.probability > 0.9
+    sliding = [each for each in frames if each.motion.moving & Moving.SLIDING]
+    way_x, way_y = frames[-1].place['dx'], frames[-1].place['dy']
+    towards = np.cos([each.motion.direction - np.arctan2(way_y, way_x) for each in sliding])
+    assert np.median(towards) > 0.8
+    assert not {each.kind for _, each in others} - {EventKind.SLIDING}
+
+
+@pytest.mark.parametrize('speed', [2.0, 20.0])
+def test_speed_is_that_of_the_slide_and_ends_with_it(recogniser, speed):
+    rng = generator(Purpose.TEST, SEED + 1)
+    path, seconds = slide(rng, speed, 4.0)
+    frames = Scene(rng, 'square', dead=0.0).follow(recogniser, path, seconds + 0.5)
+    under_way = [frame.motion for frame in frames if 1.0 < moved(frame.place) < 4.0]
+    assert all(motion.moving & Moving.SLIDING for motion in under_way)
+    assert np.median([motion.speed for motion in under_way]) == pytest.approx(speed * 1e-3, rel=0.25)
+    assert frames[-1].motion.moving is Moving.STILL and np.isnan(frames[-1].motion.speed)
+    assert frames[-1].motion.last_event.kind is EventKind.SLIDING  # which is no present state
+
+
+@pytest.mark.parametrize('speed', [2.0, 50.0])
+@pytest.mark.parametrize('kind', ['square', 'rectangle', 'isosceles_triangle'])
+def test_a_turn_is_reported(recogniser, kind, speed):
+    rng = generator(Purpose.TEST, SEED + 2)
+    scene = Scene(rng, kind, dead=0.0)
+    path, seconds = turn(rng, speed, 1.5, scene.radius)
+    frames = scene.follow(recogniser, path, seconds)
+    frame, event = next(each for each in events_of(frames) if each[1].kind is EventKind.TURNING)
+    assert BEFORE < frame.time and moved(frame.place, scene.radius) <= 0.3 + speed * 1e-3 / PITCH / RATE + 0.1
+    rates = [each.motion.rate for each in frames if each.motion.moving & Moving.TURNING
+             and moved(each.place, scene.radius) < 1.5]
+    assert np.sign(np.median(rates)) == np.sign(frames[-1].place['turn'])
+
+
+@pytest.mark.parametrize('way', PROMISED)
+@pytest.mark.parametrize('is_shaken', [False, True])
+def test_a_hold_is_still(recogniser, way, is_shaken):
+    """At most one report in a minute of shaking, and none here of a quiet hold (one in ten minutes is allowed)."""
+    reports = []
+    for number, kind in enumerate(KINDS if LONG else ('square', 'ball', 'right_triangle')):
+        rng = generator(Purpose.TEST, SEED + 10 + number)
+        path = shaken(rng) if is_shaken else lambda _: {}
+        reports += events_of(Scene(rng, kind, way).follow(recogniser, path, 6.0))
+    assert len(reports) <= is_shaken, reports
+
+
+def pressed(where=WHOLE, level=50e3):
+    values = np.zeros((18, 20))
+    values[where] = level
+    return values
+
+
+def motions(frames, period=0.02, **marks):
+    """Follow values of consecutive frames; None: a silence."""
+    pipeline, found = ContactPipeline(), []
+    for number, values in enumerate(frames):
+        if values is not None:
+            found.append(pipeline.follow(values, TAXELS, 100 + period * number, **marks).motion)
+    return found
+
+
+def kinds_of(found):
+    return [event.kind.name for motion in found for event in motion.events]
+
+
+EMPTY, HIDDEN = np.zeros((18, 20)), np.full((18, 20), np.nan)
+
+
+def test_made_and_lost_are_between_frames_that_are_seen():
+    assert kinds_of(motions([EMPTY] * 5 + [pressed()] * 20 + [EMPTY] * 3)) == ['MADE', 'LOST']
+    assert kinds_of(motions([pressed()] * 20)) == []  # not known to have been empty
+    assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 40)) == []
+    assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 3 + [pressed()] * 20)) == []
+    assert kinds_of(motions([EMPTY] * 20 + [HIDDEN] * 3 + [EMPTY] * 20)) == []
+    assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 3 + [EMPTY] * 3)) == ['LOST']  # meanwhile
+    assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 40 + [EMPTY] * 3)) == []  # nothing was known any more
+    assert kinds_of(motions([pressed()] * 20 + [None] * 40 + [EMPTY] * 3)) == []
+
+
+def test_what_is_not_seen_is_not_known():
+    found = motions([pressed()] * 20 + [HIDDEN] * 2)
+    assert found[19].moving is Moving.STILL and found[20].moving is found[21].moving is Moving.NOT_KNOWN
+    assert found[21].observable is Observable.NOTHING
+    found = motions([pressed()] * 20 + [None] * 20 + [pressed()])
+    assert found[-1].moving is Moving.NOT_KNOWN and found[-1].last_event is None
+
+
+def test_force_by_steps():
+    levels = [50e3] * 40 + [60e3] * 40 + [75e3] * 40 + [30e3] * 9
+    found = motions([pressed(level=level) for level in levels])
+    assert kinds_of(found) == ['HARDER', 'LIGHTER']
+    harder, lighter = (event for motion in found for event in motion.events)
+    assert (harder.force_before, harder.force) == pytest.approx((36 * 50e3 * PITCH**2, 36 * 75e3 * PITCH**2))
+    assert (lighter.force_before, lighter.force) == pytest.approx((36 * 75e3 * PITCH**2, 36 * 30e3 * PITCH**2))
+
+
+def test_another_contact_and_lost_taxels_are_no_movement():
+    assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 12:18])] * 40)) == ['SLIDING']  # it overlaps
+    assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 14:20])] * 40)) == []  # it is another one
+    lost = pressed()
+    lost[8:10] = np.nan
+    assert 'SLIDING' not in kinds_of(motions([pressed()] * 40 + [lost] * 40 + [pressed()] * 40))
+
+
+def observable(where):
+    return motions([pressed(where)] * 5)[-1].observable
+
+
+def test_what_cannot_be_seen_is_said():
+    both = Observable.ALONG_X | Observable.ALONG_Y
+    assert observable(WHOLE) & both == both
+    assert observable(np.s_[7:11, :]) & both == Observable.ALONG_Y  # a bar across the pad
+    assert observable(np.s_[:, 7:11]) & both == Observable.ALONG_X
+    assert observable(np.s_[7:11, 9:]) & both == both  # one end of it is seen
+    assert observable(np.s_[:, :]) == Observable.NOTHING  # larger than the pad
+    diagonal = np.abs(np.subtract.outer(np.arange(18), np.arange(20))) < 4
+    assert observable(diagonal) & both == Observable.NOTHING
+
+
+@pytest.mark.parametrize('kind', ['ball', 'square'])
+def test_a_round_contact_shows_no_rotation(recogniser, kind):
+    frames = Scene(generator(Purpose.TEST, SEED + 3), kind, dead=0.0).follow(recogniser, lambda _: {}, 0.5)
+    assert bool(frames[-1].motion.observable & Observable.ROTATION) == (kind == 'square')
+
+
+def test_restart_forgets():
+    pipeline = ContactPipeline()
+    for number in range(20):
+        pipeline.follow(EMPTY, TAXELS, number / 50)
+    pipeline.restart()
+    assert pipeline.follow(pressed(), TAXELS, 0.42).motion.events == ()
