@@ -39,7 +39,7 @@ from sensor_msgs.msg import JointState
 
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
-from tactile_skin.msg import Contact, ContactShape, GripperOutcome, TaxelArray
+from tactile_skin.msg import Contact, ContactEvent, ContactMotion, ContactShape, GripperOutcome, TaxelArray
 from tactile_skin.srv import Tare
 
 FROZEN_AFTER = 0.5  # s, parameter of the driver
@@ -47,6 +47,7 @@ HELD_BACK = 5.0  # s
 BURST = 10  # messages
 SETTLED = 0.3  # s after which the truth must be seen again
 MINUTE = 60.0
+SLIDES_ON = 0.5  # s after a movement in which it is still said, a little more than a fast one takes to have stopped
 EMPTY, LEFT_EMPTY = FalseClaim('empty', empty), FalseClaim('empty', empty, topic='left')
 NOT_EMPTY = FalseClaim('not empty', lambda record: record['contact'] != 'NO_CONTACT', SETTLED)
 Case = Callable[..., list[Finding]]  # some may be given a period
@@ -291,6 +292,37 @@ def _has(name: str) -> Claim:
     return lambda record: record[name] is not None
 
 
+def event_of_a_stale_skin() -> list[Finding]:
+    """The skin freezes, and the object is taken away: of what is not sampled nothing moves, and nothing is lost."""
+    with World(driver={'frozen_after': FROZEN_AFTER}) as world:
+        world.hold()
+        world.skin.set(is_frozen=True)
+        world.skin.set(is_there=False)
+        since = time.monotonic()
+        return world.watch(since, FROZEN_AFTER + 1.0,
+                           FalseClaim('what moves', lambda record: any(record['moving']),
+                                      FROZEN_AFTER + PERIOD + WITHDRAWN),
+                           FalseClaim('lost', lambda record: ContactEvent.LOST in record['last_events']))
+
+
+def latched_event_is_no_present_one() -> list[Finding]:
+    """The object slips by 1.5 taxels, once: it slides then, and not for as long as this is the last event."""
+    with World() as world:
+        world.hold()
+        since = time.monotonic()
+        world.skin.set(x=9.1)
+        found = world.watch(since, 2.5, FalseClaim('sliding', _slides, SLIDES_ON + PERIOD))
+        assert any(_slides(record) for record in world.records if record['topic'] == 'grasp'), 'the slip was not seen'
+        latest = world.latest('grasp')
+        for event, age in zip(latest['last_events'], latest['event_ages']):
+            assert event != ContactEvent.SLIDING or age >= 1, latest
+        return found
+
+
+def _slides(record: Record) -> bool:
+    return any(moving & ContactMotion.SLIDING for moving in record['moving'])
+
+
 def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Callable[[World, GripperBench], None],
            held: dict, parameters: dict, **given: dict) -> Case:
     """Return the case of a gripper that closes by its node while ``spoil`` spoils what its pads see."""
@@ -356,7 +388,7 @@ CLOSING = (
 #: with `make misled SHORT=1`
 SHORT: Sequence[Case] = (
     skin_freezes, bus_fails, rows_are_hidden, a_part_is_hidden, taxels_saturate, object_creeps, malformed_messages,
-    tare_is_requested)
+    tare_is_requested, event_of_a_stale_skin, latched_event_is_no_present_one)
 LONG: Sequence[Case] = (
     one_pad_loses_power, driver_ends, classifier_ends, nodes_start_while_held,
     one_pad_never_answers, taxels_are_dead, joint_states_end, opening_is_not_known, object_is_taken_away,

@@ -91,6 +91,9 @@ def grasp_facts(message: Grasp) -> dict:
             'shape': name_of(ContactShape, SHAPES, message.shape),
             'fresh': message.fresh, 'stable': message.stable, 'gap': float(message.gap), 'width': float(message.width),
             'offset': float(message.offset), 'sequences': [int(each) for each in message.sequences],
+            'moving': [motion.moving for motion in getattr(message, 'motions', ())],
+            'last_events': [motion.last_event for motion in getattr(message, 'motions', ())],
+            'event_ages': [motion.last_event_age.sec for motion in getattr(message, 'motions', ())],
             'gap_source': name_of(Grasp, GAPS, getattr(message, 'gap_source', -1))}
 
 

@@ -41,6 +41,7 @@ class Object:
         self.pressure = 0.5  #: [fraction of full scale]
         self.angle = 0.2  #: [rad]
         self.is_there = True
+        self.x = 7.6  #: of its centre while it does not creep [taxels]
         self.is_frozen = False  #: the skin has stopped sampling
         self.speed = 0.0  #: along x, from the left part of the pad [m/s]
         self._began = time.monotonic()
@@ -61,7 +62,7 @@ class Object:
         return sample
 
     def _frame(self) -> np.ndarray:
-        x = 7.6 if not self.speed else 5.0 + self.speed * (time.monotonic() - self._began) / PITCH
+        x = self.x if not self.speed else 5.0 + self.speed * (time.monotonic() - self._began) / PITCH
         square = Touching('square', (self.side,), x=x, y=7.3, angle=self.angle) if self.is_there else None
         values = pressure_frame(square, self._random, 16, 16, pressure=self.pressure,
                                 skin=Skin(full_scale=FULL_SCALE, blur=0.5, noise=0.005))

@@ -18,6 +18,7 @@ INTERFACES = sorted(f'{file.parent.name}/{file.stem}' for kind in ('msg', 'srv',
     ('msg/ContactShape', 'unknown_reason', 0, 'REASON_NOT_KNOWN'), ('msg/ContactShape', 'shape', 8, 'OTHER'),
     ('msg/NodeStatus', 'nmt_state', 127, 'NMT_PRE_OPERATIONAL'), ('msg/NodeStatus', 'nmt_state', 3, '3'),
     ('action/WaitForGrasp', 'outcome', 2, 'TIMED_OUT'), ('srv/CheckGrasp', 'outcome', 2, 'NOT_HELD'),
+    ('msg/ContactEvent', 'kind', 3, 'SLIDING'), ('msg/ContactMotion', 'observable', 4, 'ROTATION'),
     ('srv/CheckGrasp', 'refusal', 2, 'NOT_A_LIMIT')])
 def test_a_code_has_the_name_of_its_field(interface, field, code, name):
     assert name_of(interface, field, code) == name

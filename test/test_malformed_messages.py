@@ -31,6 +31,7 @@ from tactile_node.nodes.grasp_node import GraspNode
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.pose.fit import fit_shape
+from tactile_node.pose.motion import Event, EventKind, SeenBy
 from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
 from tactile_node.ros.contact_messages import (
     PadContact,
@@ -51,6 +52,7 @@ from tactile_node.ros.message_checks import (
     check_taxel_array,
 )
 from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status
+from tactile_node.ros.motion_messages import check_contact_event, event_message
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.shape_messages import pad_shape
 from tactile_node.ros.source_guard import SOURCE_HOLD
@@ -60,7 +62,9 @@ from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import (
     Contact,
+    ContactEvent,
     ContactFeatures,
+    ContactMotion,
     ContactShape,
     Grasp,
     TaxelArray,
@@ -102,6 +106,12 @@ def good_shape(sequence=0) -> ContactShape:
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     result = StreamedContact(found.pattern, frame, FusedRecognition(frame, STAMP, 1.5, 30), fit, found, found.moments)
     return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).whole
+
+
+def good_event(sequence=0) -> ContactEvent:
+    event = Event(EventKind.SLIDING, STAMP, SeenBy.OUTLINE, 0.99, speed=0.01, direction=-3.0)
+    shape = good_shape(sequence)
+    return event_message(event, shape.header, sequence, shape.age)
 
 
 def good_grasp(sequence=0) -> Grasp:
@@ -170,6 +180,25 @@ SHAPES: dict[R, list[Change]] = {
     R.WRONG_PROBABILITIES: [{'probabilities': array('f', [0.0] * 7)}, {'probabilities.3': 1.75},
                             {'frame_probabilities': array('f', [-1, 2, 0, 0, 0, 0, 0])}],
     R.WRONG_STAMP: [{'held.sec': -1}]}
+SLIDING: Change = {'moving': ContactMotion.SLIDING, 'speed': 0.01, 'direction': 1.0}
+MOTIONS: dict[R, list[Change]] = {
+    R.UNKNOWN_CODE: [{'moving': 3}, {'moving': 8}, {'observable': 8}, {'last_event': 7}],
+    R.INCONSISTENT: [{'speed': 0.01}, {'direction': 1.0}, {'rate': 0.1}, SLIDING | {'speed': -0.01},
+                     SLIDING | {'moving': ContactMotion.STILL}, SLIDING | {'moving': ContactMotion.TURNING}],
+    R.NOT_FINITE: [SLIDING | {'speed': INF}, {'rate': -INF}],
+    R.WRONG_STAMP: [{'last_event_age.sec': -1}]}
+EVENTS: dict[R, list[Change]] = {
+    R.UNKNOWN_CODE: [{'kind': 7}, {'kind': 0}, {'seen_by': 0}, {'seen_by': 5}],
+    R.NOT_FINITE: [{'speed': INF}, {'probability': NAN}, {'force': -INF}],
+    R.WRONG_PROBABILITIES: [{'probability': 1.5}], R.INCONSISTENT: [{'speed': -0.1}]}
+
+
+def of_part(part: str, table: dict[R, list[Change]]) -> dict[R, list[Change]]:
+    """The same changes of a message in another one."""
+    return {reason: [{f'{part}.{name}': value for name, value in change.items()} for change in changes]
+            for reason, changes in table.items()}
+
+
 WITHOUT_YAW: Change = {'yaw': NAN, 'yaw_sd': NAN}
 WITHOUT_SIZE: Change = WITHOUT_YAW | {'symmetry': 0, 'dimension_names': [], 'dimensions': array('d'),
                                       'dimension_sds': array('d'), 'dimension_is_bound': []}
@@ -200,7 +229,9 @@ GRASPS: dict[R, list[Change]] = {
                      {'dimensions.0': 0.0}, {'dimension_sds.0': 0.0}, {'dimensions.0': -0.01},
                      {'yaw': NAN}, {'yaw_sd': NAN}, {'yaw': 0.8}, {'symmetry': 0}, {'handedness': 1},
                      WITHOUT_SIZE | {'symmetry': 4}, {'side_states.0': 1, 'contact': 1} | NO_LINE | NO_OBJECT
-                     | {'same_shape': False}, {'grip_force': 1.0}, {'force_imbalance': 1.0},
+                     | {'same_shape': False}, {'side_states.0': 1, 'contact': 1} | NO_LINE | NO_OBJECT
+                     | {'same_shape': False, 'forces.0': NAN, 'motions.0.moving': ContactMotion.STILL},
+                     {'grip_force': 1.0}, {'force_imbalance': 1.0},
                      {'force_is_bound.1': True}, {'forces.0': NAN}],
     R.WRONG_LENGTH: [{'dimension_names': []}, {'dimension_sds': array('d')}, {'dimension_is_bound': [False] * 2}],
     R.NOT_FINITE: [{'gap': INF}, {'offset': NAN}, {'centre.0': NAN}, {'centre_sd': INF}, {'confidence': NAN},
@@ -218,8 +249,9 @@ FEWER: tuple[Change, ...] = (
 TABLE = {
     check_taxel_array: (good_taxels, R.NO_TAXELS, [GRID, VALUES, TAXELS, TIMES]),
     check_contact: (good_contact, R.NO_TAXELS, [GRID, VALUES, CONTACTS, TIMES]),
-    check_contact_shape: (good_shape, R.UNKNOWN_CODE, [SHAPES, TIMES]),
-    check_grasp: (good_grasp, R.INCONSISTENT, [GRASPS, TIMES])}
+    check_contact_shape: (good_shape, R.UNKNOWN_CODE, [SHAPES, of_part('motion', MOTIONS), TIMES]),
+    check_contact_event: (good_event, R.UNKNOWN_CODE, [EVENTS, TIMES]),
+    check_grasp: (good_grasp, R.INCONSISTENT, [GRASPS, of_part('motions.1', MOTIONS), TIMES])}
 
 
 def cases_of(check) -> list[tuple[Change | None, R]]:

@@ -34,7 +34,7 @@ NAN = float('nan')
 def store(**other):
     """Types with our messages, or with ``other`` texts of them."""
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    for name in ('TaxelArray', 'ContactShape'):
+    for name in ('TaxelArray', 'ContactMotion', 'ContactShape'):
         text = other.get(name) or package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
         types.register(typesys.get_types_from_msg(text, f'tactile_skin/msg/{name}'))
     return types

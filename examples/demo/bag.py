@@ -12,7 +12,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from tactile_node.logs.topic_bag import message_types
 
-MESSAGES = ('TaxelArray', 'Contact', 'FeatureRange', 'ContactFeatures', 'ContactShape', 'ContactShapes', 'Grasp')
+MESSAGES = ('TaxelArray', 'Contact', 'FeatureRange', 'ContactFeatures', 'ContactMotion', 'ContactEvent', 'ContactShape',
+            'ContactShapes', 'Grasp')
 
 
 class BagRecorder:

@@ -171,7 +171,7 @@ class _TopicTypes:
     @cached_property
     def _ours(self) -> Any:
         return message_types(self._typesys, (  # each after those that it contains
-            'TaxelArray', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus'))
+            'TaxelArray', 'ContactMotion', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus'))
 
 
 def message_types(typesys: Any, names: Iterable[str]) -> Any:
