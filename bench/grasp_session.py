@@ -28,8 +28,8 @@ from examples.simulated_gripper.session import JOINT, NODE_IDS, Bench
 from examples.simulated_gripper.world import AXES, SIDES, Place, World
 from tactile_node.grasp.closing import Outcome as Ending
 from tactile_node.nodes.spinning import spinning
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge
-from tactile_node.ros.message_checks import check_grasp
 from tactile_skin.msg import Grasp, GripperOutcome
 
 TOUCH_ACTION = 'touch_gripper/gripper_cmd'

@@ -17,8 +17,8 @@ import py_trees
 from rclpy.qos import QoSProfile
 
 from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE, Doubt, doubt
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import Arrival, InputAge
-from tactile_node.ros.message_checks import check_grasp
 from tactile_skin.msg import ContactShape, Grasp
 
 

@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 from rclpy.qos import QoSProfile
 
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge
-from tactile_node.ros.message_checks import check_grasp
 from tactile_node.ros.motion_messages import check_contact_event, is_moving
 from tactile_skin.msg import ContactEvent, ContactMotion, Grasp
 

@@ -125,8 +125,8 @@ def main() -> None:
     from rclpy.executors import ExternalShutdownException
     from rclpy.qos import qos_profile_sensor_data
 
+    from tactile_node.ros.grasp_checks import check_grasp
     from tactile_node.ros.message_age import InputAge
-    from tactile_node.ros.message_checks import check_grasp
     from tactile_skin.msg import Grasp
 
     def on_grasp(grasp: Grasp) -> None:

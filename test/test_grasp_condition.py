@@ -11,9 +11,9 @@ from test_malformed_messages import good_shape
 from tactile_node.grasp.gripper import Gripper
 from tactile_node.grasp.opening import UNKNOWN_OPENING
 from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import grasp_message
 from tactile_node.ros.message_age import age_message
-from tactile_node.ros.message_checks import check_grasp
 from tactile_node.ros.time_messages import time_message
 from tactile_skin.msg import ContactShape, Grasp
 

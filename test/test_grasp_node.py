@@ -11,9 +11,9 @@ from test_malformed_messages import good_shape
 
 from tactile_node.nodes import grasp_node
 from tactile_node.nodes.grasp_node import GraspNode
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import sides_message
 from tactile_node.ros.message_age import age_message, age_seconds
-from tactile_node.ros.message_checks import check_grasp
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.time_messages import time_message
 from tactile_skin.msg import ContactShape, Grasp, GraspSides

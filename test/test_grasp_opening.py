@@ -15,8 +15,8 @@ from sensor_msgs.msg import JointState
 
 from tactile_node.node_graph import bus_nodes
 from tactile_node.nodes.system import System
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import age_seconds
-from tactile_node.ros.message_checks import check_grasp
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pad
 from tactile_skin.msg import Grasp

@@ -12,9 +12,9 @@ from tactile_node.grasp.gripper import Gripper
 from tactile_node.grasp.opening import UNKNOWN_OPENING
 from tactile_node.grasp.tracker import GraspTracker
 from tactile_node.pose.motion import Event, EventKind, Motion, Moving, Observable, SeenBy
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message, age_seconds
-from tactile_node.ros.message_checks import check_grasp
 from tactile_node.ros.motion_messages import check_contact_event, check_motion, motion_message
 from tactile_node.ros.time_messages import time_message
 from tactile_node.viewing.states import moving_words

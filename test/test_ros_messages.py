@@ -21,9 +21,10 @@ from tactile_node.ros.contact_messages import (
     taxel_array_message,
     taxel_values,
 )
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import face_of, grasp_message, side_result, sides_message
 from tactile_node.ros.message_age import InputAge, age_seconds
-from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_grasp, check_taxel_array
+from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_taxel_array
 from tactile_node.ros.shape_messages import pad_shape, pose_message
 from tactile_node.ros.time_messages import time_message
 from tactile_node.shape.fusion import FusedRecognition

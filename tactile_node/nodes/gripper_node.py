@@ -32,10 +32,10 @@ from tactile_node.nodes.grasp_requests import allow_feedback
 from tactile_node.nodes.gripper_client import GripperClient, GripperResult
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.run import run_node
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface, touch_of
 from tactile_node.ros.gripper_settings import GripperSettings, limits_of
 from tactile_node.ros.message_age import InputAge, age_seconds
-from tactile_node.ros.message_checks import check_grasp
 from tactile_node.ros.parameters import declare, read
 from tactile_skin.msg import Grasp, GripperOutcome
 

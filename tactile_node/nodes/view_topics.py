@@ -23,8 +23,9 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.ros.contact_messages import PadContact, contact_message, taxel_array_message, taxel_values
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge, age_seconds
-from tactile_node.ros.message_checks import check_contact, check_contact_shape, check_grasp, check_taxel_array
+from tactile_node.ros.message_checks import check_contact, check_contact_shape, check_taxel_array
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
 from tactile_node.ros.time_messages import seconds
 from tactile_node.ros.view_messages import ContactMarkers, MarkerLifetime, colour_image, value_image, wrench_message
