@@ -22,7 +22,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 import numpy as np
 from event_world import BEFORE, KINDS, PITCH, RATE, Frame, Scene, moved, shaken, slide, turn
 
-from tactile_node.pose.motion import EventKind, SeenBy
+from tactile_node.pose.events import EventKind, SeenBy
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from training.ground_truth.seeds import Purpose, generator
 

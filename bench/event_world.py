@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from bench.recognition import mechanics
-from tactile_node.pose.motion import Motion
+from tactile_node.pose.events import Motion
 from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.simulator.world import CLASSES

@@ -30,8 +30,8 @@ from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.grasp_node import GraspNode
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.pose.events import Event, EventKind, SeenBy
 from tactile_node.pose.fit import fit_shape
-from tactile_node.pose.motion import Event, EventKind, SeenBy
 from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
 from tactile_node.ros.contact_messages import (
     PadContact,
@@ -44,11 +44,11 @@ from tactile_node.ros.contact_messages import (
     taxel_values,
 )
 from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_checks import (
     RejectReason,
     check_contact,
     check_contact_shape,
-    check_grasp,
     check_taxel_array,
 )
 from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status

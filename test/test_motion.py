@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from event_world import BEFORE, KINDS, PITCH, RATE, Scene, moved, shaken, slide, turn
 
-from tactile_node.pose.motion import EventKind, Moving, Observable, SeenBy
+from tactile_node.pose.events import EventKind, Moving, Observable, SeenBy
 from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.shape.methods import make_recogniser
 from training.ground_truth.seeds import Purpose, generator

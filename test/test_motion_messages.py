@@ -11,7 +11,7 @@ from test_stages import Pad
 from tactile_node.grasp.gripper import Gripper
 from tactile_node.grasp.opening import UNKNOWN_OPENING
 from tactile_node.grasp.tracker import GraspTracker
-from tactile_node.pose.motion import Event, EventKind, Motion, Moving, Observable, SeenBy
+from tactile_node.pose.events import Event, EventKind, Motion, Moving, Observable, SeenBy
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message, age_seconds

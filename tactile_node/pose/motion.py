@@ -6,7 +6,6 @@ there or slides.
 """
 
 import math
-from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
 import numpy as np
@@ -14,50 +13,11 @@ import numpy as np
 from tactile_node.contact.neighbours import grown
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import Visibility
+from tactile_node.pose.events import Event, EventKind, Motion, Moving, Observable, SeenBy
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import ContactMoments
 from tactile_node.pose.rim import ends_seen, rim_of
 from tactile_node.pose.track import ForceTrack, Track
-
-
-class EventKind(IntEnum):
-    """What has happened (ContactEvent.msg mirrors these numbers)."""
-
-    NOT_KNOWN = 0
-    MADE = 1     #: the pad was seen empty, and is touched
-    LOST = 2     #: it was touched, and is seen empty
-    SLIDING = 3  #: the contact has begun to move across the pad
-    TURNING = 4  #: it has begun to turn
-    HARDER = 5   #: its force has risen by a step
-    LIGHTER = 6
-
-
-class SeenBy(IntEnum):
-    """What an event was seen by (ContactEvent.msg mirrors these numbers)."""
-
-    NOT_KNOWN = 0
-    OUTLINE = 1             #: the fitted one
-    CENTRE_OF_PRESSURE = 2
-    ON_OFF = 3              #: outline or centre of on/off taxels
-    PRESSURE = 4            #: what is pressed, and how hard
-
-
-class Moving(IntFlag):
-    """What a contact does now (ContactMotion.msg mirrors these numbers)."""
-
-    NOT_KNOWN = 0
-    STILL = 1
-    SLIDING = 2
-    TURNING = 4
-
-
-class Observable(IntFlag):
-    """Which movements of a contact would show (ContactMotion.msg mirrors these numbers)."""
-
-    NOTHING = 0
-    ALONG_X = 1
-    ALONG_Y = 2
-    ROTATION = 4
 
 
 class Sight(NamedTuple):
@@ -73,35 +33,9 @@ class Sight(NamedTuple):
     is_on_off: bool
 
 
-class Event(NamedTuple):
-    """Something that has happened; NaN: not of this kind, or not known."""
-
-    kind: EventKind
-    stamp: float  #: acquisition of the frame that showed it [s]
-    seen_by: SeenBy
-    probability: float
-    speed: float = math.nan      #: [m/s]
-    direction: float = math.nan  #: in the pad's frame, x to y [rad]
-    rate: float = math.nan       #: x to y positive [rad/s]
-    force_before: float = math.nan  #: [N]
-    force: float = math.nan         #: [N]
-
-
-class Motion(NamedTuple):
-    """What is known of the movement of a contact in one frame."""
-
-    moving: Moving = Moving.NOT_KNOWN
-    speed: float = math.nan      #: while SLIDING [m/s]; NaN: not known
-    direction: float = math.nan  #: while SLIDING, in the pad's frame, x to y [rad]
-    rate: float = math.nan       #: while TURNING, x to y positive [rad/s]
-    observable: Observable = Observable.NOTHING
-    events: tuple[Event, ...] = ()  #: of this frame
-    last_event: Event | None = None  #: since when the pad has been followed
-
-
 #: After how much movement it is reported [pitches]; less than is promised (0.3, 0.8, 1.5): a frame must confirm it
 OUTLINE_STEP, PRESSURE_STEP, ON_OFF_STEP = 0.2, 0.55, 1.1
-TURN_STEP = 1.3  #: of the farthest corner, relative to these: an angle jumps from fit to fit
+TURN_CERTAINTY = 6.0  #: standard deviations, of a turn: angles jump from fit to fit
 SLACK = 3.0  #: standard deviations of an angle that a slide may change it by
 MAX_GAP = 0.25  #: without a frame that shows it, after which what was known is not any more [s]
 OTHER_SIZE = 1.6  #: times as many taxels, or as few: another contact, or two that have joined
@@ -162,7 +96,7 @@ class _Followed:
         self.by_pressure = SeenBy.ON_OFF if self._is_on_off else SeenBy.PRESSURE
         of_outline, of_pressure = (ON_OFF_STEP,) * 2 if self._is_on_off else (OUTLINE_STEP, PRESSURE_STEP)
         self._outline = Track(of_outline * first.pitch)
-        self._turn = Track(TURN_STEP * of_outline * first.pitch)
+        self._turn = Track(of_outline * first.pitch, TURN_CERTAINTY)
         self._centre = Track(of_pressure * first.pitch)
         self.force = ForceTrack()
         self._mask = first.pattern.mask
@@ -171,7 +105,8 @@ class _Followed:
         self._fit: ShapeFit | None = None  # at the beginning
         self._outlined = -math.inf  # stamp of the last
         self._angle = self._radius = 0.0
-        self._moving = Moving.NOT_KNOWN
+        self._moving, self._observable = Moving.NOT_KNOWN, Observable.NOTHING
+        self._observed: Sight | None = None  # that it was found for
 
     def goes_on(self, mask: np.ndarray) -> bool:
         """Return whether ``mask`` is the same contact: it overlaps with it and is about as large."""
@@ -257,7 +192,9 @@ class _Followed:
             if has_begun & Moving.TURNING:
                 seen_by = SeenBy.ON_OFF if self._is_on_off else SeenBy.OUTLINE
                 events.append(Event(EventKind.TURNING, sight.stamp, seen_by, self._turn.probability, rate=rate))
-        return Motion(self._moving, speed, direction, rate, _observable(sight), tuple(events))
+        if self._observed is None or not _is_seen_alike(sight, self._observed):
+            self._observed, self._observable = sight, _observable(sight)
+        return Motion(self._moving, speed, direction, rate, self._observable, tuple(events))
 
     def _states(self) -> Moving:
         moving = Moving.NOT_KNOWN
@@ -275,6 +212,13 @@ def _is_alike(fit: ShapeFit, before: ShapeFit, pitch: float) -> bool:
         return False
     return all(is_bound or abs(length - old) <= OTHER_LENGTH * old + OTHER_PITCHES * pitch
                for length, old, is_bound in zip(fit.dimensions, before.dimensions, fit.is_bound))
+
+
+def _is_seen_alike(sight: Sight, before: Sight) -> bool:
+    """Return whether as much of one outline is seen: then the rim, which takes most of the time, tells nothing new."""
+    symmetries = [None if each.fit is None else each.fit.symmetry for each in (sight, before)]
+    return (symmetries[0] == symmetries[1] and sight.visibility == before.visibility
+            and np.array_equal(sight.pattern.mask, before.pattern.mask))
 
 
 def _observable(sight: Sight) -> Observable:

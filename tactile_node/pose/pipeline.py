@@ -13,9 +13,10 @@ from tactile_node.contact.pattern import ContactPattern, PatternExtractor, of_co
 from tactile_node.contact.press import SMALLEST_CONTACT, PressThresholds
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.pose.box import ContactBox, contact_box
+from tactile_node.pose.events import Motion
 from tactile_node.pose.fit import Finder, FitFollower, ShapeFit, fit_contact
 from tactile_node.pose.moments import ContactMoments, PadForce, contact_moments, pad_force
-from tactile_node.pose.motion import Motion, MotionFollower, Sight
+from tactile_node.pose.motion import MotionFollower, Sight
 from tactile_node.pose.profiles import Layer
 from tactile_node.shape.fusion import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser

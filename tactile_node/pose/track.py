@@ -34,8 +34,8 @@ class Place(NamedTuple):
 class Track:
     """Follows one place; takes it in the order of times."""
 
-    def __init__(self, step: float):
-        self._step = step
+    def __init__(self, step: float, certainty: float = CERTAINTY):
+        self._step, self._certainty = step, certainty
         self._lag = step / SLOWEST
         self.restart()
 
@@ -112,7 +112,7 @@ class Track:
         claimed = CLAIMED * sd if sd == sd else 0.0
         error = math.sqrt((squares + PRIOR * claimed**2) / (count - 1 + PRIOR) * (1 + 1 / count))
         away = place.x - self._first.x - mean_x, place.y - self._first.y - mean_y
-        distance, limit = math.hypot(*away), max(self._step, CERTAINTY * error) + slack
+        distance, limit = math.hypot(*away), max(self._step, self._certainty * error) + slack
         before, self._was_over = self._was_over, away if distance > limit else None
         self.displacement = away
         self.probability = _probability((distance - self._step / 2) / error) if error > 0 else 1.0

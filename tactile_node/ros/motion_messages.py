@@ -5,7 +5,7 @@ import math
 from builtin_interfaces.msg import Duration
 from std_msgs.msg import Header
 
-from tactile_node.pose.motion import Event, EventKind, Motion, Moving, Observable, SeenBy
+from tactile_node.pose.events import Event, EventKind, Motion, Moving, Observable, SeenBy
 from tactile_node.ros.contact_messages import single
 from tactile_node.ros.message_age import age_message, age_seconds
 from tactile_node.skin.taxel_array import RejectReason, check_duration, check_time

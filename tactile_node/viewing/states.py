@@ -11,7 +11,7 @@ from tactile_node.assembly.fault_text import failure_text, node_text
 from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
 from tactile_node.assembly.health import BusHealth, NodeHealth
 from tactile_node.cia301.objects import state_name
-from tactile_node.pose.motion import EventKind, Moving
+from tactile_node.pose.events import EventKind, Moving
 
 
 class SeenContact(NamedTuple):

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.pose.events import Event
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.pose.motion import Event
 from tactile_node.shape.recognition import ShapeClass, UnknownReason
 
 

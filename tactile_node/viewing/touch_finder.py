@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_node.contact.press import SMALLEST_CONTACT
-from tactile_node.pose.motion import Event, EventKind
+from tactile_node.pose.events import Event, EventKind
 from tactile_node.pose.pipeline import ContactPipeline, FoundContact, StreamedContact, Taxels
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recognition import Shape, ShapeClass, UnknownReason
