@@ -39,7 +39,6 @@ def grasped(session: Session, column: str, item: Item, place: Place) -> Record:
     """Put ``item`` at ``place``, close, lift and shake; what became of it, and what was seen on the way."""
     world = session.world
     session.place(place)
-    session.holds.clear()
     begin, left_out = time.monotonic(), world.left_out
     record = COLUMNS[column](session, item)
     record |= {'peaks': [*world.peaks.values()], 'closing': time.monotonic() - begin,
@@ -72,6 +71,12 @@ def _blind(session: Session, item: Item) -> Record:
 
 def _touch(session: Session, item: Item) -> Record:
     return {'ending': closed(session, FORCE)}
+
+
+def _hold(session: Session, item: Item) -> Record:
+    session.drive(MAX_GAP, touch=True)  # ends the hold of the start before
+    session.holds.clear()
+    return _touch(session, item)
 
 
 def closed(session: Session, effort: float = 0.0) -> list[str]:
@@ -147,4 +152,4 @@ def belief(grasp: Grasp, session: Session, item: Item) -> Record:
 
 
 COLUMNS: Mapping[str, Callable[[Session, Item], Record]] = MappingProxyType({
-    'blind': _blind, 'touch': _touch, 'shape': _shape, 'hold': _touch})
+    'blind': _blind, 'touch': _touch, 'shape': _shape, 'hold': _hold})
