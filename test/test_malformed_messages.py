@@ -43,8 +43,8 @@ from tactile_node.ros.contact_messages import (
     taxel_array_message,
     taxel_values,
 )
-from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.grasp_checks import check_grasp
+from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_checks import (
     RejectReason,
     check_contact,

@@ -132,5 +132,4 @@ def touch_of(grasp: Grasp, acquired: float) -> Touch:
                 grasp.forces, grasp.force_is_bound, grasp.hidden_taxels, grasp.saturated_taxels, grasp.pads_seen,
                 grasp.at_edge)]
     return Touch(acquired, grasp.fresh, GraspContact(grasp.contact), (pads[0], pads[1]),
-                 force_sd=2 * grasp.grip_force_sd, slides=any(motion.moving & motion.SLIDING
-                                                              for motion in getattr(grasp, 'motions', ())))
+                 force_sd=2 * grasp.grip_force_sd, slides=any(each.moving & each.SLIDING for each in grasp.motions))
