@@ -1,6 +1,7 @@
 """The catalogue of faults: what a user sees of each, and that the taxels stay right."""
 
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -50,7 +51,8 @@ def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
 def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
     record = tmp_path / 'session.log'
     with FaultBench('recorded', record=str(record)) as bench:
-        bench.run().cause()
+        bench.run().wait_for_whole('pad32', time.time())  # more than one SYNC is recorded
+        bench.cause()
         bench.adapter.is_plugged = False
         bench.wait(lambda: bench.driver.health().outages.seconds > 0.3, 'the outage ends by itself')
         bench.repair()
