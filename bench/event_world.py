@@ -14,8 +14,8 @@ from training.ground_truth.layer import sample, stress_field
 
 KINDS = (*CLASSES, 'ball', 'cylinder', 'cone')
 PITCH, RATE, SIDE, FULL_SCALE = 0.002, 50.0, 24, 100e3  # m, Hz, taxels, Pa
-NOISE, DEAD, GAIN_DRIFT, ZERO_DRIFT, HUM = 0.01, 0.03, 0.05, 0.01, 0.005  # of full scale; drifts in ten minutes
-SHAKE, SHAKEN = 0.2, (5.0, 15.0)  # of the force; Hz
+NOISE, DEAD, GAIN_DRIFT, ZERO_DRIFT, HUM = 0.01, 0.03, 0.05, 0.01, 0.005  # parts of full scale; drifts in ten minutes
+SHAKE, SHAKEN = 0.2, (5.0, 15.0)  # part of the force; Hz
 STILL, BEFORE = 0.6, 1.5  # s after and before a movement
 QUIET = {'dx': 0.0, 'dy': 0.0, 'turn': 0.0, 'force': 1.0}
 Path: TypeAlias = Callable[[float], dict[str, float]]  # at a time [s], what differs from QUIET
@@ -40,7 +40,7 @@ class Scene:
         self._solution = mechanics.solved(indenter, tilt, towards)
         area = float(rng.choice((16, 25, 40)))
         self._field = stress_field(self._solution, area, rng.uniform(*mechanics.DEPTH))
-        self.radius = float(np.hypot(*self._solution.outline.T).max() * np.sqrt(area))  # of the farthest corner
+        self.radius = float(np.hypot(*self._solution.outline.T).max() * np.sqrt(area))  # to the farthest corner
         self._rng, self._way, self._pressure = rng, way, rng.uniform(0.1, 0.6)
         self._x, self._y = (SIDE - 1) / 2 + rng.uniform(-0.5, 0.5, 2)
         self._angle, self._dead = rng.uniform(0, 2 * np.pi), rng.random((SIDE, SIDE)) < dead

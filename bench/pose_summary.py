@@ -5,7 +5,7 @@ bench_pose.py records its own. Those of bench_box.py and bench_calibration.py ar
 
 from bench.recognition.views import Page, Row, View, across, columns, names, of
 
-FOLDER = 'pose_tables'  #: of the recorded tables, beside the page
+FOLDER = 'pose_tables'  #: folder of the recorded tables, beside the page
 READING = ('Errors are medians: of the centre in pitches, of the angle in degrees (by the symmetry that the fit '
            'declares), of the length in per cent, the worst dimension. *N*: size of the contact in taxels. *Region*: '
            'share of contacts whose true parameters are all in the 95 % region, in per cent. Intervals, 95th '

@@ -30,7 +30,7 @@ BRINGUP = [sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--simulate
     ([*DRIVER, '-p', 'boot_timeout:=0.2'], SkinStatus.UNCONFIGURED),  # it waits for a device
     (BRINGUP, SkinStatus.ACTIVE)], ids=['driver', 'driver that waits', 'all nodes in one process'])
 def test_the_transition_shutdown_is_answered_and_ends_the_process(command, state, tmp_path):
-    errors = tmp_path / 'errors'  # no pipe: one that nobody reads fills up with the refusals of a driver that waits
+    errors = tmp_path / 'errors'  # no pipe: unread, it fills with the refusals, and the driver waits
     rclpy.init()
     with ExitStack() as stack:
         stack.callback(rclpy.shutdown)

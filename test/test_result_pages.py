@@ -1,4 +1,4 @@
-"""Pages of results say what is recorded: nobody has edited them by hand."""
+"""Pages of results are what their script makes of the recorded tables: no one has edited them by hand."""
 
 from pathlib import Path
 

@@ -6,7 +6,7 @@ from what these print.
 
 from bench.recognition.views import Page, Row, View, across, columns, names, of, value
 
-FOLDER = 'tables'                      #: of the recorded tables, beside the page
+FOLDER = 'tables'                      #: folder of the recorded tables, beside the page
 READING = ('Rates are in per cent. `on/off`: taxels that are pressed or not; `pressures`: all others. *Area* is the '
            'size of the contact in taxels. **Bold**: less than required. `*`: ours is below the 95 % interval (Wilson) '
            f'of the better anchor. Intervals, counts and further rows are in the CSV files of `{FOLDER}/`. '

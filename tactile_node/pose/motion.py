@@ -224,7 +224,7 @@ def _is_seen_alike(sight: Sight, before: Sight) -> bool:
 
 
 def _observable(sight: Sight) -> Observable:
-    """A contact shows a movement along an axis of its own by either end of it that is seen."""
+    """Return which movements would show: one along an axis of the contact shows by an end of it that is seen."""
     fit, seen, found = sight.fit, sight.visibility, Observable.ALONG_X | Observable.ALONG_Y
     if seen.outline_hidden or seen.inside_hidden:
         return Observable.NOTHING
