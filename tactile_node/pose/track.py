@@ -43,7 +43,6 @@ class Track:
         """Forget where it was and that it moves."""
         self.is_moving = False
         self.probability = 0.0  #: that it has moved by half a step, in the last frame
-        self.displacement = (0.0, 0.0)  #: from the reference [m]
         self._hold = STOPPED
         self.forget()
 
@@ -92,7 +91,7 @@ class Track:
         """
         place = Place(time, x, y)
         self._recent.append(place)
-        if self._first.time != self._first.time:
+        if math.isnan(self._first.time):
             self._first = place
         if self.is_moving:
             self._look_for_stop(time)
@@ -109,12 +108,11 @@ class Track:
         count = len(self._reference)
         mean_x, mean_y = self._sums[0] / count, self._sums[1] / count
         squares = max(0.0, self._sums[2] - (mean_x**2 + mean_y**2) * count) / 2
-        claimed = CLAIMED * sd if sd == sd else 0.0
+        claimed = 0.0 if math.isnan(sd) else CLAIMED * sd
         error = math.sqrt((squares + PRIOR * claimed**2) / (count - 1 + PRIOR) * (1 + 1 / count))
         away = place.x - self._first.x - mean_x, place.y - self._first.y - mean_y
         distance, limit = math.hypot(*away), max(self._step, self._certainty * error) + slack
         before, self._was_over = self._was_over, away if distance > limit else None
-        self.displacement = away
         self.probability = _probability((distance - self._step / 2) / error) if error > 0 else 1.0
         if distance > CLEARLY * limit:
             return True
@@ -188,13 +186,13 @@ class ForceTrack:
         self.last = force
         if not math.isfinite(force):
             return 0.0
-        if self._begin != self._begin:
+        if math.isnan(self._begin):
             self._begin = time
         if self._count < FEWEST or time - self._begin <= FORCE_TIME:
             self._sum, self._count = self._sum + force, self._count + 1
             return 0.0
         self.before = self._sum / self._count
-        error = sd if sd == sd else 0.0
+        error = 0.0 if math.isnan(sd) else sd
         change, limit = force - self.before, max(FORCE_STEP * self.before, LEAST_FORCE_STEP, CERTAINTY * error)
         over, before = change / limit, self._was_over
         self._was_over = over if abs(over) > 1 else 0.0
