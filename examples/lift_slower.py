@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 from rclpy.qos import QoSProfile
 
+from tactile_node.grasp.trust import MAX_AGE
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.motion_messages import check_contact_event, is_moving
@@ -19,7 +20,6 @@ from tactile_skin.msg import ContactEvent, ContactMotion, Grasp
 
 FULL, LEAST = 0.1, 0.01  # m/s
 CALM = 2.0               # s without an event, after which it is twice as fast again
-MAX_AGE = 0.3            # s of what is acted on
 SLOWS = (ContactEvent.SLIDING, ContactEvent.TURNING, ContactEvent.LIGHTER)
 
 

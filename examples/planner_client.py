@@ -13,15 +13,15 @@ import time
 from math import degrees, hypot, inf, isfinite, pi, remainder
 from typing import NamedTuple
 
+from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE
+
 MIN_CONFIDENCE = 0.8         # of the object's class; below: let go and try elsewhere
 MAX_OFFSET = 0.002           # of the two contacts' centres across the closing direction [m]
 MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
-MAX_MISALIGNMENT = 3 * pi / 180  # of faces, or of the line between the contacts, against the closing direction [rad]
-MAX_AGE = 0.3                # of an acquisition [s]
+MAX_MISALIGNMENT = 3 * pi / 180  # angle of faces, or of the contacts' line, to the closing direction [rad]
 TAUGHT = 8                   # ContactShape.OTHER
-STIFFNESS = 25e6             # of the skin, pressure by depth: rather too high than too low, which turns too far [Pa/m]
-FLUSH = 0.015                # of what leans less it is not known which way [rad]
-MAX_SILENCE = 0.1            # since the latest grasp arrived [s]
+STIFFNESS = 25e6             # pressure by depth of the skin: too high turns too little, too low too far [Pa/m]
+FLUSH = 0.015                # least angle whose direction is known [rad]
 WATCHDOG_PERIOD = 0.02       # [s]
 REPORT_PERIOD = 0.5          # of an action that stays the same [s]
 
