@@ -1,8 +1,12 @@
 """A gripper with its own action, what its pads read of a spring, and a client: nodes of one executor."""
 
 import math
+import subprocess
+import sys
 import time
+from contextlib import contextmanager
 
+from built_messages import environment_with
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.parameter import Parameter
 from ros_bench import RosBench
@@ -176,6 +180,21 @@ class GripperBench(RosBench):
                                                               for name, value in given.items()]))
         self.client = Client(self, self.interface)
         self.until_seen()
+
+    @contextmanager
+    def node_as_process(self, *words):
+        """Run the gripper node in a process of its own, in place of the one here; it is killed at the end."""
+        self.node.destroy_node()
+        self.executor.remove_node(self.node)
+        process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', *words],
+                                   env=environment_with('control_msgs'))
+        try:
+            self.until(lambda: self.client._client.server_is_ready())
+            self.wait(1.5)
+            yield process
+        finally:
+            process.kill()
+            process.wait()
 
     def until_seen(self):
         """Wait until what the pads feel is believed: ages settle."""

@@ -2,13 +2,10 @@
 
 import math
 import signal
-import subprocess
-import sys
 from functools import partial
 
 import pytest
 from action_msgs.msg import GoalStatus
-from built_messages import environment_with
 from test_gripper_node import KINDS, MAX_AGE, NOT_SEEN, hide, set_
 
 from tactile_node.grasp.closing import Outcome, TouchLimits
@@ -260,13 +257,7 @@ def test_a_node_that_ends_in_a_correction_stops_the_gripper(held):
 
 def test_killed_in_a_correction_the_gripper_has_a_safe_command(make_bench):
     bench = make_bench()
-    bench.node.destroy_node()
-    bench.executor.remove_node(bench.node)
-    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--ros-args', '-p',
-                                'hold:=true'], env=environment_with('control_msgs'))
-    try:
-        bench.until(lambda: bench.client._client.server_is_ready())
-        bench.wait(1.5)
+    with bench.node_as_process('--ros-args', '-p', 'hold:=true') as process:
         hold(bench)
         bench.motor.slowness = 5.0
         closes(bench)
@@ -274,6 +265,3 @@ def test_killed_in_a_correction_the_gripper_has_a_safe_command(make_bench):
         process.wait()
         bench.wait(0.2)
         assert bench.motor.moves and {each.effort for each in bench.motor.commands} == {10.0}
-    finally:
-        process.kill()
-        process.wait()

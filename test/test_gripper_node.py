@@ -3,14 +3,12 @@
 import itertools
 import math
 import signal
-import subprocess
 import sys
 import time
 from functools import partial
 
 import pytest
 from action_msgs.msg import GoalStatus
-from built_messages import environment_with
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.closing import Outcome, TouchLimits
@@ -352,19 +350,10 @@ def test_without_control_msgs_the_error_names_it(make_bench, monkeypatch):
 def test_killed_in_mid_close_the_gripper_has_a_safe_command(make_bench):
     """SIGKILL: what was sent last is all that the gripper has, and its own limit of effort with it."""
     bench = make_bench()
-    bench.node.destroy_node()
-    bench.executor.remove_node(bench.node)
-    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node'], env=environment_with(
-        'control_msgs'))
-    try:
-        bench.until(lambda: bench.client._client.server_is_ready())
-        bench.wait(1.5)
+    with bench.node_as_process() as process:
         bench.client.send(position=0.0)
         bench.until(lambda: bench.motor.commands)
         process.send_signal(signal.SIGKILL)
         process.wait()
         bench.wait(0.2)
         assert bench.motor.moves and {each.effort for each in bench.motor.commands} == {10.0}
-    finally:
-        process.kill()
-        process.wait()
