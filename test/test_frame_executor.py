@@ -2,10 +2,12 @@
 
 import threading
 import time
+from functools import partial
 
 import pytest
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
@@ -83,3 +85,73 @@ def test_most_waits_are_without_event_handlers(nodes):
     assert [list(each.waitables) for each in second] == [[], []]
     executor.remove_node(nodes[0])
     assert len(executor.get_nodes()) == 1
+
+
+class WaitCounter(FrameExecutor):
+    """Counts the waits for the entities, each of which prepares them all."""
+
+    waits = 0
+
+    def get_nodes(self):
+        self.waits += 1
+        return super().get_nodes()
+
+
+def test_tasks_and_steady_timers_cost_no_wait_for_entities(nodes):
+    executor, ticks, done = WaitCounter(), [], []
+    executor.add_node(nodes[0])
+    nodes[0].create_timer(0.01, lambda: ticks.append(time.monotonic()), clock=Clock(clock_type=ClockType.STEADY_TIME))
+    end = time.monotonic() + TIMEOUT
+    while len(ticks) < 100 and time.monotonic() < end:
+        executor.create_task(lambda: done.append(threading.current_thread()))
+        executor.spin_once(timeout_sec=0.01)
+    waits = executor.waits
+    executor.shutdown()
+    assert len(ticks) >= 100 and set(done) == {threading.current_thread()}
+    assert waits <= 5  # one a second, and those of the start
+
+
+def test_tasks_that_never_end_keep_neither_timers_nor_messages_waiting(nodes):
+    served, other = nodes
+    heard, ticks, ending = [], [], []
+    served.create_subscription(String, 'words', lambda message: heard.append(message.data), 10)
+    served.create_timer(0.05, lambda: ticks.append(1), clock=Clock(clock_type=ClockType.STEADY_TIME))
+    publisher = other.create_publisher(String, 'words', 10)
+    with spinning(nodes):
+        def again():
+            if not ending:
+                served.executor.create_task(again)
+        again()
+        wait_for(lambda: publisher.get_subscription_count() == 1)
+        publisher.publish(String(data='a'))
+        wait_for(lambda: heard and len(ticks) > 5)
+        ending.append(1)
+
+
+def test_a_timer_that_is_destroyed_or_cancelled_is_not_called_again(nodes):
+    ticks, clock = {'destroyed': 0, 'cancelled': 0, 'kept': 0}, Clock(clock_type=ClockType.STEADY_TIME)
+
+    def tick(name):
+        ticks[name] += 1
+    timers = {name: nodes[0].create_timer(0.01, partial(tick, name), clock=clock) for name in ticks}
+    with spinning(nodes):
+        wait_for(lambda: min(ticks.values()) > 2)
+        nodes[0].destroy_timer(timers['destroyed'])
+        timers['cancelled'].cancel()
+        time.sleep(0.1)
+        before = dict(ticks)
+        wait_for(lambda: ticks['kept'] > before['kept'] + 10)
+    assert (ticks['destroyed'], ticks['cancelled']) == (before['destroyed'], before['cancelled'])
+
+
+def test_what_a_task_or_a_timer_raises_ends_the_spinning(nodes):
+    def fail():
+        raise RuntimeError('as asked')
+    for start in (lambda: nodes[0].executor.create_task(fail),
+                  lambda: nodes[0].create_timer(0.01, fail, clock=Clock(clock_type=ClockType.STEADY_TIME))):
+        with pytest.raises(RuntimeError, match='as asked'), spinning(nodes) as spinner:
+            start()
+            end = time.monotonic() + TIMEOUT
+            while time.monotonic() < end:
+                spinner.check()
+                time.sleep(0.01)

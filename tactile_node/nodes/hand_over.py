@@ -25,7 +25,6 @@ from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
 
-WORKING_TIME = 0.01  # s in one task: rclpy looks at all 60 entities of the nodes before the next
 WAKING_PERIOD = 0.2  # s after which one who waits for answers wakes the executor again: it may have begun since
 
 
@@ -111,14 +110,11 @@ class HandOver:
         return bool(self._round) or any(stage.waits for stage in self._inputs.values())
 
     def _work(self) -> None:
-        """Work for WORKING_TIME; the rest in another task, after other callbacks."""
+        """Take one turn; the next in another task, after other callbacks."""
         with self._changed:
             self._awake, self._is_working = None, True
         try:
-            end = time.monotonic() + WORKING_TIME
             self._take_turn()
-            while self._has_work() and time.monotonic() < end:
-                self._take_turn()
         finally:
             with self._changed:
                 self._is_working = False
