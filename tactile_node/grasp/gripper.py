@@ -85,6 +85,7 @@ class PadPose:
     xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: origin: the centre of taxel (0, 0) [m]
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: roll, pitch, yaw, fixed axes (URDF, REP-103) [rad]
     rotation: np.ndarray = field(init=False, repr=False, compare=False)  #: (3, 3), columns are the pad's axes
+    origin: np.ndarray = field(init=False, repr=False, compare=False)    #: (3,), xyz [m]
 
     def __post_init__(self) -> None:
         if len(self.xyz) != 3 or len(self.rpy) != 3 or not np.isfinite((self.xyz, self.rpy)).all():
@@ -96,6 +97,7 @@ class PadPose:
                     @ np.array(((cp, 0, sp), (0, 1, 0), (-sp, 0, cp)))
                     @ np.array(((1, 0, 0), (0, cr, -sr), (0, sr, cr))))
         object.__setattr__(self, 'rotation', read_only(rotation))
+        object.__setattr__(self, 'origin', read_only(np.array(self.xyz, float)))
 
     @property
     def normal(self) -> np.ndarray:
@@ -104,7 +106,7 @@ class PadPose:
 
     def place(self, point: tuple[float, float], gap: float) -> np.ndarray:
         """Return a point (x, y) of the pad in the gripper's frame, shape (3,) [m], when opened by ``gap``."""
-        return np.array(self.xyz) + self.rotation[:, :2] @ point - self.normal * (gap / 2)
+        return self.origin + self.rotation[:, :2] @ point - self.normal * (gap / 2)
 
 
 @dataclass(frozen=True)

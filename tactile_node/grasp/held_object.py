@@ -121,7 +121,7 @@ def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple
 def _centre(left: Point, right: Point, gripper: Gripper) -> Point:
     """Return the midpoint as `HeldObject.centre`: the opening moves it along the closing direction alone."""
     middle = (gripper.left.place(left, 0.0) + gripper.right.place(right, 0.0)) / 2
-    x, y = gripper.across @ (middle - gripper.left.place((0.0, 0.0), 0.0))
+    x, y = gripper.across @ (middle - gripper.left.origin)
     return float(x), float(y)
 
 

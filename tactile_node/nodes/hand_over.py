@@ -6,6 +6,7 @@ rounds: what waits when a round begins is of one SYNC as a rule, so that both pa
 Results arrive in one way, whichever way they came: counted, and refused beside those of a second source.
 """
 
+import math
 import threading
 import time
 from collections import deque
@@ -25,6 +26,7 @@ from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
 
+LISTENING_PERIOD = 0.1  # s between two looks for other publishers, of whom discovery tells in as long
 WAKING_PERIOD = 0.2  # s after which one who waits for answers wakes the executor again: it may have begun since
 
 
@@ -156,6 +158,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.queue_depth)
         self._own: deque[tuple[int, int, int]] = deque(maxlen=2 * settings.input_qos.depth)  # what may come back
         self._is_fed = False
+        self._listened = -math.inf  # when it last looked for other publishers [s, steady clock]
         self.sends_on: str | None = None  #: topic of the results of this stage; None: of the last one of a pad
         super().__init__(node, kind, topic, lambda message: accept(parse(message)), settings.input_qos, check=check,
                          newest_only=newest_only)
@@ -196,7 +199,8 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     def work(self, waiting: Waiting) -> None:
         """Work on all of ``waiting``, or on the newest of it. On the executor's thread."""
         try:
-            self._listen()
+            if time.monotonic() - self._listened >= LISTENING_PERIOD:
+                self._listen()
         except Exception as error:  # it would end the executor
             self._failed(error)
         for results in [waiting] if self._newest_only else [[each] for each in waiting]:
@@ -215,6 +219,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     def _listen(self) -> None:
         """Subscribe to the topic while anyone publishes it but the stage of this process that hands over."""
+        self._listened = time.monotonic()
         self._count_publishers()
         others = self._publishers - self._is_fed
         if self._is_fed and others <= 0:
