@@ -30,7 +30,7 @@ from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.grasp_node import GraspNode
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.processor_node import ProcessorNode
-from tactile_node.pose.events import Event, EventKind, SeenBy
+from tactile_node.pose.events import Event, EventKind, Motion, SeenBy
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
 from tactile_node.ros.contact_messages import (
@@ -104,7 +104,8 @@ def good_shape(sequence=0) -> ContactShape:
     frame = Recognition.of({Shape.SQUARE: 0.75, Shape.UNKNOWN: 0.25})
     found = pad_contact_of(contact).found
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
-    result = StreamedContact(found.pattern, frame, FusedRecognition(frame, STAMP, 1.5, 30), fit, found, found.moments)
+    fused = FusedRecognition(frame, STAMP, 1.5, 30)
+    result = StreamedContact(found.pattern, frame, fused, fit, found, found.moments, Motion())
     return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).whole
 
 

@@ -10,6 +10,7 @@ from tactile_node.grasp.gripper import Gripper
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, Opening
 from tactile_node.grasp.tracker import GraspTracker, SideState
 from tactile_node.helmholtz.features import Extremes, Features, Group, compute_features
+from tactile_node.pose.events import Motion
 from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
 from tactile_node.ros.contact_messages import (
     PadContact,
@@ -81,7 +82,7 @@ def shape(values, kind, solid_height=0.0):
     found = pad_contact_of(message).found
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
     fused = FusedRecognition(frame, STAMP - 1.5, 1.5, 30)
-    result = StreamedContact(found.pattern, frame, fused, found.fit(kind), found, found.moments)
+    result = StreamedContact(found.pattern, frame, fused, found.fit(kind), found, found.moments, Motion())
     return pad_shape(pad_frame_of(message), result, 'learned', solid_height).whole
 
 

@@ -98,7 +98,7 @@ class StreamedContact(NamedTuple):
     fit: ShapeFit | None      #: fit of the fused shape; None while nothing with an outline touches
     found: FoundContact       #: the same contact with what is seen of it and its box
     moments: ContactMoments   #: of the same contact
-    motion: Motion = Motion()  #: what moves; not known where each frame is answered alone
+    motion: Motion            #: what moves; not known where each frame is answered alone
 
 
 class _Answer(NamedTuple):
@@ -203,7 +203,7 @@ class ContactPipeline:
     def _described(self, found: FoundContact, frame: Recognition, fused: FusedRecognition,
                    find: Finder | None = None) -> StreamedContact:
         fit = found.fit(fused.recognition.shape, find) if self._fits else None
-        return StreamedContact(found.pattern, frame, fused, fit, found, found.moments)
+        return StreamedContact(found.pattern, frame, fused, fit, found, found.moments, Motion())
 
 
 def _with_pieces(found: FoundContact, frame: Recognition) -> tuple[FoundContact, Recognition]:
