@@ -2,7 +2,7 @@
 
 Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. Both
 anchors are trained in this run, on the samples of `make train`. Writes tables/, recognition.csv, blind_spots.csv, the
-page and its picture; with --page FOLDER it measures nothing, but writes the page of the tables in FOLDER again. With
+pages and a picture; with --page FOLDER it measures nothing, but writes the pages of the tables in FOLDER again. With
 --validation seeds, and families of foreign and blemished figures, are such that are never reported: what choices in
 the training are judged by. With --alone there are no anchors, and neither torch nor OpenCV is needed:
 .venv/bin/python does.
@@ -11,7 +11,7 @@ the training are judged by. With --alone there are no anchors, and neither torch
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -35,7 +35,7 @@ from bench.recognition.sections import (
     Run,
     Section,
 )
-from bench.recognition.summary import FOLDER, PAGE
+from bench.recognition.summary import FOLDER, PAGES
 from tactile_node import Recogniser
 from tactile_node.package_files import config_path
 from training.ground_truth.seeds import Purpose
@@ -54,7 +54,7 @@ class Clock:
 def main() -> int:
     args = _arguments()
     if args.page:
-        PAGE.write(args.page)
+        write_pages(args.page)
         return 0
     clock = Clock()
     args.output.mkdir(parents=True, exist_ok=True)
@@ -87,7 +87,7 @@ def trained_anchors(args: argparse.Namespace, amount: Amount, clock: Clock) -> d
 
 
 def write_report(names: Sequence[str], found: dict[str, Section], args: argparse.Namespace) -> None:
-    """Write the CSV files and the page of the sections that are done."""
+    """Write the CSV files and the pages of the sections that are done."""
     sections = [found[name] for name in names]
     recorded = [table for section in sections for table in section.tables]
     missing = [name for name in args.only if name not in found]
@@ -98,7 +98,12 @@ def write_report(names: Sequence[str], found: dict[str, Section], args: argparse
         + (', ours alone' if args.alone else '') + (', on validation seeds' if args.validation else '')
         + (f'; not done: {", ".join(missing)}' if missing else '') + '.\n', encoding='utf-8')
     write_csv(args.output / 'recognition.csv', [result for section in sections for result in section.results])
-    PAGE.write(args.output, {table.heading for table in recorded})
+    write_pages(args.output, {table.heading for table in recorded})
+
+
+def write_pages(folder: Path, recorded: Collection[str] | None = None) -> None:
+    for page in PAGES:
+        page.write(folder, recorded)
 
 
 def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, Section]]:
@@ -132,7 +137,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument('--only', nargs='+', choices=list(SECTIONS), default=list(SECTIONS), metavar='SECTION',
                         help=f'of {", ".join(SECTIONS)}; default all')
     parser.add_argument('--validation', action='store_true', help='what is never reported, to choose by')
-    parser.add_argument('--page', type=Path, metavar='FOLDER', help='measure nothing, write the page of FOLDER/tables')
+    parser.add_argument('--page', type=Path, metavar='FOLDER', help='measure nothing, write the pages of FOLDER/tables')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
     parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help="folder of training's samples")
     parser.add_argument('--jobs', type=int, default=2, help='processes, default %(default)s')

@@ -11,7 +11,8 @@ from bench.recognition.views import View, across, lines_of, of, value
 ROOT = Path(__file__).resolve().parents[1]
 
 
-@pytest.mark.parametrize('page, folder', [(summary.PAGE, 'docs/recognition'), (pose_summary.PAGE, 'docs')])
+@pytest.mark.parametrize('page, folder', [
+    *((page, 'docs/recognition') for page in summary.PAGES), (pose_summary.PAGE, 'docs')])
 def test_a_page_is_what_its_script_makes_of_the_recorded_tables(page, folder):
     assert page.text(ROOT / folder) == (ROOT / folder / page.file).read_text(encoding='utf-8')
 
