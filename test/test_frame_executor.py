@@ -2,6 +2,7 @@
 
 import threading
 import time
+from contextlib import suppress
 from functools import partial
 
 import pytest
@@ -105,10 +106,10 @@ def test_tasks_and_steady_timers_cost_no_wait_for_entities(nodes):
     while len(ticks) < 100 and time.monotonic() < end:
         executor.create_task(lambda: done.append(threading.current_thread()))
         executor.spin_once(timeout_sec=0.01)
-    waits = executor.waits
+    waits, seconds = executor.waits, TIMEOUT - (end - time.monotonic())
     executor.shutdown()
     assert len(ticks) >= 100 and set(done) == {threading.current_thread()}
-    assert waits <= 5  # one a second, and those of the start
+    assert waits <= 4 + seconds / EVENTS_PERIOD  # those of the start, and one a second
 
 
 def test_tasks_that_never_end_keep_neither_timers_nor_messages_waiting(nodes):
@@ -155,3 +156,52 @@ def test_what_a_task_or_a_timer_raises_ends_the_spinning(nodes):
             while time.monotonic() < end:
                 spinner.check()
                 time.sleep(0.01)
+
+
+def test_what_was_found_and_not_run_is_served_by_the_next_executor(nodes):
+    heard, executor = [], FrameExecutor()
+    nodes[0].create_subscription(String, 'words', lambda message: heard.append(message.data), 10)
+    publisher = nodes[1].create_publisher(String, 'words', 10)
+    executor.add_node(nodes[0])
+    executor.spin_once(timeout_sec=0)  # starts the waiting thread
+    wait_for(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(String(data='a'))
+    wait_for(lambda: executor._found is not None)
+    executor.shutdown()
+    assert not heard
+    with spinning(nodes):
+        wait_for(lambda: heard == ['a'])
+
+
+def test_a_callback_that_ends_the_thread_keeps_none_of_the_others_waiting(nodes):
+    heard, executor = [], FrameExecutor()
+
+    def hear(message):
+        heard.append(message.data)
+        raise KeyboardInterrupt
+    nodes[0].create_subscription(String, 'words', hear, 10)
+    publisher = nodes[1].create_publisher(String, 'words', 10)
+    executor.add_node(nodes[0])
+    wait_for(lambda: publisher.get_subscription_count() == 1)
+    for word in 'ab':
+        publisher.publish(String(data=word))
+    end = time.monotonic() + TIMEOUT
+    while len(heard) < 2 and time.monotonic() < end:
+        with suppress(KeyboardInterrupt):
+            executor.spin_once(timeout_sec=0.1)
+    executor.shutdown()
+    assert heard == ['a', 'b']
+
+
+def test_an_entity_that_is_destroyed_while_it_is_waited_for_is_no_failure(nodes):
+    served, other = nodes
+    heard = []
+    with spinning(nodes):
+        for number in range(200):
+            gone = served.create_subscription(String, f'gone_{number % 5}', lambda message: None, 10)
+            served.executor.create_task(partial(served.destroy_subscription, gone))
+        served.create_subscription(String, 'words', lambda message: heard.append(message.data), 10)
+        publisher = other.create_publisher(String, 'words', 10)
+        wait_for(lambda: publisher.get_subscription_count() == 1)
+        publisher.publish(String(data='a'))
+        wait_for(lambda: heard)

@@ -10,6 +10,7 @@ from test_gripper_node import KINDS, MAX_AGE, NOT_SEEN, hide, set_
 
 from tactile_node.grasp.closing import Outcome, TouchLimits
 from tactile_node.grasp.holding import BLIND_TIME, HoldLimits
+from tactile_skin.msg import ContactMotion
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
@@ -102,6 +103,18 @@ def test_it_eases_off_by_what_it_has_pressed(held):
     bench.until(lambda: bench.motor.opening >= first - 2e-4)
     bench.wait(0.5)
     assert bench.motor.opening <= first + 2e-4 and force(bench) > FORCE + 1 and not ends(bench)
+
+
+@pytest.mark.parametrize(('moving', 'raised'), [
+    (ContactMotion.SLIDING | ContactMotion.TURNING, 0.5), (ContactMotion.STILL, 0.0), (ContactMotion.TURNING, 0.0)])
+def test_it_grips_harder_where_a_pad_reports_that_the_object_slides(held, moving, raised):
+    bench = held(slide_force_step=0.5, highest_force=FORCE + 0.5)
+    bench.pads.change = set_(motions=[ContactMotion(moving=ContactMotion.STILL), ContactMotion(moving=moving)])
+    if raised:
+        bench.until(lambda: force(bench) > FORCE + raised - 0.1)
+    bench.wait(0.5)
+    assert force(bench) == pytest.approx(FORCE + raised, abs=DEADBAND + LATE / 2) and not ends(bench)
+    assert bool(bench.motor.commands) == bool(raised)
 
 
 HIDDEN = [set_(hidden_taxels=[2, 0]), set_(saturated_taxels=[0, 1]), set_(force_is_bound=[True, False]),

@@ -59,10 +59,8 @@ class GraspNode(StageNode):
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
         self._sides_publisher = self.create_publisher(GraspSides, 'grasp_sides', settings.qos)
         self._requests = GraspRequests(self, self._current)
-        self._due = dict.fromkeys(SIDES, math.inf)    # when a side has been silent for too long [s, steady clock]
-        self._looks = dict.fromkeys(SIDES, math.inf)  # when its timer looks
         # On the steady clock: with use_sim_time and no /clock the node's own clock stands still
-        self._silences = {side: self.create_timer(self._tracker.silence_limit(side), partial(self._look, side),
+        self._silences = {side: self.create_timer(self._tracker.silence_limit(side), self._on_silence,
                                                   clock=Clock(clock_type=ClockType.STEADY_TIME)) for side in SIDES}
         for silence in self._silences.values():
             silence.cancel()
@@ -93,25 +91,14 @@ class GraspNode(StageNode):
         return self._stamp if self._settings.lossless else time.monotonic()
 
     def _await_next(self, side: str) -> None:
-        """Publish again when no shape of ``side`` follows in time: the last grasp must not stay fresh.
+        """Publish again when no shape of ``side`` follows in time: the last grasp must not stay fresh."""
+        silence, limit = self._silences[side], round(self._tracker.silence_limit(side) * 1e9)
+        if silence.timer_period_ns != limit:
+            silence.timer_period_ns = limit
+        silence.reset()
 
-        The timer runs on, and looks when it is due: to reset one wakes the executor, which looks at all entities.
-        """
-        limit = self._tracker.silence_limit(side)
-        self._due[side] = time.monotonic() + limit
-        if self._due[side] < self._looks[side]:
-            self._look_in(side, limit)
-
-    def _look_in(self, side: str, delay: float) -> None:
-        self._looks[side] = time.monotonic() + delay
-        self._silences[side].timer_period_ns = math.ceil(delay * 1e9)
-        self._silences[side].reset()
-
-    def _look(self, side: str) -> None:
-        left = self._due[side] - time.monotonic()
-        if left <= 0:
-            self._publish_without_result(self._now())
-        self._look_in(side, left if left > 0 else self._tracker.silence_limit(side))
+    def _on_silence(self) -> None:
+        self._publish_without_result(self._now())
 
     def destroy_node(self) -> None:
         """Withdraw the last grasp first: nothing follows that could."""

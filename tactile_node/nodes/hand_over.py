@@ -45,7 +45,10 @@ Waiting: TypeAlias = list[tuple[Any, float]]  # results, and when their taxels w
 
 
 class HandOver:
-    """The stages of one process, by the topics between them; their work is done by the executor of their nodes."""
+    """The stages of one process, by the topics between them; the executor of their nodes does their work.
+
+    Meant for FrameExecutor: rclpy's own wait for all entities before each turn.
+    """
 
     def __init__(self) -> None:
         self._inputs: dict[str, StageInput] = {}
@@ -82,7 +85,7 @@ class HandOver:
             if executor is None or self._awake is executor or self._is_working:
                 return
             self._awake = executor
-        with suppress(AttributeError, InvalidHandle):  # which rclpy raises where the executor has just been shut down
+        with suppress(AttributeError, InvalidHandle):  # of rclpy's own executors that have just been shut down
             executor.create_task(self._work)
 
     def wait_until_answered(self) -> None:

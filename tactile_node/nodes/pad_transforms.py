@@ -18,7 +18,6 @@ from tactile_node.ros.settings import GraspNodeSettings
 logger = logging.getLogger(__name__)
 
 TRANSFORM_PERIOD = 0.05  # s; robot_state_publisher's
-PARAMETER_PERIOD = 0.5  # s, of looks at an opening that only a user changes: each look is a wait of the executor
 SAME_MEASUREMENT = 1e-4  # s; measurements less apart are one
 
 
@@ -42,9 +41,7 @@ class PadTransforms:
                                                 TF_STATIC_QOS if is_static else TF_QOS)
         if is_static:
             self._publish_static()
-            start_health_timer(node, self._publish_static, PARAMETER_PERIOD)
-        else:
-            start_health_timer(node, self._publish_moving, TRANSFORM_PERIOD)
+        start_health_timer(node, self._publish_static if is_static else self._publish_moving, TRANSFORM_PERIOD)
 
     def _publish_static(self) -> None:
         gap = self._source.current(time.monotonic()).gap

@@ -15,7 +15,6 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import (
     ConditionReachedException,
     ExternalShutdownException,
-    ShutdownException,
     SingleThreadedExecutor,
     TimeoutException,
 )
@@ -24,27 +23,32 @@ from rclpy.task import Task
 from rclpy.timer import Timer
 from rclpy.waitable import Waitable
 
-EVENTS_PERIOD = 1.0  # s
-LONGEST_WAIT = 1.0  # s, of one call of spin_once
+EVENTS_PERIOD = 1.0  # s, also the longest wait for entities
+LONGEST_WAIT = 1.0  # s, of spin_once without a timeout
+MOST_FAILURES = 3  # waits in a row: an entity that is destroyed meanwhile fails one
 
 
 class FrameExecutor(SingleThreadedExecutor):
-    """Runs the callbacks of rclpy and the tasks of a hand-over on one thread; another one waits for the entities.
+    """Runs callbacks, tasks of a hand-over and steady timers on one thread; another one waits for rclpy's entities.
 
     rclpy prepares every entity for every wait, and waits twice for a callback: 0.85 ms for the nodes of a gripper. What
     is handed over needs no such wait. Of the 120 entities half are event handlers (as "incompatible QoS"), which are
     looked at once a second.
+
+    For `spin` and `spin_once`; ends with `shutdown`. Steady timers run whatever their callback group does; one that
+    another thread makes shorter is late by LONGEST_WAIT at most.
     """
 
     def __init__(self, **options: Any):
-        super().__init__(**options)
         self._views: dict[Node, _View] = {}
         self._looked = -EVENTS_PERIOD
         self._work: SimpleQueue[Task | Exception | None] = SimpleQueue()
-        self._found: Task | None = None  # by the waiting thread, which continues when it is done
-        self._is_done = threading.Semaphore(0)
+        self._found: Task | None = None  # by the waiting thread, which continues when it has run
+        self._found_entity: Any = None
+        self._has_run = threading.Semaphore(0)
         self._ended = threading.Event()
         self._watcher: threading.Thread | None = None
+        super().__init__(**options)  # last: from now on a context that ends wakes this
 
     def get_nodes(self) -> list[Node]:
         """Return the nodes as they are to be waited for now."""
@@ -60,12 +64,17 @@ class FrameExecutor(SingleThreadedExecutor):
         return cast(list[Node], list(self._views.values()))
 
     def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Task:
-        """Run ``callback`` after what waits; a coroutine is resumed by rclpy, between its waits."""
+        """Run ``callback`` after what waits; a coroutine when the waiting thread finds it."""
         if inspect.iscoroutinefunction(callback) or inspect.iscoroutine(callback):
             return super().create_task(callback, *args, **kwargs)
         task = Task(callback, args, kwargs, executor=self)
         self._work.put(task)
         return task
+
+    def add_node(self, node: Node) -> bool:
+        """Look at the timers again, too."""
+        self._work.put(None)
+        return bool(super().add_node(node))
 
     def wake(self) -> None:
         """Look at the entities again: some were made or destroyed."""
@@ -73,7 +82,9 @@ class FrameExecutor(SingleThreadedExecutor):
         self._work.put(None)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Run the timers that are due, and what comes within ``timeout_sec`` (None or below 0: LONGEST_WAIT)."""
+        """Run the timers that are due, and the first that comes within ``timeout_sec``; None, below 0: LONGEST_WAIT."""
+        if not self._context.ok():
+            raise ExternalShutdownException
         if self._watcher is None:
             self._watcher = threading.Thread(target=self._watch, name='entities', daemon=True)
             self._watcher.start()
@@ -85,43 +96,60 @@ class FrameExecutor(SingleThreadedExecutor):
         except Empty:
             return
         if isinstance(work, Exception):
+            self._watcher = None
             raise work
         if work is not None:
-            work()
-            if work is self._found:
-                self._is_done.release()
+            try:
+                work()
+            finally:
+                if work is self._found:
+                    self._has_run.release()
             work.result()  # raises what it has raised
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         """End the waiting thread, then as rclpy does."""
         self._ended.set()
-        self._is_done.release()
+        self._has_run.release()
         self.wake()
         if self._watcher is not None:
             self._watcher.join()
         if self._found is not None and not self._found.executing():
             self._found.cancel()
+            self._found_entity._executor_event = False  # as its handler does: another executor may take it
         return bool(super().shutdown(timeout_sec))
 
     def _watch(self) -> None:
-        """Wait for rclpy's entities, and again when the callback that was found is done."""
+        """Wait for rclpy's entities, and again when the callback that was found has run."""
+        failures = 0
         while not self._ended.is_set():
             try:
-                self._found, _, _ = self.wait_for_ready_callbacks(EVENTS_PERIOD, None, self._ended.is_set)
-            except (TimeoutException, InvalidHandle):  # the other thread has just destroyed an entity
-                continue
-            except (ConditionReachedException, ShutdownException):
+                self._found, self._found_entity, _ = self.wait_for_ready_callbacks(
+                    EVENTS_PERIOD, None, self._ended.is_set)
+            except ConditionReachedException:
                 return
+            except TimeoutException:
+                failures = 0
             except Exception as error:
-                self._work.put(error)
-                return
-            self._work.put(self._found)
-            self._is_done.acquire()
+                failures += 1
+                if failures > MOST_FAILURES or isinstance(error, ExternalShutdownException):
+                    self._work.put(error)
+                    return
+            else:
+                failures = 0
+                self._work.put(self._found)
+                self._has_run.acquire()
+
+    def _take_waitable(self, waitable: Waitable) -> Any:
+        """Take nothing of one that was destroyed since it was found: the only kind that rclpy does not ask."""
+        try:
+            return super()._take_waitable(waitable)
+        except InvalidHandle:
+            return None
 
 
 def _is_steady(timer: Timer) -> bool:
-    """Whether no other clock can move when it is due."""
-    return bool(timer.clock.clock_type == ClockType.STEADY_TIME)
+    """Whether it runs on the steady clock, which nobody sets, and needs no rclpy to await it."""
+    return timer.clock.clock_type == ClockType.STEADY_TIME and not inspect.iscoroutinefunction(timer.callback)
 
 
 def _call_if_due(timer: Timer) -> bool:
