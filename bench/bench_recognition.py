@@ -1,7 +1,7 @@
 """How well shapes are recognised: ours beside a small CNN and OpenCV contours with 300 trees.
 
 Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. Both
-anchors are trained in this run, on the samples of `make train`. Writes tables/, recognition.csv, blind_spots.csv, the
+anchors are trained in this run, on the samples of `make train`. Writes tables/, blind_spots.csv, the
 pages and a picture; with --page FOLDER it measures nothing, but writes the pages of the tables in FOLDER again. With
 --validation seeds, and families of foreign and blemished figures, are such that are never reported: what choices in
 the training are judged by. With --alone there are no anchors, and neither torch nor OpenCV is needed:
@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from bench.recognition.contest import Contest
-from bench.recognition.page import write_csv
+from bench.recognition.page import Table
 from bench.recognition.sections import (
     AGAINST_ANCHORS,
     ALONE,
@@ -33,7 +33,6 @@ from bench.recognition.sections import (
     WITHOUT_ANCHORS,
     Amount,
     Run,
-    Section,
 )
 from bench.recognition.summary import FOLDER, PAGES
 from tactile_node import Recogniser
@@ -68,7 +67,7 @@ def main() -> int:
     for name, section in measured(args.only, run, args.jobs):
         clock(f'{name}: done')
         found[name] = section
-        for table in section.tables:
+        for table in section:
             print(table.plain(), flush=True)
         write_report([name for name in args.only if name in found], found, args)  # what there is, if it is ended
     clock(f'written to {args.output}')
@@ -86,10 +85,9 @@ def trained_anchors(args: argparse.Namespace, amount: Amount, clock: Clock) -> d
     return train_anchors(args.samples, amount.share, amount.epochs, args.jobs, clock)
 
 
-def write_report(names: Sequence[str], found: dict[str, Section], args: argparse.Namespace) -> None:
+def write_report(names: Sequence[str], found: dict[str, list[Table]], args: argparse.Namespace) -> None:
     """Write the CSV files and the pages of the sections that are done."""
-    sections = [found[name] for name in names]
-    recorded = [table for section in sections for table in section.tables]
+    recorded = [table for name in names for table in found[name]]
     missing = [name for name in args.only if name not in found]
     for table in recorded:
         table.record(args.output / FOLDER)
@@ -97,7 +95,6 @@ def write_report(names: Sequence[str], found: dict[str, Section], args: argparse
         ('A quick run: anchors half trained' if args.quick else 'The full run')
         + (', ours alone' if args.alone else '') + (', on validation seeds' if args.validation else '')
         + (f'; not done: {", ".join(missing)}' if missing else '') + '.\n', encoding='utf-8')
-    write_csv(args.output / 'recognition.csv', [result for section in sections for result in section.results])
     write_pages(args.output, {table.heading for table in recorded})
 
 
@@ -106,7 +103,7 @@ def write_pages(folder: Path, recorded: Collection[str] | None = None) -> None:
         page.write(folder, recorded)
 
 
-def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, Section]]:
+def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, list[Table]]]:
     """Yield the sections as they are done, ``jobs`` at a time; what measures time runs alone, after the others."""
     fork = get_context('fork')  # which shares the anchors
     waiting, running = sorted((name for name in names if name not in ALONE), key=lambda name: name != LONGEST), {}
@@ -127,8 +124,7 @@ def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, S
 
 
 def _send(sender: Connection, run: Run, name: str) -> None:
-    section = SECTIONS[name](run)
-    sender.send(section._replace(results=[result.without_patterns() for result in section.results]))
+    sender.send(SECTIONS[name](run))
 
 
 def _arguments() -> argparse.Namespace:

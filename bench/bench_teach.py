@@ -155,7 +155,7 @@ def five_contacts(counts: dict[str, int]) -> Iterator[tuple[tuple[str, bool], Co
                                    skin=Skin(full_scale=1.0, noise=0.01, blur=rng.uniform(0.3, 0.7), dead=0.01))
             yield (contact.shape, 40 <= area <= 63), PatternExtractor().extract(frame)
     for row, draw in enumerate(mechanics.ROWS.values()):
-        case = draw(AREA, counts['mechanics'], SEED + row)
+        case = mechanics.pressed(draw, AREA, counts['mechanics'], SEED + row)
         for frame, label in zip(case.frames, case.labels):
             yield (OUTPUTS[label].value, True), PatternExtractor().extract(frame)
 

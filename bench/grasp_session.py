@@ -166,11 +166,10 @@ class Session(ExitStack):
         self.until(lambda: not self.world.is_moving)
         self.wait(0.1)
 
-    def drive(self, position: float, *, effort: float = 0.0, speed: float = 0.0, touch: bool = False) -> str:
+    def drive(self, position: float, *, effort: float = 0.0, touch: bool = False) -> str:
         """Send the gripper to a gap, by its own action or until it ``touch``es; how the goal ended."""
         goal = ParallelGripperCommand.Goal()
         goal.command.position, goal.command.effort = [position], [effort]
-        goal.command.velocity = [speed] if speed else []
         sent = self._node.closers[TOUCH_ACTION if touch else ACTION].send_goal_async(goal)
         self.until(sent.done)
         handle = sent.result()

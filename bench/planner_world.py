@@ -63,9 +63,8 @@ class Placed:
     def truth(self) -> 'Truth':
         left, right = self.touched(0), self.touched(1)
         x, y, z = right - left
-        edge = self.turn.apply((1.0, 0.0, 0.0))
         return Truth(float(np.hypot(x, y)), float(np.arctan2(np.hypot(x, y), z)),
-                     float(np.hypot(*(left[:2] - AIM))), float(np.arctan2(edge[1], edge[0])))
+                     float(np.hypot(*(left[:2] - AIM))))
 
 
 class Truth(NamedTuple):
@@ -74,7 +73,6 @@ class Truth(NamedTuple):
     offset: float        # [m]
     misalignment: float  # [rad]
     off_aim: float       # of the left contact [m]
-    angle: float         # of the outline's x [rad]
 
 
 class Closed(NamedTuple):

@@ -28,11 +28,6 @@ FLAT, CUT = 'flat punches', 'flat punches over the edge'
 MOST_CUT = 1 / 3  #: of a contact beyond the pad's edge
 SEED = 61_000_000  # counted up by a million when a report has prompted a change
 
-#: draws an indenter and its tilt: of rng and the number of the class
-DRAWN: dict[str, Callable] = {
-    FLAT: mechanics.random_punch, 'balls': mechanics.random_ball,
-    'cylinders on their side': mechanics.random_cylinder, 'cones': mechanics.random_cone}
-
 
 class Outlined(NamedTuple):
     """The contact set of a solution as a shape: lengths in square roots of its area, origin at the indenter's."""
@@ -108,7 +103,7 @@ def draw(rng: np.random.Generator, name: str, area: float, count: int) -> list[P
     """``count`` frames of one kind of indenter, one solution a frame."""
     frames = []
     for number in range(count):
-        indenter, tilt = DRAWN[FLAT if name == CUT else name](rng, number)
+        indenter, tilt = mechanics.ROWS[FLAT if name == CUT else name](rng, number)
         towards = rng.uniform(0, 2 * np.pi) if indenter.kind == 'flat_punch' else 0.0
         solution = mechanics.solved(indenter, tilt, towards)
         frame = pressed(rng, solution, outlined(solution), area)
@@ -150,7 +145,7 @@ def report(table: Callable[[str, list[str], list[list[str]]], None], count: int,
            purpose: Purpose = Purpose.EVALUATION) -> None:
     """Make the table of what fits of ``count`` frames of each kind and size find."""
     rows = []
-    for number, (name, area) in enumerate((name, area) for name in (*DRAWN, CUT) for area in AREAS):
+    for number, (name, area) in enumerate((name, area) for name in (*mechanics.ROWS, CUT) for area in AREAS):
         found = measure(name, area, draw(generator(purpose, SEED + number), name, area, count))
         rows.append(_cells(found))
         print(' | '.join(rows[-1]), flush=True)

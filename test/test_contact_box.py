@@ -5,8 +5,7 @@ import pytest
 
 import tactile_node as tn
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.library.contacts import Recogniser
-from tactile_node.simulator.figures import Skin, named_silhouette, pressure_frame, random_figure
+from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import Contact
 from training.ground_truth.seeds import Purpose, generator
 
@@ -101,13 +100,3 @@ def test_a_solid_contact_of_weak_and_dead_taxels_is_not_hollow():
     frame = np.pad(np.full((7, 7), 50e3), 3)
     frame[4:9, 4:9] = np.nan  # what is not seen may be pressed
     assert not tn.contact_box(tn.find_contact(frame)).hollow
-
-
-def test_an_unknown_contact_has_a_likeliest_known_class():
-    contact = contact_of(random_figure(generator(Purpose.VALIDATION, 3), named_silhouette('hexagon'), 60.0, 24, 24),
-                         24, 24)
-    found = Recogniser().recognise(contact)
-    name, probability = found.likeliest_known
-    others = [p for shape, p in found.probabilities.items() if shape not in (tn.Shape.NONE, tn.Shape.UNKNOWN)]
-    assert name not in (tn.Shape.NONE, tn.Shape.UNKNOWN) and probability == max(others) == found.probabilities[name]
-    assert tn.Recognition.certain(tn.Shape.NONE).likeliest_known is None

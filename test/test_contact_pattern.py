@@ -114,19 +114,6 @@ def test_wrong_thresholds_are_refused(press, release):
         PressThresholds(press, release)
 
 
-@pytest.mark.parametrize('unit, press, release', [('Pa', 30e3, 24e3), ('N', 0.1, 0.08), ('1', 0.5, 0.4)])
-def test_thresholds_of_a_unit(unit, press, release):
-    found = PressThresholds.of_unit(unit)
-    assert found.press == press and found.release == pytest.approx(release)
-    assert PressThresholds.of_unit(unit, press=2.0, release_ratio=0.5) == PressThresholds(2.0, 1.0)
-
-
-def test_an_unknown_unit_has_no_thresholds_of_its_own():
-    with pytest.raises(ConfigurationError):
-        PressThresholds.of_unit('lb')
-    assert PressThresholds.of_unit('lb', press=2.0) == PressThresholds(2.0, 1.6)
-
-
 @pytest.mark.parametrize('options, press, release', [
     ({}, 24.0, 16.0), ({'press': 0.1}, 8.0, 8.0), ({'press': 0.5, 'release': 0.25}, 40.0, 20.0)])
 def test_thresholds_of_a_full_scale(options, press, release):

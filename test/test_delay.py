@@ -4,16 +4,13 @@ Each case is a sender's timeline and its true delays; what is asserted is what a
 never settled and current while it is old, and usable again after the stated time.
 """
 
-from math import inf, nan
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.ros.message_age import DelayEstimator, DelaySettings
+from tactile_node.ros.message_age import SETTLED_ERROR, SETTLING_TIME, WINDOW, DelayEstimator
 
-SETTINGS = DelaySettings()
 LIMIT = 0.1  #: s, what a reader takes as current
 OFFSETS = (-1.7e9, -5.0, 0.0, 1e-3, 3600.0, 1.7e9)
 
@@ -33,7 +30,7 @@ class Result(NamedTuple):
     @property
     def misled(self) -> np.ndarray:
         """Taken as current although it is older than the limit and the path's own error."""
-        return self.fresh & (self.true > LIMIT + SETTINGS.error)
+        return self.fresh & (self.true > LIMIT + SETTLED_ERROR)
 
 
 def jitter(rng, count, typical=0.001, late=0.02, share=0.02):
@@ -107,8 +104,8 @@ def test_the_senders_clock_set_forward_costs_the_settling_time(jump):
     sent = times(duration=20.0)
     result = run(sent, 0.001, lambda t: t + jump * (t >= 10))
     after = result.arrival - 10.0
-    assert not result.settled[(after > 0) & (after < SETTINGS.settle - 0.05)].any()
-    assert result.fresh[(after > SETTINGS.settle + 0.05) | ((after < 0) & (result.arrival > 1))].all()
+    assert not result.settled[(after > 0) & (after < SETTLING_TIME - 0.05)].any()
+    assert result.fresh[(after > SETTLING_TIME + 0.05) | ((after < 0) & (result.arrival > 1))].all()
 
 
 @pytest.mark.parametrize('jump', [0.05, 1.0, 3600.0])
@@ -116,8 +113,8 @@ def test_the_senders_clock_set_back_or_its_restart_costs_the_settling_time(jump)
     sent = times(duration=20.0)
     result = run(sent, 0.001, lambda t: t - jump * (t >= 10))
     after = result.arrival - 10.0
-    assert not result.settled[(after > 0) & (after < SETTINGS.settle - 0.05)].any()
-    assert result.fresh[after > SETTINGS.settle + 0.05].all()
+    assert not result.settled[(after > 0) & (after < SETTLING_TIME - 0.05)].any()
+    assert result.fresh[after > SETTLING_TIME + 0.05].all()
 
 
 @pytest.mark.parametrize('step', [0.2, -0.2])
@@ -127,7 +124,7 @@ def test_a_clock_slewed_as_fast_as_chrony_does_makes_nothing_old_look_current(st
     delay = 0.001 + held_until(sent, 17.0, 12.0, 10)
     result = run(sent, delay, lambda t: t + np.clip((t - 11.0) / 12 * np.sign(step), *sorted((0.0, step))))
     assert (result.true > 1.0).sum() == 10 and not result.misled.any()
-    assert result.fresh[result.arrival > 11.0 + abs(step) * 12 + SETTINGS.window + 1.0].all()
+    assert result.fresh[result.arrival > 11.0 + abs(step) * 12 + WINDOW + 1.0].all()
 
 
 @pytest.mark.parametrize('seed', range(20))
@@ -159,16 +156,6 @@ def test_random_holds_never_mislead(seed):
     assert (result.fresh | (result.true > LIMIT / 2))[result.arrival > 15].mean() > 0.9
 
 
-def test_wrong_times_and_settings_are_refused():
-    for arrival, sent in ((nan, 0.0), (0.0, nan), (0.0, inf)):
-        with pytest.raises(InputError):
-            DelayEstimator().update(arrival, sent)
-    for wrong in ({'window': 0.1}, {'settle': 0.0}, {'tolerance': nan}, {'drift': 1.0},
-                  {'tolerance': 0.1}):
-        with pytest.raises(ConfigurationError):
-            DelaySettings(**wrong)
-
-
 def test_a_burst_that_live_messages_overtake_is_not_fresh():
     sent = times(duration=12.0)
     result = run(sent, 0.001 + held_until(sent, 8.0, 3.0, 10))
@@ -189,8 +176,8 @@ def test_a_clock_set_back_during_a_silence_costs_at_most_the_window():
     sent = np.concatenate([times(duration=5.0), times(duration=60.0, begin=9.0)])
     result = run(sent, 0.001, lambda t: t - 2.0 * (t >= 9))
     after = result.arrival - 9.0
-    assert not result.fresh[(after > 0) & (after < SETTINGS.window / 2)].any()  # it may as well be a slower path
-    assert result.fresh[after > SETTINGS.window].all()
+    assert not result.fresh[(after > 0) & (after < WINDOW / 2)].any()  # it may as well be a slower path
+    assert result.fresh[after > WINDOW].all()
 
 
 def test_one_stamp_from_the_future_does_not_last():

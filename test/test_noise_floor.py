@@ -6,6 +6,7 @@ import pytest
 from tactile_node.contact.noise_floor import NoiseFloor, resting_of
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
+from tactile_node.taxel_frame import PRESS_BY_UNIT, RELEASE_RATIO
 
 SHAPE = (12, 12)
 ROWS, COLS = np.mgrid[:12, :12]
@@ -68,7 +69,7 @@ def test_with_a_unit_the_pad_may_be_covered_from_the_start_or_slowly(seconds, ma
 @pytest.mark.parametrize('unit', ['Pa', 'N'])
 def test_a_contact_between_noise_and_fixed_thresholds_is_not_learned(unit):
     """With absolute thresholds a light contact is not pressed; the floor must not follow it."""
-    fixed = PressThresholds.of_unit(unit)
+    fixed = PressThresholds(PRESS_BY_UNIT[unit], RELEASE_RATIO * PRESS_BY_UNIT[unit])
     heights = np.concatenate((np.zeros(50), np.full(1000, 9.0)))
     *_, last = patterns(heights, unit, fixed=fixed)
     assert not last.contacts and last.noise[SQUARE].max() < 2 * NOISE[unit]

@@ -113,7 +113,7 @@ def measured(kind, contact, rng, extractor):
 def centres_of(kind, shape, direction, travelled, seed=0):
     rng = generator(Purpose.TEST, seed)
     begin = random_contact(rng, shape, AREA, PAD, PAD)  # in the middle: it may travel by 6 before it meets the edge
-    extractor = PatternExtractor(PressThresholds.of_unit('Pa'))
+    extractor = PatternExtractor(PressThresholds(30e3, 24e3))
     places = [Contact(shape, begin.dimensions, begin.x + way * np.cos(direction), begin.y + way * np.sin(direction),
                       begin.angle) for way in travelled]
     return np.array([measured(kind, place, rng, extractor) for place in places])

@@ -42,7 +42,6 @@ class Cnn:
     def __init__(self, samples: Samples, epochs: float, seed: int = 1):
         torch.manual_seed(seed)
         self.model = SmallCnn()
-        self.weights = sum(p.numel() for p in self.model.parameters())
         self._train(samples, int(epochs * len(samples.labels) / 256), np.random.default_rng(seed))
 
     def _train(self, samples: Samples, steps: int, rng: np.random.Generator) -> None:

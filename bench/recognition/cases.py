@@ -125,8 +125,8 @@ def mechanics_cases(count: int, purpose: Purpose) -> Iterator[Case]:
     rounds = ROUND if purpose is Purpose.EVALUATION else DEVELOPMENT
     for number, (name, draw) in enumerate(mechanics.ROWS.items()):
         for area in PUNCH_AREAS:
-            drawn = draw(area, count if name == PUNCHES else max(count // FEWER, 1),
-                         1_000_000 * rounds + 1000 * number + area)
+            drawn = mechanics.pressed(draw, area, count if name == PUNCHES else max(count // FEWER, 1),
+                                      1_000_000 * rounds + 1000 * number + area)
             patterns = [find_contact(frame, unit=None) for frame in drawn.frames]
             yield Case(name, False, area, patterns, patches(patterns, np.asarray(drawn.labels)))
 

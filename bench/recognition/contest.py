@@ -35,11 +35,6 @@ class Result(NamedTuple):
     case: Case
     answers: dict[str, np.ndarray]
 
-    def without_patterns(self) -> 'Result':
-        """What rates need: little to send from one process to another."""
-        labels = Samples(*(np.empty(0) for _ in range(3)), labels=self.case.labels)
-        return Result(self.case._replace(patterns=[], samples=labels), self.answers)
-
     def right(self, name: str) -> np.ndarray:
         return self.answers[name].argmax(1) == self.case.labels
 

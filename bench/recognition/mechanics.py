@@ -31,52 +31,14 @@ PRESSURE = (0.05, 0.8)     #: mean over the contact
 NOISE, DEAD = 0.01, 0.03
 
 
-class Pressed(NamedTuple):
-    """What was pressed: the truth of a frame."""
-
-    label: int           #: index of `OUTPUTS`, the recogniser's and the training's order
-    area: float          #: of the contact set [taxels]
-    outline: np.ndarray  #: nominal outline on the pad, (n, 2), x = column, y = row [pitches]
-    depth: float         #: of the taxels
-    pressure: float      #: mean over the contact
-    tilt: float
+Draw = Callable[[np.random.Generator, int], tuple[Indenter, float]]  #: of the number of a frame: indenter and tilt
 
 
 class Case(NamedTuple):
-    """``frames``: (K, side, side), fractions of full scale, NaN where dead."""
+    """``frames``: (K, side, side), fractions of full scale, NaN where dead; ``labels``: index of OUTPUTS of each."""
 
     frames: np.ndarray
-    pressed: tuple[Pressed, ...]
-
-    @property
-    def labels(self) -> np.ndarray:
-        return np.array([each.label for each in self.pressed])
-
-
-def flat_punch_frames(area: float, count: int, seed: int) -> Case:
-    """Flat punches with rounded edges, moderately tilted, the five classes in turn."""
-    return _case(area, count, seed, random_punch)
-
-
-def ball_frames(area: float, count: int, seed: int) -> Case:
-    """Balls: circles whose pressure falls towards the rim."""
-    return _case(area, count, seed, random_ball)
-
-
-def cylinder_frames(area: float, count: int, seed: int) -> Case:
-    """Cylinders on their side, tilted along their axis: rectangles."""
-    return _case(area, count, seed, random_cylinder)
-
-
-def cone_frames(area: float, count: int, seed: int) -> Case:
-    """Cones with a blunt tip: circles with a peak."""
-    return _case(area, count, seed, random_cone)
-
-
-#: of the report's rows, by indenter; each row takes other seeds
-ROWS: dict[str, Callable[[float, int, int], Case]] = {
-    'flat punches': flat_punch_frames, 'balls': ball_frames, 'cylinders on their side': cylinder_frames,
-    'cones': cone_frames}
+    labels: tuple[int, ...]
 
 
 def side_of(area: float) -> int:
@@ -84,38 +46,46 @@ def side_of(area: float) -> int:
     return next(side for side in SIDES if side >= np.sqrt(LONGEST * area) + ROOM)
 
 
-def _case(area: float, count: int, seed: int,
-          draw: Callable[[np.random.Generator, int], tuple[Indenter, float]]) -> Case:
+def pressed(draw: Draw, area: float, count: int, seed: int) -> Case:
+    """Press ``count`` indenters on a contact of ``area`` taxels."""
     rng = generator(Purpose.EVALUATION, SEEDS + seed)
     made = []
     for number in range(count):
         indenter, tilt = draw(rng, number)
         made.append(_frame(rng, area, indenter, tilt))
-    frames, pressed = zip(*made)
-    return Case(np.stack(frames), pressed)
+    frames, labels = zip(*made)
+    return Case(np.stack(frames), labels)
 
 
 def random_punch(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-    """Draw a flat punch of the class ``number`` in turn, and its tilt."""
+    """Draw a flat punch with rounded edges, of the class ``number`` in turn."""
     contact = random_contact(rng, CLASSES[number % len(CLASSES)], 1.0)
     upright = replace(contact, x=0.0, y=0.0, angle=0.0)
     return flat_punch(upright, _compression(rng), rng.uniform(*ROUNDING)), rng.uniform(*TILT)
 
 
 def random_ball(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
+    """Draw a ball: a circle whose pressure falls towards the rim."""
     return ball(_compression(rng)), 0.0
 
 
 def random_cylinder(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
+    """Draw a cylinder on its side, tilted along its axis: a rectangle."""
     lying = cylinder(_compression(rng), rng.uniform(1.6, 2.8), rounding=rng.uniform(0.1, 0.5))
     return lying, rng.uniform(*TILT)
 
 
 def random_cone(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
+    """Draw a cone with a blunt tip: a circle with a peak."""
     return cone(_compression(rng), tip=rng.uniform(0.1, 0.5)), 0.0
 
 
-def _frame(rng: np.random.Generator, area: float, indenter: Indenter, tilt: float) -> tuple[np.ndarray, Pressed]:
+#: of the report's rows, by indenter; each row takes other seeds
+ROWS: dict[str, Draw] = {'flat punches': random_punch, 'balls': random_ball, 'cylinders on their side': random_cylinder,
+                         'cones': random_cone}
+
+
+def _frame(rng: np.random.Generator, area: float, indenter: Indenter, tilt: float) -> tuple[np.ndarray, int]:
     towards = rng.uniform(0, 2 * np.pi) if indenter.kind == 'flat_punch' else 0.0
     solution = solved(indenter, tilt, towards)
     depth, pressure, angle = rng.uniform(*DEPTH), rng.uniform(*PRESSURE), rng.uniform(0, 2 * np.pi)
@@ -124,9 +94,8 @@ def _frame(rng: np.random.Generator, area: float, indenter: Indenter, tilt: floa
     middle = (around.min(0) + around.max(0)) / 2  # in the middle of the pad, for a triangle reaches far from its centre
     x, y = (side - 1) / 2 + rng.uniform(-0.5, 0.5, 2) - middle
     stress = sample(stress_field(solution, area, depth), x, y, angle, side, side)
-    pressed = Pressed([shape.value for shape in OUTPUTS].index(solution.label), area, outline=around + (x, y),
-                      depth=depth, pressure=pressure, tilt=tilt)
-    return measured(stress, pressure, rng, noise=NOISE, dead=DEAD), pressed
+    label = [shape.value for shape in OUTPUTS].index(solution.label)
+    return measured(stress, pressure, rng, noise=NOISE, dead=DEAD), label
 
 
 def solved(indenter: Indenter, tilt: float, towards: float) -> Solution:

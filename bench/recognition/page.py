@@ -6,8 +6,6 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from bench.recognition.contest import Result
-
 WIDTH = 118  #: of the page's text
 KIND = {True: 'on/off', False: 'pressures'}
 GENERATED = '<!-- Written by {}; not to be edited. -->\n'
@@ -55,20 +53,8 @@ def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> lis
     return ['| ' + ' | '.join(row) + ' |' for row in (columns, ['---'] * len(columns), *rows)]
 
 
-def write_csv(path: Path, results: list[Result]) -> None:
-    """One line a case and contestant."""
-    with path.open('w', newline='', encoding='utf-8') as stream:
-        writer = csv.writer(stream)
-        writer.writerow(['condition', 'frames', 'area_taxels', 'contestant', 'right', 'count', 'rate', 'low', 'high'])
-        for result in results:
-            for name in result.answers:
-                rate = result.rate(name)
-                writer.writerow([result.case.condition, KIND[result.case.on_off], result.case.area, name, rate.right,
-                                 rate.total, f'{rate.value:.5f}', *(f'{bound:.5f}' for bound in rate.interval)])
-
-
 def write_page(path: Path, title: str, tables: list[Table], pictures: list[tuple[str, str]],
-               script: str = 'bench/bench_recognition.py') -> None:
+               script: str) -> None:
     text = [GENERATED.format(script), f'# {title}\n', *(table.markdown() for table in tables)]
     text += [f'## {caption}\n\n![{caption}]({file})\n' for file, caption in pictures]
     path.write_text('\n'.join(text), encoding='utf-8')

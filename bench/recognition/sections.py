@@ -1,4 +1,4 @@
-"""The sections of the report, each with its tables, pictures and results; any of them can be run alone."""
+"""The sections of the report, each with its tables; any of them can be run alone."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -61,87 +61,77 @@ class Run(NamedTuple):
         return found
 
 
-class Section(NamedTuple):
-    """``pictures``: name of the file in the run's folder, and caption."""
-
-    tables: list[Table]
-    results: list[Result] = []
-    pictures: list[tuple[str, str]] = []
-
-
-def clean(run: Run) -> Section:
+def clean(run: Run) -> list[Table]:
     results = run.results(clean_cases(AREAS, run.amount.clean, run.purpose), 'clean frames')
     rates = tables.rates('Clean frames', 'recognised [%], 95 % Wilson intervals; the verdict compares ours with the '
                          'interval of the better anchor', results)
-    return Section([rates, tables.lost(results), tables.probabilities(results)], results)
+    return [rates, tables.lost(results), tables.probabilities(results)]
 
 
-def mechanics(run: Run) -> Section:
+def mechanics(run: Run) -> list[Table]:
     results = run.results(mechanics_cases(run.amount.mechanics, run.purpose), 'contact mechanics')
     rates = tables.rates('Contact mechanics', 'frames computed for indenters on an elastic half-space, as the library '
                          'sees them without options: recognised [%]', results)
-    return Section([tables.against_bars(results), rates], results)
+    return [tables.against_bars(results), rates]
 
 
-def several_contacts(run: Run) -> Section:
+def several_contacts(run: Run) -> list[Table]:
     found = []
     for one in several.cases(run.recogniser, run.amount.pads, run.purpose):
         found.append(one)
         run.clock(f'several contacts: {one.number} of {one.area} taxels, {one.gap:g} between: {one.together} %')
-    return Section([several.table(found)])
+    return [several.table(found)]
 
 
-def speed(run: Run) -> Section:
-    return Section([tables.speed(run.contest, run.amount.repeat, run.purpose)])
+def speed(run: Run) -> list[Table]:
+    return [tables.speed(run.contest, run.amount.repeat, run.purpose)]
 
 
-def foreign(run: Run) -> Section:
+def foreign(run: Run) -> list[Table]:
     known = run.results(familiar.whole_cases(5 * run.amount.figures, run.amount.clean, Purpose.VALIDATION),
                         'known shapes for the limits')
     results = run.results(familiar.foreign_cases(run.amount.figures, run.amount.pressed, run.purpose), 'foreign')
-    return Section([familiar.foreign_table(known, results)], results)
+    return [familiar.foreign_table(known, results)]
 
 
-def blemish(run: Run) -> Section:
+def blemish(run: Run) -> list[Table]:
     figures = max(2, run.amount.figures // 4)
     results = run.results(familiar.blemish_cases(figures, run.amount.pressed, run.purpose), 'blemish')
     whole = run.results(familiar.whole_cases(run.amount.figures, run.amount.clean, run.purpose), 'without a blemish')
-    return Section([familiar.blemish_table(results), familiar.whole_table(whole)], [*results, *whole])
+    return [familiar.blemish_table(results), familiar.whole_table(whole)]
 
 
-def idle(run: Run) -> Section:
+def idle(run: Run) -> list[Table]:
     found = []
     for number, kind in enumerate(IDLE):
         found.append(nothing.measured(seeded(NOTHING_SEEDS + number, run.purpose), kind,
                                       *nothing.library(run.recogniser), run.amount.sequences))
         run.clock(f'nothing: {kind}: {found[-1].called} % called a shape, {found[-1].longest:.2f} s on the topic')
-    return Section([nothing.table(found)])
+    return [nothing.table(found)]
 
 
-def spots(run: Run) -> Section:
+def spots(run: Run) -> list[Table]:
     found = []
     for one in blind_spots.measured(run.contest, run.amount.cell, run.purpose):
         found.append(one)
         run.clock(f'blind spots: {one.cell.curve} {one.cell.words}, {KIND[one.cell.on_off]}: {one.rates[OURS]} %')
-    file = 'recognition_blind_spots.png'
-    blind_spots.draw_curves(run.output / file, found)
+    blind_spots.draw_curves(run.output / 'recognition_blind_spots.png', found)
     blind_spots.write_spots(run.output / 'blind_spots.csv', found)
-    return Section([blind_spots.table(found)], pictures=[(file, 'Accuracy by orientation, place, size, aspect and '
-                                                                'pressure')])
+    return [blind_spots.table(found)]
 
 
-def field(run: Run) -> Section:
+def field(run: Run) -> list[Table]:
     results = run.results(field_cases(FIELD_AREAS, run.amount.field, run.purpose), 'field conditions')
     rates = tables.rates('Field conditions', 'one condition changed, the rest nominal; UNKNOWN, which the anchors '
                          'cannot say, counts as not recognised', results)
-    return Section([rates], results)
+    return [rates]
 
 
-def recordings(run: Run) -> Section:
-    return Section([tables.recordings(run.contest, run.recogniser)])
+def recordings(run: Run) -> list[Table]:
+    return [tables.recordings(run.contest, run.recogniser)]
 
 
-SECTIONS: dict[str, Callable[[Run], Section]] = {
+SECTIONS: dict[str, Callable[[Run], list[Table]]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
     'blemish': blemish, 'several': several_contacts, 'blind-spots': spots, 'speed': speed, 'field': field}
 WITHOUT_ANCHORS = frozenset({'nothing', 'several'})

@@ -33,8 +33,3 @@ def chosen_command(environment: Mapping[str, str]) -> str:
     line = environment.get('COMP_LINE', '')[:int(environment.get('COMP_POINT') or 0)]
     words = line.split()[int(environment.get('_ARGCOMPLETE') or 1):]
     return words[0] if words and len(line.split(words[0], 1)[1]) else ''
-
-
-def answer(parser: argparse.ArgumentParser) -> None:
-    """Write the completions to where the shell reads them, and end the process."""
-    argcomplete.autocomplete(parser)

@@ -84,8 +84,10 @@ def main(argv: list[str] | None = None) -> int:
 def program() -> int:
     """`main` as a process: a second Ctrl-C does not make its clean end look like a crash."""
     if COMPLETES in os.environ:
-        from tactile_node.cli.completion import answer, chosen_command
-        answer(_parser(chosen_command(os.environ)))
+        import argcomplete
+
+        from tactile_node.cli.completion import chosen_command
+        argcomplete.autocomplete(_parser(chosen_command(os.environ)))  # which ends the process
     try:
         return main()
     finally:

@@ -11,14 +11,14 @@ BAR_DELAY = 1.0  #: what takes less shows nothing [s]
 Item = TypeVar('Item')
 
 
-def show_progress(items: Iterable[Item], what: str, total: int, *, prints: bool,
-                  unit: str = ' frames') -> Iterator[Item]:
-    """Yield ``items`` and show how many of ``total`` are done.
+def show_progress(items: Iterable[Item], what: str, total: int, *, prints: bool) -> Iterator[Item]:
+    """Yield ``items``, which are frames, and show how many of ``total`` are done.
 
     ``prints``: their results go to standard output. Where that is a terminal they show the progress, and no bar does.
     """
     hidden = True if prints and sys.stdout.isatty() else None  # None: shown on a terminal only
-    yield from tqdm(items, what, total, unit=unit, delay=BAR_DELAY, disable=hidden, leave=False, dynamic_ncols=True)
+    yield from tqdm(items, what, total, unit=' frames', delay=BAR_DELAY, disable=hidden, leave=False,
+                    dynamic_ncols=True)
 
 
 def count_progress(what: str, unit: str, total: int | None = None) -> tqdm:

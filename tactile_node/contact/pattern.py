@@ -12,7 +12,7 @@ from tactile_node.contact.noise_floor import NoiseFloor
 from tactile_node.contact.press import PressThresholds, are_on_off
 from tactile_node.contact.standing_out import Threshold, standing_out
 from tactile_node.errors import InputError
-from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, read_only
+from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO, read_only
 
 BASELINE_SHARE = 0.1  #: share of what a contact rises above it: less is noise, or the skin's response around a contact
 LEAST_COUNTS = 3.0  #: rise of readings in whole counts: idle ones differ by two
@@ -82,7 +82,8 @@ class PatternExtractor:
 
     def __init__(self, thresholds: PressThresholds | None = None, *, unit: str | None = None, largest: bool = True):
         if thresholds is None and unit == ON_OFF_UNIT:
-            thresholds = PressThresholds.of_unit(unit)
+            press = PRESS_BY_UNIT[unit]
+            thresholds = PressThresholds(press, RELEASE_RATIO * press)
         self._thresholds = thresholds
         self._is_on_off = unit == ON_OFF_UNIT
         self._least = LEAST_BY_UNIT.get(unit or '', 0.0)

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.taxel_frame import PRESS_BY_UNIT as PRESS_BY_UNIT
-from tactile_node.taxel_frame import RELEASE_RATIO as RELEASE_RATIO
 
 
 def are_on_off(values: np.ndarray) -> bool:
@@ -46,19 +44,6 @@ class PressThresholds:
                 'press and release thresholds', expected='0 < release <= press, finite',
                 got=f'press {self.press}, release {self.release}',
                 remedy='Give both in the unit of the taxel values, release a little lower than press.')
-
-    @classmethod
-    def of_unit(cls, unit: str, press: float = 0.0, release_ratio: float = RELEASE_RATIO) -> 'PressThresholds':
-        """Return the thresholds of taxels in ``unit``; ``press`` 0: the unit's own. Raises ConfigurationError.
-
-        >>> PressThresholds.of_unit('Pa')
-        PressThresholds(press=30000.0, release=24000.0)
-        """
-        press = press or PRESS_BY_UNIT.get(unit, 0.0)
-        if not press:
-            raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(PRESS_BY_UNIT)}',
-                                     got=repr(unit), remedy='Convert the values, or give thresholds in their unit.')
-        return cls(press, press * release_ratio)
 
     @classmethod
     def of_full_scale(cls, full_scale: float, press: float = PRESS_FRACTION,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
-from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
+from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.scale import UnitScale
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.helmholtz.features import Features, Group, compute_features
@@ -20,6 +20,7 @@ from tactile_node.pose.fit import ShapeFit, fit_contact
 from tactile_node.pose.moments import check_pitch
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import DEFAULT_METHOD, Recognition, Shape, ShapeClass, TaughtShape
+from tactile_node.taxel_frame import PRESS_BY_UNIT
 
 Kind = TypeVar('Kind')
 

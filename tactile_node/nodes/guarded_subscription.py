@@ -6,7 +6,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Generic, Protocol, TypeGuard
+from typing import Any, Generic, Protocol, TypeAlias, TypeGuard
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -25,6 +25,9 @@ logger = logging.getLogger(__name__)
 #: A larger gap in the sequence than both allow is another count, not frames that were missed.
 MOST_SKIPPED = 10_000
 FASTEST = 1000.0  #: frames a second, of the time that has passed: a link may be cut for hours
+
+
+FrameKey: TypeAlias = tuple[int, int, int]
 
 
 class ChainMessage(AgedMessage, Protocol):
@@ -68,8 +71,9 @@ class GuardedSubscription(Generic[Message]):
         self._other_types: tuple[str, ...] = ()
         self._skipped = 0
         self._overtaken = 0
-        self._left_out = 0  # frames before the message under work, by this node and those before it
-        self._newest_only = newest_only and not is_lossless(qos)
+        #: frames just before the message under work that this node or one before it left out on purpose
+        self.left_out = 0
+        self.takes_newest = newest_only and not is_lossless(qos)
         self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
         self._subscription: Subscription | None = self._subscribe()
         self.topic: str = self._subscription.topic_name  #: its full name
@@ -84,11 +88,6 @@ class GuardedSubscription(Generic[Message]):
         if self._arrival is None:
             raise RuntimeError(f'{self.topic}: no message of the chain has arrived')
         return self._arrival
-
-    @property
-    def left_out(self) -> int:
-        """Frames just before the message under work that this node or one before it left out on purpose."""
-        return self._left_out
 
     @property
     def health(self) -> StreamHealth:
@@ -124,7 +123,7 @@ class GuardedSubscription(Generic[Message]):
         if not usable:
             return
         self._overtaken += len(usable) - 1
-        self._left_out = len(usable) - 1 + sum(map(_left_out_before, usable))
+        self.left_out = len(usable) - 1 + sum(map(_left_out_before, usable))
         try:
             callback(usable[-1])
             self._processed += 1
@@ -134,7 +133,7 @@ class GuardedSubscription(Generic[Message]):
     def _waiting(self) -> list[Message]:
         """Take what has come since the executor took its message."""
         found: list[Message] = []
-        while self._newest_only and self._subscription is not None:
+        while self.takes_newest and self._subscription is not None:
             with self._subscription.handle:
                 taken = self._subscription.handle.take_message(self._subscription.msg_type, self._subscription.raw)
             if taken is None:
@@ -208,6 +207,11 @@ class GuardedSubscription(Generic[Message]):
         if self._reminders[reason].is_due(reason.key, time.monotonic()):
             logger.warning('%s: message on %s dropped: %s (%d so far)', self._node.get_fully_qualified_name(),
                            self.topic, reason.key, self._dropped[reason], exc_info=error)
+
+
+def frame_key(message: Any) -> FrameKey:
+    """Return what tells one frame of a source from another: sequence number and stamp."""
+    return message.sequence, message.header.stamp.sec, message.header.stamp.nanosec
 
 
 def _left_out_before(message: object) -> int:

@@ -19,7 +19,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.guarded_subscription import FrameKey, GuardedSubscription, frame_key
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import StreamHealth
@@ -159,7 +159,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self.node, self._accept, self._hand_over = node, accept, hand_over
         # The oldest gives way, but where it would be left out for a newer one: there each is counted as that
         self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.queue_depth)
-        self._own: deque[tuple[int, int, int]] = deque(maxlen=2 * settings.input_qos.depth)  # what may come back
+        self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)  # what may come back
         self._is_fed = False
         self._listened = -math.inf  # when it last looked for other publishers [s, steady clock]
         self.sends_on: str | None = None  #: topic of the results of this stage; None: of the last one of a pad
@@ -172,14 +172,10 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         """Whether a result waits."""
         return bool(self._slot)
 
-    @property
-    def takes_newest(self) -> bool:
-        return self._newest_only
-
     def announce(self, result: Result) -> None:
         """Note that ``result`` is about to be published and handed over: its message, if it arrives, is no news."""
         self._is_fed = True
-        self._own.append(_key(result))
+        self._own.append(frame_key(result))
 
     def put(self, result: Result, acquired: float) -> None:
         """Hand ``result`` over, whose taxels were ``acquired`` [s, steady clock; -inf: not known]; from any thread."""
@@ -206,7 +202,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
                 self._listen()
         except Exception as error:  # it would end the executor
             self._failed(error)
-        for results in [waiting] if self._newest_only else [[each] for each in waiting]:
+        for results in [waiting] if self.takes_newest else [[each] for each in waiting]:
             usable = [result for result, acquired in results if self._is_usable(result, acquired)]
             self._work_on(usable, self._accept)
 
@@ -217,7 +213,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     def _on_message(self, message: Message) -> None:
         self._count_publishers()
-        news = [each for each in (message, *self._waiting()) if _key(each) not in self._own]
+        news = [each for each in (message, *self._waiting()) if frame_key(each) not in self._own]
         self._work_on([each for each in news if self._is_usable(each)], self._callback)
 
     def _listen(self) -> None:
@@ -272,8 +268,3 @@ class StageNode(Node):
         for stage in self.stages:
             stage.end()
         super().destroy_node()
-
-
-def _key(result: Any) -> tuple[int, int, int]:
-    """Return what tells one frame of a source from another."""
-    return result.sequence, result.header.stamp.sec, result.header.stamp.nanosec

@@ -9,7 +9,7 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
-from tactile_node.contact.press import PRESS_BY_UNIT, PressThresholds
+from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.scale import UnitScale
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.helmholtz.features import Group, compute_features
@@ -32,6 +32,7 @@ from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import changed, declare, read
 from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import ProcessorSettings
+from tactile_node.taxel_frame import PRESS_BY_UNIT
 from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 
 logger = logging.getLogger(__name__)

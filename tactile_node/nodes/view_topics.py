@@ -6,7 +6,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import rclpy
@@ -20,7 +20,7 @@ from tactile_node.colour_map import ColourScale
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.guarded_subscription import FrameKey, GuardedSubscription, frame_key
 from tactile_node.nodes.spinning import Spinner
 from tactile_node.ros.contact_messages import PadContact, contact_message, taxel_array_message, taxel_values
 from tactile_node.ros.grasp_checks import check_grasp
@@ -175,8 +175,8 @@ class _PadTopics:
 
     def __init__(self, node: Node, pad: str, root: str, store: Store):
         self._pad, self._store = pad, store
-        self._taxels: OrderedDict[_Key, tuple[TaxelArray, float]] = OrderedDict()
-        self._contacts: OrderedDict[_Key, Contact] = OrderedDict()
+        self._taxels: OrderedDict[FrameKey, tuple[TaxelArray, float]] = OrderedDict()
+        self._contacts: OrderedDict[FrameKey, Contact] = OrderedDict()
         self._shape_came, self._shown = -math.inf, -math.inf
         qos = frames_qos(VIEW_QUEUE_DEPTH)
         self._subscription = GuardedSubscription(node, TaxelArray, f'{root}/taxels', self._on_taxels, qos,
@@ -190,15 +190,15 @@ class _PadTopics:
         age = self._subscription.arrival.age(now)
         _keep(self._taxels, message, (message, now - age))
         if now - self._shape_came > WITHOUT_SHAPE:
-            self._show(_key(message), None, now)
+            self._show(frame_key(message), None, now)
 
     def _on_shape(self, message: ContactShape) -> None:
         now = time.monotonic()
-        if _key(message) in self._taxels:  # one whose taxels are no longer here must not hold back those that come
+        if frame_key(message) in self._taxels:  # one whose taxels are no longer here must not hold back those that come
             self._shape_came = now
-            self._show(_key(message), message, now)
+            self._show(frame_key(message), message, now)
 
-    def _show(self, key: '_Key', shape: ContactShape | None, now: float) -> None:
+    def _show(self, key: FrameKey, shape: ContactShape | None, now: float) -> None:
         if now - self._shown < 1 / SHAPE_RATE:
             return
         self._shown = now
@@ -206,18 +206,8 @@ class _PadTopics:
         self._store.put(_state(self._pad, taxels, acquired, shape, self._contacts.get(key)))
 
 
-class _Key(NamedTuple):
-    sequence: int
-    sec: int
-    nanosec: int
-
-
-def _key(message) -> _Key:
-    return _Key(message.sequence, message.header.stamp.sec, message.header.stamp.nanosec)
-
-
 def _keep(waiting: OrderedDict, message, value=None) -> None:
-    waiting[_key(message)] = message if value is None else value
+    waiting[frame_key(message)] = message if value is None else value
     if len(waiting) > MOST_WAITING:
         waiting.popitem(last=False)
 

@@ -16,40 +16,25 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from typing import NamedTuple, Protocol
 
 from builtin_interfaces.msg import Duration
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.ros.settings import NodeSettings
 from tactile_node.ros.time_messages import duration_message, seconds
 
-BUCKETS = 30  #: parts of the window that are forgotten as a whole
-
-
-@dataclass(frozen=True)
-class DelaySettings:
-    """How long the least difference is remembered, and when it can be trusted."""
-
-    window: float = 30.0     #: a slower path or a clock set back unnoticed is taken as normal after this time [s]
-    settle: float = 0.5      #: for how long messages have to arrive without a fall of the least difference [s]
-    tolerance: float = 0.02  #: while settling, a fall by less is jitter of the path [s]
-    #: once settled, a fall by less is a message that was faster than all before: they were older by that time than they
-    #: seemed, and what follows is right [s]
-    error: float = 0.05
-    drift: float = 1e-3      #: relative: a slower fall is the drift or the slewing of a clock
-    longest_gap: float = 0.1  #: a longer silence counts towards `settle` as this long [s]
-
-    def __post_init__(self) -> None:
-        values = (self.window, self.settle, self.tolerance, self.error, self.drift, self.longest_gap)
-        if not (all(0 < value < inf for value in values) and self.settle < self.window and self.drift < 1
-                and self.tolerance <= self.error):
-            raise ConfigurationError('delay settings', expected='numbers > 0, settle < window, tolerance <= error, '
-                                     'drift < 1', got=str(self), remedy='Leave them out for the defaults.')
+WINDOW = 30.0  #: s for which the least difference is remembered: then a slower path, or a clock set back, is normal
+BUCKETS = 30  #: parts of it that are forgotten as a whole
+SETTLING_TIME = 0.5  #: s for which messages have to arrive without a fall of the least difference
+SETTLING_TOLERANCE = 0.02  #: s; while settling, a fall by less is jitter of the path
+#: s; once settled, a fall by less is a message that was faster than all before: they were older by that time than they
+#: seemed, and what follows is right
+SETTLED_ERROR = 0.05
+DRIFT = 1e-3  #: relative: a slower fall is the drift or the slewing of a clock
+LONGEST_GAP = 0.1  #: s; a longer silence counts towards SETTLING_TIME as this long
 
 
 class Delay(NamedTuple):
@@ -63,8 +48,8 @@ class DelayEstimator:
     """Takes the messages of one sender as they arrive; pure: time is what it is given.
 
     After a sender's clock was set forward, or set back by more than a message's period, or after a restart of the
-    sender: not settled for `DelaySettings.settle`. Set back by less, or during a silence of that length: what arrives
-    is taken to be older than it is by that step, for at most `DelaySettings.window`.
+    sender: not settled for SETTLING_TIME. Set back by less, or during a silence of that length: what arrives
+    is taken to be older than it is by that step, for at most WINDOW.
 
     >>> estimator = DelayEstimator()
     >>> for i in range(50):
@@ -73,8 +58,7 @@ class DelayEstimator:
     (True, 5.0)
     """
 
-    def __init__(self, settings: DelaySettings = DelaySettings()):
-        self._settings = settings
+    def __init__(self) -> None:
         self._arrival = -inf
         self._sent = -inf
         self._restart()
@@ -87,25 +71,21 @@ class DelayEstimator:
     def update(self, arrival: float, sent: float) -> Delay:
         """Take a message that ``arrival`` brought [s, our steady clock], ``sent`` [s, the sender's clock].
 
-        Where a stage adds its own delay as ``age``: sent = stamp + age. Raises InputError for a time that is not
-        finite.
+        Both finite. Where a stage adds its own delay as ``age``: sent = stamp + age.
         """
-        if not (isfinite(arrival) and isfinite(sent)):
-            raise InputError('times of a message', expected='finite seconds', got=f'{arrival}, {sent}',
-                             remedy='Leave out messages whose age is not known.')
         gap = arrival - self._arrival
-        if not 0 <= gap <= self._settings.window or sent < self._sent - self._settings.tolerance:
+        if not 0 <= gap <= WINDOW or sent < self._sent - SETTLING_TOLERANCE:
             self._restart()
             gap = 0.0
         self._arrival = arrival
         self._sent = sent
         difference = arrival - sent
         self._follow(self._least_with(arrival, difference), gap)
-        return Delay(difference - self._least[0][1], self._covered >= self._settings.settle)
+        return Delay(difference - self._least[0][1], self._covered >= SETTLING_TIME)
 
     def _least_with(self, arrival: float, difference: float) -> float:
         """Add ``difference`` to the window and return its least."""
-        length = self._settings.window / BUCKETS
+        length = WINDOW / BUCKETS
         bucket = int(arrival // length)
         while self._least and self._least[-1][1] >= difference:
             self._least.pop()
@@ -116,13 +96,13 @@ class DelayEstimator:
 
     def _follow(self, least: float, gap: float) -> None:
         """Start settling again after a fall; ``gap`` [s] is the time since the message before."""
-        reference = self._reference - self._settings.drift * gap
-        is_settled = self._covered >= self._settings.settle
-        if least < reference - (self._settings.error if is_settled else self._settings.tolerance):
+        reference = self._reference - DRIFT * gap
+        is_settled = self._covered >= SETTLING_TIME
+        if least < reference - (SETTLED_ERROR if is_settled else SETTLING_TOLERANCE):
             self._covered = 0.0
             self._reference = least
             return
-        self._covered += min(gap, self._settings.longest_gap)
+        self._covered += min(gap, LONGEST_GAP)
         self._reference = max(least, reference)
 
 

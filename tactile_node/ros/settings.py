@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
 from tactile_node.conditioning.tare import TARE_LIMIT_BY_UNIT
-from tactile_node.contact.press import PRESS_BY_UNIT, RELEASE_RATIO, SMALLEST_CONTACT
+from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.shape.recognition import DEFAULT_METHOD
-from tactile_node.taxel_frame import LEAST_BY_UNIT
+from tactile_node.taxel_frame import LEAST_BY_UNIT, PRESS_BY_UNIT, RELEASE_RATIO
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile

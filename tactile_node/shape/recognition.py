@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias
 
 #: The recognition methods by name; here, so that a command line knows them at once.
 LEARNED, VOLF = 'learned', 'volf'
@@ -48,21 +48,6 @@ class UnknownReason(IntEnum):
 SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE)
 
 
-Name = TypeVar('Name', bound=str | ShapeClass)
-
-
-def likeliest_known(probabilities: Mapping[Name, float]) -> tuple[Name, float] | None:
-    """Return the likeliest class but NONE and UNKNOWN, with its probability; None where no other is possible.
-
-    ``probabilities``: of classes, or of their names, as in ContactShape.msg.
-
-    >>> likeliest_known({'none': 0.0, 'unknown': 0.75, 'circle': 0.05, 'square': 0.2})
-    ('square', 0.2)
-    """
-    known = [(name, float(p)) for name, p in probabilities.items() if p > 0 and name not in (Shape.NONE, Shape.UNKNOWN)]
-    return max(known, key=lambda each: each[1], default=None)
-
-
 class Alternative(NamedTuple):
     """What a contact is when its hidden taxels are read in one way."""
 
@@ -87,11 +72,6 @@ class Recognition(NamedTuple):
     def confidence(self) -> float:
         """Probability of ``shape``."""
         return self.probabilities[self.shape]
-
-    @property
-    def likeliest_known(self) -> tuple[ShapeClass, float] | None:
-        """What `likeliest_known` makes of ``probabilities``."""
-        return likeliest_known(self.probabilities)
 
     @property
     def is_evidence(self) -> bool:

@@ -4,6 +4,7 @@ from canopen import ObjectDictionary
 from canopen.objectdictionary import ODVariable, datatypes
 
 from tactile_node.cia301.objects import ObjectAddress
+from tactile_node.skin.layout import raw_range
 
 #: data types (CiA 301, 7.4.7) as they are written on a command line; hex: bytes as they are on the wire
 TYPES = {'bool': datatypes.BOOLEAN, 'str': datatypes.VISIBLE_STRING, 'hex': datatypes.DOMAIN,
@@ -101,7 +102,7 @@ def _expected(name: str) -> str:
         return f'a number of {int(name[1:]) // 8} bytes'
     if name[0] in 'ui':
         bits = int(name[1:])
-        low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if name[0] == 'i' else (0, (1 << bits) - 1)
+        low, high = raw_range(bits, name[0] == 'i')
         return f'a whole number {low}..{high}, {bits // 8} byte{"s" * (bits > 8)}'
     return {'bool': '0 or 1, 1 byte', 'str': 'ASCII text, not empty',
             'hex': 'bytes as hexadecimal digits such as "6400"'}[name]

@@ -25,7 +25,6 @@ class Picture:
 
     stamp: float
     values: np.ndarray       #: (rows, cols), NaN: no valid value
-    saturated: np.ndarray    #: bool, (rows, cols)
     fit: ShapeFit | None     #: None: no outline
 
 

@@ -153,7 +153,7 @@ class _OpenTouch:
             shape=shape, reason=reason, confidence=confidence, force=moments.force,
             force_is_bound=moments.force_is_bound, size_is_bound=moments.size_is_bound, is_open=is_open,
             dimensions=() if fit is None else tuple(zip(fit.dimension_names, fit.dimensions)),
-            picture=Picture(self._stamp, pattern.values, pattern.saturated, fit), events=tuple(self._events))
+            picture=Picture(self._stamp, pattern.values, fit), events=tuple(self._events))
 
     def _recognise(self, stamp: float, found: FoundContact) -> None:
         result = self._pipeline.recognise(found, stamp)
