@@ -5,7 +5,16 @@ import math
 import pytest
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
-from tactile_node.grasp.closing import NO_TOUCH, Closing, Outcome, PadForce, Touch, TouchLimits, make_goal
+from tactile_node.grasp.closing import (
+    BLIND_TIME,
+    NO_TOUCH,
+    Closing,
+    Outcome,
+    PadForce,
+    Touch,
+    TouchLimits,
+    make_goal,
+)
 from tactile_node.grasp.tracker import GraspContact
 
 PERIOD, LATENCY = 0.02, 0.04  # s: of the frames, and until one is seen
@@ -94,8 +103,37 @@ def test_with_one_pad_touched_it_goes_on_for_a_limited_travel(travel):
 def test_it_closes_only_by_what_is_seen_and_current(fault, expected, at):
     world = World()
     outcome, now = world.close(closing(), seen=lambda touch, now: fault(touch, now) if now >= at else touch)
-    assert outcome is expected and now == pytest.approx(at, abs=0.002)
+    assert outcome is expected and now == pytest.approx(at + (BLIND_TIME if at else 0.0), abs=0.003)  # refused at once
     assert world.opening == pytest.approx(0.06 - at * LIMITS.fast_speed, abs=1e-4)
+
+
+HIDDEN = (PadForce(0.1, is_hidden=True), PadForce(0.1, is_hidden=True))
+
+
+@pytest.mark.parametrize(('fault', 'begin', 'end'), [
+    (lambda touch: touch._replace(contact=GraspContact.UNSEEN), 0.3, 0.7),
+    (lambda touch: touch._replace(fresh=False), 1.2, 1.6),
+    (lambda touch: touch._replace(pads=HIDDEN), 1.2, 1.6)])
+def test_what_is_not_seen_for_a_while_is_waited_for_at_rest(fault, begin, end):
+    world, openings, control = World(), [], closing(2.0)
+
+    def seen(touch, now):
+        openings.extend([world.opening] * (begin <= now < end))
+        return fault(touch) if begin <= now < end else touch
+    outcome, _ = world.close(control, seen=seen)
+    assert outcome is Outcome.FORCE_REACHED and 2.0 <= world.strongest <= 2.0 + LIMITS.overshoot(LIMITS.fast_speed)
+    assert max(openings[1:]) - min(openings[1:]) < 1e-9
+    assert openings[0] > world.opening
+
+
+def test_it_goes_on_only_once_the_gripper_has_stopped_and_slowly_where_it_touches():
+    seen = Touch(1.0, True, GraspContact.ONE_SIDED, (PadForce(0.5), EMPTY))
+    control = closing(3.0)
+    assert control.look(1.0, seen, 0.04) is None
+    assert control.look(1.2, seen._replace(acquired=1.2, fresh=False), 0.04) is None and control.speed == 0.0
+    for is_still, speed in ((False, 0.0), (True, LIMITS.slow_speed)):
+        assert control.look(1.3, seen._replace(acquired=1.3), 0.04, is_still=is_still) is None
+        assert control.speed == speed
 
 
 def test_one_frame_that_is_not_seen_changes_nothing_but_what_the_other_pad_reads():

@@ -127,6 +127,22 @@ def test_it_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
         assert bench.motor.opening == stopped
 
 
+@pytest.mark.parametrize(('kind', 'stop_by'), [(KINDS[0], 'cancel'), (KINDS[1], 'goal')])
+def test_what_is_not_seen_for_a_while_is_waited_for_at_rest(make_bench, kind, stop_by):
+    bench = make_bench(kind, {'stop_by': stop_by})
+    handle = bench.client.send(position=0.0)
+    bench.wait(0.3)
+    seen = bench.pads.change
+    bench.pads.change = unseen
+    bench.until(lambda: not bench.motor.moves)
+    stopped = bench.motor.opening
+    bench.wait(0.1)
+    assert 0.0 < stopped < 0.06 and bench.motor.opening == stopped
+    bench.pads.change = seen
+    _, _, outcome = bench.client.result(handle)
+    assert outcome.outcome == Outcome.TOUCHED and bench.motor.opening < stopped
+
+
 def test_a_frame_now_and_then_that_is_not_seen_does_not_stop_it(make_bench):
     bench = make_bench()
     is_unseen = itertools.cycle([True, False, False])

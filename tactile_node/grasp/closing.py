@@ -13,6 +13,7 @@ from tactile_node.errors import ConfigurationError, RefusedGoalError
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.grasp.tracker import GraspContact
 
+BLIND_TIME = 0.5   #: s that it stops and waits for, before a goal ends by what is not seen
 LOST_AFTER = 0.1   #: s without any contact, after both pads were touched: shorter ones are bounces
 START_TIME = 1.0   #: s that a gripper may take beyond its travel, to accept a command and to begin
 SLOWNESS = 3.0     #: times the time that the commanded speed needs, after which it is too slow
@@ -205,17 +206,28 @@ class Closing:
         self.goal, self._limits = goal, limits
         self._opening, self._looked = opening, now
         self._was_held = False     # both pads were touched
+        self._seen: float | None = None  # when all that it goes on by was last known
         self._seen_touched = now   # when a contact was last seen
         self._one_sided: float | None = None  # travel since one pad alone is touched [m]
         self._slow_speed = goal.slow_speed(limits)
         self.speed = self._slow_speed if self._is_narrow() else goal.speed
         self._deadline = self._deadline_at(now)
 
-    def look(self, now: float, touch: Touch, opening: float) -> Outcome | None:
-        """Return why to stop, by what is known at ``now`` [s]; None: go on at ``speed``."""
-        travel = self._travel(now, opening)
-        if not touch.is_current(now, self._limits.max_age):
-            return Outcome.NOT_SEEN
+    def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
+        """Return why to end, by what is known at ``now`` [s]; None: go on at ``speed``, 0: stop and wait.
+
+        ``is_still``: a gripper that was to stop has done so. A late or incomplete frame ends no goal on its way.
+        """
+        travel, blind = self._travel(now, opening), self._why_blind(now, touch)
+        if blind is not None:
+            self.speed = 0.0
+            return blind if self._seen is None or now - self._seen > BLIND_TIME else None
+        if not self.speed:
+            if not is_still:
+                return None
+            self.speed, self._seen_touched = self.goal.speed, now
+            self._deadline = self._deadline_at(now)
+        self._seen = now
         self._follow(now, touch, travel)
         stop = self._why_stop(now, touch)
         if stop is None and self.speed > self._slow_speed and (touch.is_touched or self._is_narrow()):
@@ -223,10 +235,16 @@ class Closing:
             self._deadline = self._deadline_at(now)
         return stop
 
+    def _why_blind(self, now: float, touch: Touch) -> Outcome | None:
+        if not touch.is_current(now, self._limits.max_age):
+            return Outcome.NOT_SEEN
+        is_enough = touch.contact is GraspContact.TWO_SIDED and self.goal.until_touched
+        return None if touch.has_force or is_enough else Outcome.FORCE_NOT_KNOWN
+
     def _why_stop(self, now: float, touch: Touch) -> Outcome | None:
         is_held = touch.contact is GraspContact.TWO_SIDED
         if not touch.has_force:
-            return Outcome.TOUCHED if is_held and self.goal.until_touched else Outcome.FORCE_NOT_KNOWN
+            return Outcome.TOUCHED
         if touch.most(self._limits.edge_share) >= self.goal.force:
             return Outcome.FORCE_REACHED if is_held else Outcome.ONE_SIDED
         if is_held and self.goal.until_touched:

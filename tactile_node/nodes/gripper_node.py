@@ -190,7 +190,8 @@ class GripperNode(Node):
             return failure
         if run.holding is not None:
             return self._why_not_hold(run, run.holding, now)
-        stop = run.closing.look(now, self._touch, self._opening()) if run.closing else self._why_not_open(run, now)
+        stop = self._why_not_open(run, now) if run.closing is None else run.closing.look(
+            now, self._touch, self._opening(), is_still=self._client.is_stopped)
         result = self._client.result if run.speed else None
         return stop if stop in SUCCESSES or result is None else self._ending(run, result, stop)
 
