@@ -27,7 +27,7 @@ MOST_SKIPPED = 10_000
 FASTEST = 1000.0  #: frames a second, of the time that has passed: a link may be cut for hours
 
 
-FrameKey: TypeAlias = tuple[int, int, int]
+FrameKey: TypeAlias = tuple[int, int, int]  #: sequence number and stamp
 
 
 class ChainMessage(AgedMessage, Protocol):

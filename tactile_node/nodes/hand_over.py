@@ -47,7 +47,7 @@ Waiting: TypeAlias = list[tuple[Any, float]]  # results, and when their taxels w
 class HandOver:
     """The stages of one process, by the topics between them; the executor of their nodes does their work.
 
-    Meant for FrameExecutor: rclpy's own wait for all entities before each turn.
+    Meant for FrameExecutor: rclpy's own executors wait for all entities before each turn.
     """
 
     def __init__(self) -> None:
