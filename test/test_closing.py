@@ -8,6 +8,8 @@ from tactile_node.errors import ConfigurationError, RefusedGoalError
 from tactile_node.grasp.closing import (
     BLIND_TIME,
     NO_TOUCH,
+    SLOWNESS,
+    START_TIME,
     Closing,
     Outcome,
     PadForce,
@@ -134,6 +136,17 @@ def test_it_goes_on_only_once_the_gripper_has_stopped_and_slowly_where_it_touche
     for is_still, speed in ((False, 0.0), (True, LIMITS.slow_speed)):
         assert control.look(1.3, seen._replace(acquired=1.3), 0.04, is_still=is_still) is None
         assert control.speed == speed
+
+
+def test_a_gripper_that_does_not_move_is_too_slow_also_where_the_pads_are_not_seen_now_and_then():
+    control, now, outcome, blind = closing(3.0), 0.0, None, 0.0
+    while outcome is None and now < 60.0:
+        is_seen = now % 1.0 < 0.7
+        blind += 0.0 if is_seen else 0.01
+        outcome = control.look(now, Touch(now, is_seen, GraspContact.NO_CONTACT, (EMPTY, EMPTY)), 0.06)
+        now += 0.01
+    assert outcome is Outcome.TOO_SLOW
+    assert now - blind == pytest.approx(START_TIME + SLOWNESS * 0.06 / LIMITS.fast_speed, abs=0.3)
 
 
 def test_one_frame_that_is_not_seen_changes_nothing_but_what_the_other_pad_reads():

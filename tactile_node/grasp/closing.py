@@ -13,7 +13,7 @@ from tactile_node.errors import ConfigurationError, RefusedGoalError
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.grasp.tracker import GraspContact
 
-BLIND_TIME = 0.5   #: s that it stops and waits for, before a goal ends by what is not seen
+BLIND_TIME = 0.5   #: s for which it stops and waits to see again, before the goal ends
 LOST_AFTER = 0.1   #: s without any contact, after both pads were touched: shorter ones are bounces
 START_TIME = 1.0   #: s that a gripper may take beyond its travel, to accept a command and to begin
 SLOWNESS = 3.0     #: times the time that the commanded speed needs, after which it is too slow
@@ -206,32 +206,37 @@ class Closing:
         self.goal, self._limits = goal, limits
         self._opening, self._looked = opening, now
         self._was_held = False     # both pads were touched
-        self._seen: float | None = None  # when all that it goes on by was last known
+        self._seen, self._is_blind = -math.inf, False  # when all that it goes on by was last known; whether not now
         self._seen_touched = now   # when a contact was last seen
         self._one_sided: float | None = None  # travel since one pad alone is touched [m]
         self._slow_speed = goal.slow_speed(limits)
-        self.speed = self._slow_speed if self._is_narrow() else goal.speed
+        self._pace = self._slow_speed if self._is_narrow() else goal.speed  # while it is seen [m/s]
         self._deadline = self._deadline_at(now)
 
+    @property
+    def speed(self) -> float:
+        """Speed at which it goes on [m/s]; 0: it stops and waits."""
+        return 0.0 if self._is_blind else self._pace
+
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
-        """Return why to end, by what is known at ``now`` [s]; None: go on at ``speed``, 0: stop and wait.
+        """Return why to end, by what is known at ``now`` [s]; None: go on at ``speed``.
 
         ``is_still``: a gripper that was to stop has done so. A late or incomplete frame ends no goal on its way.
         """
         travel, blind = self._travel(now, opening), self._why_blind(now, touch)
         if blind is not None:
-            self.speed = 0.0
-            return blind if self._seen is None or now - self._seen > BLIND_TIME else None
-        if not self.speed:
+            self._is_blind = True
+            return blind if now - self._seen > BLIND_TIME else None
+        if self._is_blind:
             if not is_still:
                 return None
-            self.speed, self._seen_touched = self.goal.speed, now
-            self._deadline = self._deadline_at(now)
+            self._is_blind, self._seen_touched = False, now
+            self._deadline += now - self._seen
         self._seen = now
         self._follow(now, touch, travel)
         stop = self._why_stop(now, touch)
-        if stop is None and self.speed > self._slow_speed and (touch.is_touched or self._is_narrow()):
-            self.speed = self._slow_speed
+        if stop is None and self._pace > self._slow_speed and (touch.is_touched or self._is_narrow()):
+            self._pace = self._slow_speed
             self._deadline = self._deadline_at(now)
         return stop
 
@@ -243,9 +248,7 @@ class Closing:
 
     def _why_stop(self, now: float, touch: Touch) -> Outcome | None:
         is_held = touch.contact is GraspContact.TWO_SIDED
-        if not touch.has_force:
-            return Outcome.TOUCHED
-        if touch.most(self._limits.edge_share) >= self.goal.force:
+        if touch.has_force and touch.most(self._limits.edge_share) >= self.goal.force:
             return Outcome.FORCE_REACHED if is_held else Outcome.ONE_SIDED
         if is_held and self.goal.until_touched:
             return Outcome.TOUCHED
@@ -276,7 +279,7 @@ class Closing:
 
     def _deadline_at(self, now: float) -> float:
         opening = self._opening if math.isfinite(self._opening) else self._limits.widest
-        return deadline(now, opening - self.goal.opening, self.speed)
+        return deadline(now, opening - self.goal.opening, self._pace)
 
 
 def deadline(now: float, travel: float, speed: float) -> float:
