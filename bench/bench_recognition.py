@@ -1,11 +1,10 @@
 """How well shapes are recognised: ours beside a small CNN and OpenCV contours with 300 trees.
 
 Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. Both
-anchors are trained in this run, on the samples of `make train`. Writes tables/, blind_spots.csv, the
-pages and a picture; with --page FOLDER it measures nothing, but writes the pages of the tables in FOLDER again. With
---validation seeds, and families of foreign and blemished figures, are such that are never reported: what choices in
-the training are judged by. With --alone there are no anchors, and neither torch nor OpenCV is needed:
-.venv/bin/python does.
+anchors are trained in this run, on the samples of `make train`. Writes tables/, blind_spots.csv, the pages and a
+picture; with --page FOLDER it measures nothing, but writes the pages of the tables in FOLDER again. With --validation
+seeds, and families of foreign and blemished figures, are such that are never reported: what choices in the training
+are judged by. With --alone there are no anchors, and neither torch nor OpenCV is needed: .venv/bin/python does.
 """
 
 import argparse

@@ -183,7 +183,7 @@ class GripperBench(RosBench):
 
     @contextmanager
     def node_as_process(self, *words):
-        """Run the gripper node in a process of its own, in place of the one here; it is killed at the end."""
+        """Run the gripper node in another process instead of here, and kill it at the end."""
         self.node.destroy_node()
         self.executor.remove_node(self.node)
         process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', *words],

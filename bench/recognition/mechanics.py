@@ -31,7 +31,7 @@ PRESSURE = (0.05, 0.8)     #: mean over the contact
 NOISE, DEAD = 0.01, 0.03
 
 
-Draw = Callable[[np.random.Generator, int], tuple[Indenter, float]]  #: of the number of a frame: indenter and tilt
+Draw = Callable[[np.random.Generator, int], tuple[Indenter, float]]  #: indenter and tilt of a frame, by its number
 
 
 class Case(NamedTuple):
@@ -80,7 +80,7 @@ def random_cone(rng: np.random.Generator, number: int) -> tuple[Indenter, float]
     return cone(_compression(rng), tip=rng.uniform(0.1, 0.5)), 0.0
 
 
-#: of the report's rows, by indenter; each row takes other seeds
+#: indenters of the report's rows; each row takes other seeds
 ROWS: dict[str, Draw] = {'flat punches': random_punch, 'balls': random_ball, 'cylinders on their side': random_cylinder,
                          'cones': random_cone}
 

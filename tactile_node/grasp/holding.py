@@ -6,7 +6,7 @@ opens, and without a force that is known it rests.
 A correction begins where both pads read more than a deadband D beside the force, and ends at the force. It goes beyond
 by what the gripper moves until it stops, and by a step of it: at most stiffness x (latency x speed + gripper_step). Of
 two readings each is wrong by n at most. With D = that + 2 n, what is read afterwards is at most D beyond the force, so
-no correction causes the opposite one. Another of its own kind needs a reading D below the force.
+no correction causes the opposite one. To press again takes a reading D below the force.
 """
 
 import math

@@ -85,7 +85,7 @@ class HandOver:
             if executor is None or self._awake is executor or self._is_working:
                 return
             self._awake = executor
-        with suppress(AttributeError, InvalidHandle):  # of rclpy's own executors that have just been shut down
+        with suppress(AttributeError, InvalidHandle):  # errors of rclpy's own executors just after their shutdown
             executor.create_task(self._work)
 
     def wait_until_answered(self) -> None:

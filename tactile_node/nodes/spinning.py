@@ -25,7 +25,7 @@ from rclpy.waitable import Waitable
 
 EVENTS_PERIOD = 1.0  # s, also the longest wait for entities
 LONGEST_WAIT = 1.0  # s, of spin_once without a timeout
-MOST_FAILURES = 3  # waits in a row: an entity that is destroyed meanwhile fails one
+MOST_FAILURES = 3  # failed waits in a row: one is of an entity that was destroyed meanwhile
 
 
 class FrameExecutor(SingleThreadedExecutor):
@@ -73,8 +73,9 @@ class FrameExecutor(SingleThreadedExecutor):
 
     def add_node(self, node: Node) -> bool:
         """Look at the timers again, too."""
+        is_added = super().add_node(node)
         self._work.put(None)
-        return bool(super().add_node(node))
+        return bool(is_added)
 
     def wake(self) -> None:
         """Look at the entities again: some were made or destroyed."""
@@ -148,7 +149,7 @@ class FrameExecutor(SingleThreadedExecutor):
 
 
 def _is_steady(timer: Timer) -> bool:
-    """Whether it runs on the steady clock, which nobody sets, and needs no rclpy to await it."""
+    """Whether it runs on the steady clock, and its callback is no coroutine, which rclpy has to await."""
     return timer.clock.clock_type == ClockType.STEADY_TIME and not inspect.iscoroutinefunction(timer.callback)
 
 

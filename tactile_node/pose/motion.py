@@ -110,7 +110,7 @@ class _Followed:
 
     def goes_on(self, mask: np.ndarray) -> bool:
         """Return whether ``mask`` is the same contact: it overlaps with it and is about as large."""
-        if mask.shape != self._mask.shape:  # of another pad
+        if mask.shape != self._mask.shape:  # another pad
             return False
         before, now = np.count_nonzero(self._mask), np.count_nonzero(mask)
         return bool(max(before, now) <= OTHER_SIZE * min(before, now) + 2 and np.count_nonzero(self._mask & mask))
