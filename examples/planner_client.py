@@ -20,6 +20,7 @@ MAX_OFFSET = 0.002           # of the two contacts' centres across the closing d
 MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
 MAX_MISALIGNMENT = 3 * pi / 180  # angle of faces, or of the contacts' line, to the closing direction [rad]
 TAUGHT = 8                   # ContactShape.OTHER
+STILL = 1                    # ContactMotion.STILL
 STIFFNESS = 25e6             # pressure by depth of the skin: too high turns too little, too low too far [Pa/m]
 FLUSH = 0.015                # least angle whose direction is known [rad]
 WATCHDOG_PERIOD = 0.02       # [s]
@@ -72,10 +73,18 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
 def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
     """Follow a contact that the edge of a pad cuts: the rest of it is farther out on the same side.
 
-    What is hidden by taxels without a value may be anywhere.
+    One that is cut still with its middle on that of both pads is longer than they are, as a bar or a bottle. It is
+    lifted once nothing moves that would show, whatever it is; `stable` needs a whole outline. What is hidden by taxels
+    without a value may be anywhere.
     """
-    is_followed = any(grasp.at_edge) and all(grasp.pads_seen) and not any(grasp.hidden_taxels)
-    return Correction('shift', shift) if is_followed and hypot(*shift) > MAX_OFFSET else WAIT
+    if not any(grasp.at_edge) or not all(grasp.pads_seen) or any(grasp.hidden_taxels):
+        return WAIT
+    if hypot(*shift) > MAX_OFFSET:
+        return Correction('shift', shift)
+    is_oblique = hypot(*grasp.lean) > MAX_MISALIGNMENT * STIFFNESS  # mostly not known: NaN
+    rests = all(motion.moving == STILL and motion.observable for motion in grasp.motions)
+    is_held = all(grasp.at_edge) and grasp.offset <= MAX_OFFSET and not is_oblique
+    return Correction('lift') if is_held and rests else WAIT
 
 
 def opposing(grasp) -> tuple[float, float, float]:
