@@ -7,10 +7,9 @@ from bench.recognition.views import Page, Row, View, across, columns, names, of
 
 FOLDER = 'pose_tables'  #: folder of the recorded tables, beside the page
 READING = ('Errors are medians: of the centre in pitches, of the angle in degrees (by the symmetry that the fit '
-           'declares), of the length in per cent, the worst dimension. *N*: size of the contact in taxels. *Region*: '
-           'share of contacts whose true parameters are all in the 95 % region, in per cent. Intervals, 95th '
-           f'percentiles, further rows and columns are in the CSV files of `{FOLDER}/`. How it works, and where it '
-           'fails: [pose.md](pose.md).')
+           'declares), of the worst length in per cent. *N*: taxels of the contact. *Region*: share of contacts whose '
+           'true parameters are all in the 95 % region, in per cent. Intervals and '
+           f'95th percentiles: CSV files of `{FOLDER}/`. Where it fails: [pose.md](pose.md).')
 ERRORS = of('centre', 'angle', 'length %')
 
 
@@ -66,7 +65,8 @@ VIEWS = (
          '/ error of the angle / share in the 95 % interval, the least of long, short, centre, angle.',
          'Least rectangle', ('object',), across('N', _box), lambda row: row['N'] in ('12', '100')),
     View('Time of one fit', 'Processor time, one core [ms].', 'Time of one fit', ('frames',),
-         lambda rows: {shape: _median(rows[0], shape) for shape in rows[0] if shape != 'frames'}, _is_main),
+         lambda rows: {shape: _median(rows[0], shape) for shape in rows[0] if shape != 'frames'},
+         lambda row: row['frames'] in ('clean', 'on/off')),
     View('Fusion of successive frames', '40 sequences at 100 Hz: 60 frames of one shape, then at once 60 of another '
          '(no frame between them empty), creeping 0.01 pitch a frame, blur 0.5, noise 2 %. *Settled*: from 100 ms '
          '(200 ms after a change) on. *Flicker*: changes of the shape reported, beside the true one, per 100 frames.',

@@ -37,6 +37,17 @@ KNOWN = (
          ('area',), across('frames', THREE)),
     View('Expected calibration error', 'Of the same frames, all sizes, 15 bins.', 'Expected calibration error',
          ('frames',), names('ours', 'CNN', 'contours + trees')),
+    View('Contact mechanics', 'Indenters on an elastic half-space, mean pressure 5 to 80 % of full scale, as the '
+         'library sees them without options, by area: recognised by ours / CNN / contours + trees. Flat punches '
+         '{patterns} a cell, others 200.', 'Contact mechanics', ('condition',), across('area', THREE)),
+    View('Several contacts on a pad', 'Flat punches of the five shapes, all of one area, the weakest pressed with 0.5 '
+         'to 1 of the strongest; 200 or 300 punches a cell. By area: punches with a contact of their own / recognised '
+         '/ recognised when alone on the pad.', 'Several contacts on a pad', ('punches', 'pitches between'),
+         across('area', of('apart, %', 'recognised, %', 'alone, %'))),
+    View('Time of a single frame', 'Median, one core, each alone [us]: ours from the contact pattern on / CNN / '
+         'contours + trees from a prepared patch on, whose making is not counted.', 'Time of a single frame',
+         ('area',), across('frames', of('ours', 'CNN', 'contours + trees'))))
+FAULTS = (
     View('By noise and by faults of the skin', 'One condition changed, the rest nominal, {patterns} a cell: recognised '
          'by ours, on/off / pressures, by area.', 'Field conditions', ('condition',), across('area', of('ours, %'))),
     View('Hidden taxels', 'Contacts of 12-100 taxels in general position; TPDOs of 8 taxels in a row '
@@ -49,17 +60,7 @@ KNOWN = (
          'hidden, with the taxels around them. Ten frames fused, with the same TPDOs missing: wrong / right / contacts '
          'of which so little is hidden.', 'Missing TPDOs', ('missing TPDOs',),
          across('frames', of('wrong and sure, fused, %', 'right and sure, fused, %', 'of which little is hidden')),
-         lambda row: bool(row['of which little is hidden'])),
-    View('Contact mechanics', 'Indenters on an elastic half-space, mean pressure 5 to 80 % of full scale, as the '
-         'library sees them without options, by area: recognised by ours / CNN / contours + trees. Flat punches '
-         '{patterns} a cell, others 200.', 'Contact mechanics', ('condition',), across('area', THREE)),
-    View('Several contacts on a pad', 'Flat punches of the five shapes, all of one area, the weakest pressed with 0.5 '
-         'to 1 of the strongest; 200 or 300 punches a cell. By area: punches with a contact of their own / recognised '
-         '/ recognised when alone on the pad.', 'Several contacts on a pad', ('punches', 'pitches between'),
-         across('area', of('apart, %', 'recognised, %', 'alone, %'))),
-    View('Time of a single frame', 'Median, one core, each alone [us]: ours from the contact pattern on / CNN / '
-         'contours + trees from a prepared patch on, whose making is not counted.', 'Time of a single frame',
-         ('area',), across('frames', of('ours', 'CNN', 'contours + trees'))))
+         lambda row: bool(row['of which little is hidden'])))
 OTHERS = (
     View('Nothing presses', 'Sequences of 50 frames at 50 Hz, pads of 8 to 64 taxels square, {frames} frames a row: '
          'single frames called one of the five shapes (of what is left over: frames that follow each other), with '
@@ -87,5 +88,7 @@ OTHERS = (
 PAGES = (
     Page('bench/bench_recognition.py --page', 'recognition_results.md', FOLDER, 'The five shapes, as measured', READING,
          KNOWN, ('recognition_blind_spots.png', 'By orientation, place, size, aspect and pressure')),
+    Page('bench/bench_recognition.py --page', 'faults_results.md', FOLDER, 'Noise, faults and hidden taxels, as '
+         'measured', READING, FAULTS),
     Page('bench/bench_recognition.py --page', 'other_shapes_results.md', FOLDER, 'Nothing, other shapes and taught '
          'shapes, as measured', READING, OTHERS))
