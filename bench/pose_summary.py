@@ -7,7 +7,7 @@ from bench.recognition.views import Page, Row, View, across, columns, names, of
 
 FOLDER = 'pose_tables'  #: folder of the recorded tables, beside the page
 READING = ('Errors are medians: of the centre in pitches, of the angle in degrees (by the symmetry that the fit '
-           'declares), of the worst length in per cent. *N*: taxels of the contact. *Region*: share of contacts whose '
+           'declares), of the worst length in per cent. *N*: taxels of the contact. *Region*: share whose '
            'true parameters are all in the 95 % region, in per cent. Intervals and '
            f'95th percentiles: CSV files of `{FOLDER}/`. Where it fails: [pose.md](pose.md).')
 ERRORS = of('centre', 'angle', 'length %')
