@@ -139,14 +139,15 @@ def _turned(vector: np.ndarray, angle: float) -> np.ndarray:
 
 
 def belief(grasp: Grasp, session: Session, item: Item) -> Record:
-    """What the grasp says of the item, and how wrong that is: sizes, place [mm], yaw [degrees]; not of bounds."""
+    """Return what the grasp says of the item, and how wrong that is: sizes, place [mm], yaw [degrees]; no bounds."""
     pose, sides = session.world.item_in('left'), np.array(item.face.dimensions[:len(grasp.dimensions)])
     believed: Record = {'class': grasp.class_name, 'confidence': grasp.confidence}
     if not grasp.line_is_bound:
         believed['place_mm'] = 1e3 * float(np.hypot(*(pose.translation[:2] - grasp.centre)))
     if grasp.class_name == item.face.shape and item.length and not item.upright:
         is_whole = ~np.array(grasp.dimension_is_bound, dtype=bool)
-        believed['size_mm'] = 1e3 * float(np.abs(np.array(grasp.dimensions) - sides)[is_whole].max(initial=0.0))
+        if is_whole.any():
+            believed['size_mm'] = 1e3 * float(np.abs(np.array(grasp.dimensions) - sides)[is_whole].max())
         if grasp.symmetry:
             truth = float(np.arctan2(*pose.rotation[1::-1, 0])) + item.face.angle
             believed['yaw_degrees'] = abs(degrees(remainder(grasp.yaw - truth, 2 * pi / grasp.symmetry)))

@@ -24,7 +24,7 @@ class Reason(IntEnum):
     NOT_KNOWN = 0
     NOT_GIVEN_UP = 1
     NOT_SEEN = 2     # nothing was known of what the gripper holds
-    NO_DECISION = 3  # a contact is missing, cut or never stable
+    NO_DECISION = 3  # a contact is missing, never stable, or cut at one pad alone
     EMPTY = 4        # both pads are seen and empty
     TOO_MANY_MOVES = 5
 

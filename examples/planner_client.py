@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE
 
-MIN_CONFIDENCE = 0.8         # of the object's class; below: let go and try elsewhere
+MIN_CONFIDENCE = 0.8         # of the class of an object that is seen whole; below: let go and try elsewhere
 MAX_OFFSET = 0.002           # of the two contacts' centres across the closing direction [m]
 MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
 MAX_MISALIGNMENT = 3 * pi / 180  # angle of faces, or of the contacts' line, to the closing direction [rad]
 TAUGHT = 8                   # ContactShape.OTHER
-STILL = 1                    # ContactMotion.STILL
+STILL, SLIDES = 1, 3         # ContactMotion: STILL; ALONG_X and ALONG_Y
 STIFFNESS = 25e6             # pressure by depth of the skin: too high turns too little, too low too far [Pa/m]
 FLUSH = 0.015                # least angle whose direction is known [rad]
 WATCHDOG_PERIOD = 0.02       # [s]
@@ -34,6 +34,7 @@ class Correction(NamedTuple):
     shift: tuple[float, float] = (0.0, 0.0)  # [m]
     angle: float = 0.0                  # about the pad's z [rad]
     tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rotation vector [rad]; both frames have the same axes
+    is_part: bool = False               # lift: of something longer than the pads, held anywhere along it
 
 
 HOLD, WAIT = Correction('hold'), Correction('wait')  # hold: what the gripper holds is not known, keep still
@@ -73,18 +74,20 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
 def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
     """Follow a contact that the edge of a pad cuts: the rest of it is farther out on the same side.
 
-    One that is cut still with its middle on that of both pads is longer than they are, as a bar or a bottle. It is
-    lifted once nothing moves that would show, whatever it is; `stable` needs a whole outline. What is hidden by taxels
-    without a value may be anywhere.
+    One that is cut still, at both pads, with the middle of what they see on theirs is longer than they are, as a bar or
+    a bottle. It is lifted once no slide is seen and one would show, whatever it is: where along it the gripper holds
+    is not known. What is hidden by taxels without a value may be anywhere.
     """
     if not any(grasp.at_edge) or not all(grasp.pads_seen) or any(grasp.hidden_taxels):
         return WAIT
     if hypot(*shift) > MAX_OFFSET:
         return Correction('shift', shift)
-    is_oblique = hypot(*grasp.lean) > MAX_MISALIGNMENT * STIFFNESS  # mostly not known: NaN
-    rests = all(motion.moving == STILL and motion.observable for motion in grasp.motions)
-    is_held = all(grasp.at_edge) and grasp.offset <= MAX_OFFSET and not is_oblique
-    return Correction('lift') if is_held and rests else WAIT
+    is_oblique = grasp.misalignment > MAX_MISALIGNMENT or any(  # NaN: not known
+        abs(lean) > MAX_MISALIGNMENT * STIFFNESS for lean in grasp.lean)
+    rests = all(motion.moving == STILL and motion.observable & SLIDES for motion in grasp.motions)
+    is_held = (all(grasp.at_edge) and grasp.offset <= MAX_OFFSET and not is_oblique
+               and not any(grasp.saturated_taxels))  # which leave the centre a bound each way
+    return Correction('lift', is_part=True) if is_held and rests else WAIT
 
 
 def opposing(grasp) -> tuple[float, float, float]:

@@ -24,12 +24,14 @@ class Codes:
 
 SQUARE, OTHER, UNKNOWN = 4, 8, 2
 MOTIONS = {name: [SimpleNamespace(moving=1, observable=1), SimpleNamespace(moving=moving, observable=observable)]
-           for name, moving, observable in (('still', 1, 2), ('slides', 2, 3), ('not known', 0, 3), ('blind', 1, 0))}
+           for name, moving, observable in (('still', 1, 2), ('slides', 2, 3), ('not known', 0, 3), ('blind', 1, 0),
+                                         ('turns would show', 1, 4))}
 #: As a rectangle has symmetry 2; the fields are those of Grasp.msg
 GOOD = {'contact': Codes.TWO_SIDED, 'fresh': True, 'stable': True, 'line_is_bound': False, 'offset': 0.0,
         'misalignment': nan, 'axis': (nan, nan, nan), 'lean': (0.0, 0.0), 'shape': SQUARE,
         'class_name': 'square', 'confidence': 0.99, 'dimensions': [0.01], 'centre': AIM, 'yaw': 0.0, 'symmetry': 2,
-        'at_edge': [False, False], 'pads_seen': [True, True], 'hidden_taxels': [0, 0], 'motions': MOTIONS['still']}
+        'at_edge': [False, False], 'pads_seen': [True, True], 'hidden_taxels': [0, 0], 'saturated_taxels': [0, 0],
+        'motions': MOTIONS['still']}
 UNKNOWN_OBJECT = {'shape': UNKNOWN, 'class_name': 'unknown', 'confidence': 0.3, 'dimensions': [], 'yaw': nan,
                   'symmetry': 0}
 
@@ -109,12 +111,14 @@ def test_a_contact_that_only_the_edge_cuts_is_followed(changes, action):
 
 @pytest.mark.parametrize(('changes', 'action'), [
     ({}, 'lift'), (UNKNOWN_OBJECT, 'lift'), ({'at_edge': [True, False]}, 'wait'), ({'offset': 0.004}, 'wait'),
-    ({'offset': nan}, 'wait'), ({'lean': (0.0, 0.1 * client.STIFFNESS)}, 'wait'),
+    ({'offset': nan}, 'wait'), ({'lean': (nan, 0.1 * client.STIFFNESS)}, 'wait'),
+    ({'misalignment': 0.1}, 'wait'), ({'saturated_taxels': [3, 0]}, 'wait'),
     ({'pads_seen': [False, True]}, 'wait'), ({'hidden_taxels': [0, 1]}, 'wait'), ({'centre': (0.025, AIM[1])}, 'shift'),
-    *(({'motions': MOTIONS[name]}, 'wait') for name in ('slides', 'not known', 'blind'))])
+    *(({'motions': MOTIONS[name]}, 'wait') for name in ('slides', 'not known', 'blind', 'turns would show'))])
 def test_what_is_longer_than_both_pads_is_lifted_once_nothing_moves(changes, action):
     through = {'line_is_bound': True, 'at_edge': [True, True], 'stable': False, 'lean': (nan, nan)}
-    assert choose(**through | changes).action == action
+    found = choose(**through | changes)
+    assert found.action == action and found.is_part is (action == 'lift')
 
 
 @pytest.mark.parametrize(('changes', 'action'), [
