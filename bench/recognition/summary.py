@@ -83,7 +83,7 @@ OTHERS = (
          'then 400 fresh touches of the generator (*flat*: blurred coverage, tilt, 1 % noise) or 120 of contact '
          'mechanics (*mechanics*: a punch in an elastic layer), one frame each: recognised in the world taught in / '
          'recognised in the other / foreign figures called a shape, of 600, families of the taught shape left out '
-         '(without it 6.8-7.5). `tactile teach` writes no file of a refused one.', 'Taught shapes', ('shape',),
+         '(without it 8.9-10.0). `tactile teach` writes no file of a refused one.', 'Taught shapes', ('shape',),
          across('taught in', _taught)))
 PAGES = (
     Page('bench/bench_recognition.py --page', 'recognition_results.md', FOLDER, 'The five shapes, as measured', READING,
