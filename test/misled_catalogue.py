@@ -333,8 +333,8 @@ def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Calla
             stack.callback(rclpy.try_shutdown)
             bench = GripperBench(stack, parameters={'max_age': MAX_AGE, 'fast_speed': 0.01, **parameters}, pads=None)
             begin(world, bench)
-            bench.wait(0.5)
-            assert bench.motor.moves and bench.motor.opening < START - 0.001, 'it does not close while all is well'
+            # A late frame stops it for a moment: on a busy machine it closes in steps, while all is well
+            bench.until(lambda: bench.motor.moves and bench.motor.opening < START - 0.001)
             since = time.monotonic()
             spoiler = threading.Thread(target=spoil, args=(world,))
             spoiler.start()
