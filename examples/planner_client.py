@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE
 
-MIN_CONFIDENCE = 0.8         # of the class of an object that is seen whole; below: let go and try elsewhere
+MIN_CONFIDENCE = 0.8         # probability of the class of what is seen whole; below: let go and try elsewhere
 MAX_OFFSET = 0.002           # of the two contacts' centres across the closing direction [m]
 MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
 MAX_MISALIGNMENT = 3 * pi / 180  # angle of faces, or of the contacts' line, to the closing direction [rad]

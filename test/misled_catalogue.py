@@ -334,7 +334,8 @@ def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Calla
             bench = GripperBench(stack, parameters={'max_age': MAX_AGE, 'fast_speed': 0.01, **parameters}, pads=None)
             begin(world, bench)
             # A late frame stops it for a moment: on a busy machine it closes in steps, while all is well
-            bench.until(lambda: bench.motor.moves and bench.motor.opening < START - 0.001)
+            bench.until(lambda: bench.motor.moves and bench.motor.opening < START - 0.001,
+                        'it does not close while all is well')
             since = time.monotonic()
             spoiler = threading.Thread(target=spoil, args=(world,))
             spoiler.start()
