@@ -190,6 +190,22 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
         assert taxels.counts.skipped == stage.counts.skipped == 30 and stage.counts.overtaken > 0
 
 
+def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
+    """Else no grasp has both pads of its SYNC: the other pad's contact of the next one comes between."""
+    process, answered = Process(), []
+    try:
+        for pad in ('left', 'right'):
+            process.input(f'/{pad}/classifier')._accept = lambda contact, pad=pad: answered.append((pad, contact.sequence))
+        for pad, sequence in (('left', 2), ('right', 1)):
+            process.input(f'/{pad}/processor').put(pad_frame(sequence), acquired=PERIOD * sequence)
+        for _ in range(2):
+            process.system._hand_over._take_turn()
+    finally:
+        process.system.destroy()
+        process.peer.destroy_node()
+    assert answered == [('right', 1), ('left', 2)]
+
+
 def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(monkeypatch):
     with Process() as process:
         stage = process.input('/left/classifier')

@@ -29,7 +29,7 @@ class StoppableThread:
         self._thread = None
 
 
-LEAST_PAUSE = 0.9  #: periods between two calls that catch up: what a full bus carries is still under way
+LEAST_PAUSE = 0.95  #: periods between two calls that catch up: a bus of so much load carries all answers meanwhile
 
 
 class Schedule:

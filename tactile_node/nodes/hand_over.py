@@ -2,7 +2,7 @@
 
 The driver's thread puts a taxel frame in a bounded slot of the processor and wakes the executor. There the processor
 takes every frame; when none waits, a classifier takes its newest contact, and grasp each shape. The classifiers go in
-rounds: what waits when a round begins is of one SYNC as a rule, so that both pads of it come out in one grasp.
+rounds, the oldest contact first: both pads of a SYNC come out in one grasp, before one of them of the next SYNC.
 Results arrive in one way, whichever way they came: counted, and refused beside those of a second source.
 """
 
@@ -131,8 +131,8 @@ class HandOver:
         """Take every frame that waits, then one newest contact."""
         self._work_on_all()
         if not self._round:
-            self._round.extend((stage, stage.take()) for stage in self._inputs.values()
-                               if stage.takes_newest and stage.waits)
+            waiting = ((stage, stage.take()) for stage in self._inputs.values() if stage.takes_newest and stage.waits)
+            self._round.extend(sorted(waiting, key=lambda each: each[1][-1][1]))
         if self._round:
             stage, waiting = self._round.popleft()
             stage.work(waiting)
