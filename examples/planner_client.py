@@ -135,7 +135,7 @@ def main() -> None:
     import rclpy
     from rclpy.clock import Clock, ClockType
     from rclpy.executors import ExternalShutdownException
-    from rclpy.qos import qos_profile_sensor_data
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
 
     from tactile_node.ros.grasp_checks import check_grasp
     from tactile_node.ros.message_age import InputAge
@@ -169,7 +169,7 @@ def main() -> None:
     node.declare_parameter('aim', [0.015, 0.015])
     planner, ages = Planner(), InputAge()
     reported, reported_at = '', -inf
-    node.create_subscription(Grasp, 'grasp', on_grasp, qos_profile_sensor_data)
+    node.create_subscription(Grasp, 'grasp', on_grasp, QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
     node.create_timer(WATCHDOG_PERIOD, act, clock=Clock(clock_type=ClockType.STEADY_TIME))
     try:
         rclpy.spin(node)

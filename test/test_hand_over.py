@@ -195,7 +195,7 @@ def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
     process, answered = Process(), []
     try:
         for pad in ('left', 'right'):
-            process.input(f'/{pad}/classifier')._accept = lambda contact, pad=pad: answered.append((pad, contact.sequence))
+            process.input(f'/{pad}/classifier')._accept = lambda each, pad=pad: answered.append((pad, each.sequence))
         for pad, sequence in (('left', 2), ('right', 1)):
             process.input(f'/{pad}/processor').put(pad_frame(sequence), acquired=PERIOD * sequence)
         for _ in range(2):

@@ -8,7 +8,7 @@ import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.closing import NO_TOUCH, Outcome, PadForce, Touch, TouchLimits, make_goal
-from tactile_node.grasp.holding import BLIND_TIME, SLIDE_PAUSE, Holding, HoldLimits
+from tactile_node.grasp.holding import BLIND_TIME, SLIDE_PAUSE, SWAY_TIME, Holding, HoldLimits
 from tactile_node.grasp.tracker import GraspContact
 
 FORCE, PERIOD, LOOK, SEEN_AFTER, OBEYS_AFTER = 5.0, 0.02, 0.005, 0.02, 0.015  # N; s: less than the latency together
@@ -233,22 +233,38 @@ def test_its_travel_ends_it_also_where_the_opening_does_not_change():
 
 def test_to_sliding_it_answers_with_a_step_now_and_then_up_to_the_highest_force():
     limits = TouchLimits(highest_force=6.5)
-    spring = Spring()
-    spring.change = lambda touch, now: touch._replace(slides=True)
-    control, steps = holding(limits, slide_force_step=0.3), []
-    while spring.now < 10 and spring.hold(0.1, control) is None:
-        steps += [(spring.now, round(control.force, 6))] if not steps or round(control.force, 6) != steps[-1][1] else []
+    spring, steps = Spring(), []
+
+    def sliding(touch, now):
+        steps.extend([(now, round(control.force, 6))] if not steps or round(control.force, 6) != steps[-1][1] else [])
+        return touch._replace(slides=(math.nan, 1.0))
+    control = holding(limits, slide_force_step=0.3)
+    spring.change = sliding
+    assert spring.hold(10.0, control) is None
     assert [force for _, force in steps] == pytest.approx([5.0, 5.3, 5.6, 5.9, 6.2, 6.5])
-    assert min(np.diff([at for at, _ in steps[1:]])) >= SLIDE_PAUSE - 0.1
+    pauses = np.diff([at for at, _ in steps])
+    assert pauses[0] >= SWAY_TIME and min(pauses[1:]) >= SLIDE_PAUSE - 0.1
     assert spring.forces[-1] == pytest.approx(6.5, abs=control.deadband)
     assert len(spring.corrections) >= 4  # each step, though it is less than the deadband
 
 
 def test_without_the_parameter_sliding_changes_nothing():
     spring = Spring()
-    spring.change = lambda touch, now: touch._replace(slides=True)
+    spring.change = lambda touch, now: touch._replace(slides=(math.nan, 1.0))
     control = holding()
     assert spring.hold(5.0, control) is None and control.force == FORCE and not spring.corrections
+
+
+@pytest.mark.parametrize(('frequency', 'is_answered'), [(6.0, False), (4.0, False), (1.0, True)])
+def test_to_an_object_that_sways_on_a_shaken_hand_it_does_not_answer(frequency, is_answered):
+    """It moves to and fro across both pads; a slow way of 0.5 s is a slide."""
+    def swaying(touch, now):
+        turn = math.pi * (math.sin(2 * math.pi * frequency * now) < 0)
+        return touch._replace(slides=(math.pi / 2 - turn, turn - math.pi / 2))
+    spring = Spring()
+    spring.change = swaying
+    control = holding(slide_force_step=0.3)
+    assert spring.hold(3.0, control) is None and (control.force > FORCE) == is_answered
 
 
 @pytest.mark.parametrize('wrong', [{'gripper_step': 0.0}, {'hold_travel': math.nan}, {'slide_force_step': -1.0},

@@ -1,5 +1,6 @@
-"""docs/tutorial.md leads a newcomer to a shape on a topic: its commands are run as they stand there."""
+"""The first pages lead a newcomer to a shape and to a grasp: their commands are run as they stand there."""
 
+import os
 import shlex
 import subprocess
 import sys
@@ -12,13 +13,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
-PAGE = (ROOT / 'docs/tutorial.md').read_text(encoding='utf-8')
+TUTORIAL, PLANNER = 'docs/tutorial.md', 'docs/howto/my_planner.md'
+SHAPES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle')
 TIMEOUT = 60.0  # s, for a busy machine
 
 
-def started(stack: ExitStack, beginning: str, link: Path) -> subprocess.Popen:
+def started(stack: ExitStack, beginning: str, link: Path, page: str = TUTORIAL) -> subprocess.Popen:
     """Start the command of the page that begins so, its link in a folder of the test; ends with ``stack``."""
-    text, = (each.text for each in documented.commands_of(PAGE, 'docs/tutorial.md')
+    text, = (each.text for each in documented.commands_of((ROOT / page).read_text(encoding='utf-8'), page)
              if each.text.startswith(beginning) and not each.in_sentence)
     program, *words = shlex.split(text.replace('/tmp/skin', str(link)))
     module = ['-m', 'tactile_node.cli.main'] if program == 'tactile' else []
@@ -49,5 +51,20 @@ def test_a_newcomer_gets_a_shape_on_a_topic(tmp_path):
             if 'mm' in line:
                 break
     name, confidence, rest = seen.splitlines()[-1].split(maxsplit=2)
-    assert name in ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle')
+    assert name in SHAPES
     assert 50 < int(confidence) <= 100 and rest.startswith('%') and 'mm' in rest
+
+
+def test_a_planner_waits_for_a_grasp(tmp_path):
+    with ExitStack() as stack:
+        started(stack, 'tactile bringup --simulate', tmp_path / 'skin', PLANNER)
+        found = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True, timeout=TIMEOUT,
+                               stdout=subprocess.PIPE, check=True).stdout
+    name, *rest = found.split(', ')
+    assert name in SHAPES and rest[-1] == 'nan mm wide\n'  # the page gives no opening
+
+
+def test_a_planner_without_a_grasp_node_gets_a_remedy():
+    ended = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True, timeout=TIMEOUT,
+                           stderr=subprocess.PIPE, env=os.environ | {'ROS_DOMAIN_ID': '77'})
+    assert ended.returncode == 1 and PLANNER in ended.stderr

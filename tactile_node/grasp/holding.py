@@ -19,6 +19,8 @@ from tactile_node.grasp.tracker import GraspContact
 NOISE_CERTAINTY = 4.0  #: standard deviations that a reading is wrong by at most
 BLIND_TIME = 1.0       #: s without a force that is known, after which it ends
 SLIDE_PAUSE = 1.0      #: s between two answers to sliding
+#: s for which an object slides one way before the answer: on a shaken hand it sways in the soft skin, and comes back
+SWAY_TIME = 0.2
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class Holding:
         self._begun, self._begun_opening = now, opening  # the correction
         self._noise, self._used = 0.0, 0.0    # [N]; travel of the corrections before [m]
         self._answered = -math.inf            # to sliding
+        self._slides, self._slid_since = (math.nan, math.nan), now  # directions at first
 
     @property
     def deadband(self) -> float:
@@ -79,6 +82,8 @@ class Holding:
     def _follow(self, now: float, touch: Touch) -> None:
         if touch.has_force:
             self._known = now
+        if not any(math.cos(first - last) > 0 for first, last in zip(self._slides, touch.slides)):
+            self._slides, self._slid_since = touch.slides, now
         if touch.contact is GraspContact.TWO_SIDED:
             self._held = now
         if math.isfinite(touch.force_sd):
@@ -123,9 +128,10 @@ class Holding:
                 self.target, self.speed, self.eases = target, self._slow, True
 
     def _answers(self, now: float, touch: Touch) -> bool:
-        """Whether the force rises now, because the object slides."""
+        """Whether the force rises now, because the object slides, and goes on that way."""
         raised = min(self.force + self._hold.slide_force_step, self._limits.highest_force)
-        if not touch.slides or raised <= self.force or now - self._answered < SLIDE_PAUSE:
+        slides_on = not all(map(math.isnan, touch.slides)) and now - self._slid_since >= SWAY_TIME
+        if not slides_on or raised <= self.force or now - self._answered < SLIDE_PAUSE:
             return False
         self.force, self._answered = raised, now
         return True

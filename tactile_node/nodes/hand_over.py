@@ -131,8 +131,8 @@ class HandOver:
         """Take every frame that waits, then one newest contact."""
         self._work_on_all()
         if not self._round:
-            waiting = ((stage, stage.take()) for stage in self._inputs.values() if stage.takes_newest and stage.waits)
-            self._round.extend(sorted(waiting, key=lambda each: each[1][-1][1]))
+            found = ((stage, stage.take()) for stage in self._inputs.values() if stage.takes_newest and stage.waits)
+            self._round.extend(sorted(found, key=lambda each: each[1][-1][1]))
         if self._round:
             stage, waiting = self._round.popleft()
             stage.work(waiting)

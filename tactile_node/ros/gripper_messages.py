@@ -131,5 +131,6 @@ def touch_of(grasp: Grasp, acquired: float) -> Touch:
             for force, is_bound, hidden, saturated, seen, at_edge in zip(
                 grasp.forces, grasp.force_is_bound, grasp.hidden_taxels, grasp.saturated_taxels, grasp.pads_seen,
                 grasp.at_edge)]
+    slides = [each.direction if each.moving & each.SLIDING else math.nan for each in grasp.motions]
     return Touch(acquired, grasp.fresh, GraspContact(grasp.contact), (pads[0], pads[1]),
-                 force_sd=2 * grasp.grip_force_sd, slides=any(each.moving & each.SLIDING for each in grasp.motions))
+                 force_sd=2 * grasp.grip_force_sd, slides=(slides[0], slides[1]))

@@ -1,0 +1,51 @@
+"""Waits for a grasp and prints what is held: the smallest program that uses the action `wait_for_grasp`.
+
+    python examples/wait_for_grasp.py
+"""
+
+import sys
+
+import rclpy
+from rclpy.action import ActionClient
+
+from tactile_skin.action import WaitForGrasp
+from tactile_skin.msg import Grasp
+
+TIMEOUT = 20  # s
+LATE = 5.0  # s after the timeout: a node that ends does not answer
+
+
+def wait_for_grasp(node: rclpy.node.Node) -> tuple[Grasp | None, str]:
+    """Return the grasp, or None, with the outcome as text."""
+    client = ActionClient(node, WaitForGrasp, 'grasp/wait_for_grasp')
+    if not client.wait_for_server(timeout_sec=LATE):
+        return None, 'expected the node of the grasp, found none. Start two pads: docs/howto/my_planner.md'
+    goal = WaitForGrasp.Goal()
+    goal.requirement.min_confidence, goal.timeout.sec = 0.8, TIMEOUT
+    accepted = client.send_goal_async(goal)
+    rclpy.spin_until_future_complete(node, accepted, timeout_sec=LATE)
+    if not accepted.done():
+        return None, 'the node of the grasp has not answered'
+    answered = accepted.result().get_result_async()  # at once: it is kept for 2 s
+    rclpy.spin_until_future_complete(node, answered, timeout_sec=TIMEOUT + LATE)
+    if not answered.done():
+        return None, 'the node of the grasp has ended'
+    result = answered.result().result
+    return (result.grasp if result.outcome == WaitForGrasp.Result.HELD else None), result.message
+
+
+def main() -> int:
+    rclpy.init()
+    grasp, message = wait_for_grasp(rclpy.create_node('wait_for_grasp'))
+    rclpy.try_shutdown()
+    if grasp is None:
+        print(f'wait_for_grasp: {message}', file=sys.stderr)
+        return 1
+    x, y = (1e3 * each for each in grasp.centre)
+    print(f'{grasp.class_name}, {100 * grasp.confidence:.0f} %, at {x:.1f}, {y:.1f} mm of the left pad, '
+          f'{1e3 * grasp.width:.1f} mm wide')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
