@@ -114,7 +114,7 @@ def _warnings(layout: SkinLayout, use: Use) -> list[str]:
     if len(unmapped):
         row, col = unmapped[0]
         found.append(f'{len(unmapped)} of {layout.rows * layout.cols} taxels are in no TPDO, the first is row {row}, '
-                     f'column {col}: they are UNMAPPED_SIGN, and no part of the pad')
+                     f'column {col}: they are unmapped, and no part of the pad')
     written = Path(layout.source).read_text(encoding='utf-8').splitlines()
     if unfilled := [number for number, line in enumerate(written, 1) if f'# {FILL_IN}' in line]:
         found.append(f'marked {FILL_IN} are the lines {", ".join(map(str, unfilled))}')
