@@ -255,16 +255,42 @@ def test_without_the_parameter_sliding_changes_nothing():
     assert spring.hold(5.0, control) is None and control.force == FORCE and not spring.corrections
 
 
-@pytest.mark.parametrize(('frequency', 'is_answered'), [(6.0, False), (4.0, False), (1.0, True)])
+@pytest.mark.parametrize(('frequency', 'is_answered'), [(6.0, False), (2.0, False), (0.5, True)])
 def test_to_an_object_that_sways_on_a_shaken_hand_it_does_not_answer(frequency, is_answered):
-    """It moves to and fro across both pads; a slow way of 0.5 s is a slide."""
+    """It moves to and fro across both pads; a way of 1 s is a slide."""
     def swaying(touch, now):
         turn = math.pi * (math.sin(2 * math.pi * frequency * now) < 0)
         return touch._replace(slides=(math.pi / 2 - turn, turn - math.pi / 2))
-    spring = Spring()
-    spring.change = swaying
-    control = holding(slide_force_step=0.3)
-    assert spring.hold(3.0, control) is None and (control.force > FORCE) == is_answered
+    assert (answered_to(swaying) > FORCE) == is_answered
+
+
+def answered_to(change):
+    """Return the force that is held after 3 s with slides by ``change``."""
+    spring, control = Spring(), holding(slide_force_step=0.3)
+    spring.change = change
+    assert spring.hold(3.0, control) is None
+    return control.force
+
+
+@pytest.mark.parametrize('ways', [
+    [(1.0, 1.1, (1.0, math.nan)), (1.1, 1.5, (1.0 - math.pi, math.nan))],  # there, and back once
+    [(1.0, 1.4, (1.0, math.nan)), (1.4, 1.8, (math.nan, math.nan)), (1.8, 2.2, (1.0, math.nan))]], ids=['sway', 'two'])
+def test_a_short_slide_is_not_answered_though_its_report_outlasts_it(ways):
+    assert answered_to(lambda touch, now: next(
+        (touch._replace(slides=slides) for begin, end, slides in ways if begin <= now < end), touch)) == FORCE
+
+
+def test_a_slide_that_one_pad_shows_after_the_other_goes_on():
+    pads = [(1.0, math.nan), (1.0, -1.0), (math.nan, -1.0)]
+    assert answered_to(lambda touch, now: touch._replace(
+        slides=pads[min(2, int((now - 1.0) / 0.3))] if 1.0 <= now < 1.9 else (math.nan, math.nan))) > FORCE
+
+
+def test_time_that_was_not_seen_is_no_slide():
+    def blind_in_between(touch, now):
+        slides = (1.0, math.nan) if 1.0 <= now < 1.05 or 1.55 <= now < 1.6 else (math.nan, math.nan)
+        return touch._replace(slides=slides, fresh=not 1.05 <= now < 1.55)
+    assert answered_to(blind_in_between) == FORCE
 
 
 @pytest.mark.parametrize('wrong', [{'gripper_step': 0.0}, {'hold_travel': math.nan}, {'slide_force_step': -1.0},

@@ -65,7 +65,7 @@ class Touch(NamedTuple):
     contact: GraspContact
     pads: tuple[PadForce, PadForce]
     force_sd: float = math.nan    #: standard deviation of either pad's force, at most [N]; NaN: not known
-    #: direction in which the contact on each pad slides [rad]; NaN: it does not, or not known
+    #: direction in which the contact on each pad slides, in its own frame [rad]; NaN: it does not, or not known
     slides: tuple[float, float] = (math.nan, math.nan)
     is_whole: bool = True         #: all of it was seen at once
 

@@ -19,8 +19,9 @@ from tactile_node.grasp.tracker import GraspContact
 NOISE_CERTAINTY = 4.0  #: standard deviations that a reading is wrong by at most
 BLIND_TIME = 1.0       #: s without a force that is known, after which it ends
 SLIDE_PAUSE = 1.0      #: s between two answers to sliding
-#: s for which an object slides one way before the answer: on a shaken hand it sways in the soft skin, and comes back
-SWAY_TIME = 0.2
+#: s for which a slide one way is reported before the answer: 0.2 s of it, and 0.3 s by which a report outlasts it
+#: (pose/track.py). On a shaken hand the object sways in the soft skin, and comes back
+SWAY_TIME = 0.5
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,8 @@ class Holding:
         is_seen = touch.is_current(now, self._limits.max_age)
         if is_seen:
             self._follow(now, touch)
+        else:
+            self._slides = math.nan, math.nan  # whether it went on is not known
         is_trusted = is_seen and touch.has_force and touch.contact is GraspContact.TWO_SIDED
         end = self._why_end(now, touch, opening, is_seen)
         if end is not None or not is_trusted or (self.speed and self._is_corrected(touch, is_still)):
@@ -82,7 +85,10 @@ class Holding:
     def _follow(self, now: float, touch: Touch) -> None:
         if touch.has_force:
             self._known = now
-        if not any(math.cos(first - last) > 0 for first, last in zip(self._slides, touch.slides)):
+        if any(math.cos(first - last) > 0 for first, last in zip(self._slides, touch.slides)):
+            left, right = (last if math.isnan(first) else first for first, last in zip(self._slides, touch.slides))
+            self._slides = left, right
+        else:
             self._slides, self._slid_since = touch.slides, now
         if touch.contact is GraspContact.TWO_SIDED:
             self._held = now

@@ -54,8 +54,8 @@ class GripperSettings(ReceiverSettings):
     hold_travel: float = parameter(HOLD.hold_travel, 'travel of all corrections of a hold together, after which it '
                                    'ends [m]', 1e-5, HIGHEST_GAP)
     slide_force_step: float = parameter(HOLD.slide_force_step, 'by which the force that is held rises where the '
-                                        'object slides, once a second at most and up to highest_force [N]; 0: not', 0,
-                                        1e4)
+                                        'object slides one way, once a second at most and up to highest_force [N]; 0: '
+                                        'not', 0, 1e4)
 
 
 def limits_of(kind: type[Limits], settings: GripperSettings) -> Limits:
