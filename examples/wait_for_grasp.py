@@ -4,18 +4,20 @@
 """
 
 import sys
+from math import isfinite
 
 import rclpy
 from rclpy.action import ActionClient
+from rclpy.node import Node
 
 from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import Grasp
 
 TIMEOUT = 20  # s
-LATE = 5.0  # s after the timeout: a node that ends does not answer
+LATE = 15.0  # s to find the node; s after the timeout: a node that ends does not answer
 
 
-def wait_for_grasp(node: rclpy.node.Node) -> tuple[Grasp | None, str]:
+def wait_for_grasp(node: Node) -> tuple[Grasp | None, str]:
     """Return the grasp, or None, with the outcome as text."""
     client = ActionClient(node, WaitForGrasp, 'grasp/wait_for_grasp')
     if not client.wait_for_server(timeout_sec=LATE):
@@ -25,11 +27,11 @@ def wait_for_grasp(node: rclpy.node.Node) -> tuple[Grasp | None, str]:
     accepted = client.send_goal_async(goal)
     rclpy.spin_until_future_complete(node, accepted, timeout_sec=LATE)
     if not accepted.done():
-        return None, 'the node of the grasp has not answered'
+        return None, 'the node of the grasp has not answered' if rclpy.ok() else 'interrupted'
     answered = accepted.result().get_result_async()  # at once: it is kept for 2 s
     rclpy.spin_until_future_complete(node, answered, timeout_sec=TIMEOUT + LATE)
     if not answered.done():
-        return None, 'the node of the grasp has ended'
+        return None, 'the node of the grasp has ended' if rclpy.ok() else 'interrupted'
     result = answered.result().result
     return (result.grasp if result.outcome == WaitForGrasp.Result.HELD else None), result.message
 
@@ -42,8 +44,8 @@ def main() -> int:
         print(f'wait_for_grasp: {message}', file=sys.stderr)
         return 1
     x, y = (1e3 * each for each in grasp.centre)
-    print(f'{grasp.class_name}, {100 * grasp.confidence:.0f} %, at {x:.1f}, {y:.1f} mm of the left pad, '
-          f'{1e3 * grasp.width:.1f} mm wide')
+    width = f'{1e3 * grasp.width:.1f} mm wide' if isfinite(grasp.width) else 'width not known'
+    print(f'{grasp.class_name}, {100 * grasp.confidence:.0f} %, at {x:.1f}, {y:.1f} mm of the left pad, {width}')
     return 0
 
 

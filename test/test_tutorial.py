@@ -61,7 +61,7 @@ def test_a_planner_waits_for_a_grasp(tmp_path):
         found = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True, timeout=TIMEOUT,
                                stdout=subprocess.PIPE, check=True).stdout
     name, *rest = found.split(', ')
-    assert name in SHAPES and rest[-1] == 'nan mm wide\n'  # the page gives no opening
+    assert name in SHAPES and rest[-1] == 'width not known\n'  # the page gives no opening
 
 
 def test_a_planner_without_a_grasp_node_gets_a_remedy():

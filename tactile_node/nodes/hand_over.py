@@ -2,7 +2,7 @@
 
 The driver's thread puts a taxel frame in a bounded slot of the processor and wakes the executor. There the processor
 takes every frame; when none waits, a classifier takes its newest contact, and grasp each shape. The classifiers go in
-rounds, the oldest contact first: both pads of a SYNC come out in one grasp, before one of them of the next SYNC.
+rounds, the oldest contact first, so that both pads of a SYNC come out in one grasp, as a rule, before the next SYNC's.
 Results arrive in one way, whichever way they came: counted, and refused beside those of a second source.
 """
 
@@ -132,7 +132,7 @@ class HandOver:
         self._work_on_all()
         if not self._round:
             found = ((stage, stage.take()) for stage in self._inputs.values() if stage.takes_newest and stage.waits)
-            self._round.extend(sorted(found, key=lambda each: each[1][-1][1]))
+            self._round.extend(sorted(found, key=lambda each: each[1][-1][1]))  # by when its newest was acquired
         if self._round:
             stage, waiting = self._round.popleft()
             stage.work(waiting)
