@@ -2,6 +2,7 @@
 
 import sys
 from html.parser import HTMLParser
+from importlib.metadata import version
 from threading import Event
 
 import numpy as np
@@ -21,6 +22,7 @@ from tactile_node.viewing.model import Kind
 from tactile_node.viewing.report_page import ABSENT_TEXT, TAUGHT_COLOUR, page_of
 
 pytest.importorskip('jinja2')
+WRITES_COUNTS = version('rosbags') >= '0.11'
 VOID = {'meta', 'br', 'path', 'rect', 'polygon', 'polyline'}
 NAN = float('nan')
 
@@ -105,7 +107,8 @@ def test_the_page_of_nothing_says_so(tmp_path):
 def test_a_bag_of_taxel_arrays(tmp_path):
     folder = bag(tmp_path / 'bag', [('/left/taxels', message) for message in frames()],
                  topics=(('/left/taxels', TAXELS), ('/left/shape', 'tactile_skin/msg/ContactShape')))
-    assert message_count(folder, (TAXELS,)) == 30 and message_count(folder, ('tactile_skin/msg/ContactShape',)) == 0
+    counts = [message_count(folder, (name,)) for name in (TAXELS, 'tactile_skin/msg/ContactShape')]
+    assert counts == ([30, 0] if WRITES_COUNTS else [None, None])
     report = reported(folder)
     pad, = report.pads
     assert (pad.name, pad.frames, pad.incomplete, pad.lost_frames) == ('left', 30, 15, 1)

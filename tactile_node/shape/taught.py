@@ -47,7 +47,7 @@ class Head(NamedTuple):
 def join(known: np.ndarray, evidence: np.ndarray) -> np.ndarray:
     """Join probabilities of the known classes (K, 6) and log-odds of N taught shapes (K, N) to (K, 6 + N).
 
-    >>> join(np.array([[0.75, 0.25]]), np.array([[np.log(3)]])).tolist()
+    >>> join(np.array([[0.75, 0.25]]), np.array([[np.log(3)]])).round(4).tolist()
     [[0.1875, 0.0625, 0.75]]
     """
     most = np.maximum(evidence.max(1, keepdims=True), 0)
