@@ -257,7 +257,7 @@ def test_without_the_parameter_sliding_changes_nothing():
 
 @pytest.mark.parametrize(('frequency', 'is_answered'), [(6.0, False), (2.0, False), (0.5, True)])
 def test_to_an_object_that_sways_on_a_shaken_hand_it_does_not_answer(frequency, is_answered):
-    """It moves to and fro across both pads; a way of 1 s is a slide."""
+    """It moves back and forth across both pads; a way of 1 s is a slide."""
     def swaying(touch, now):
         turn = math.pi * (math.sin(2 * math.pi * frequency * now) < 0)
         return touch._replace(slides=(math.pi / 2 - turn, turn - math.pi / 2))
