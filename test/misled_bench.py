@@ -5,6 +5,7 @@ between them do, and names the claims that are false from then on. `World.false`
 latest message made such a claim.
 """
 
+import gc
 import json
 import os
 import subprocess
@@ -291,6 +292,7 @@ class World(Watch):
         stack.callback(self._stop.set)
         if 'driver' in self.nodes:
             self.nodes['driver'].autostart()
+        gc.freeze()  # as in each process of ours: a full collection takes as long as a silence may
 
     def _make_nodes(self) -> None:
         driver = {'interface': 'slcan', 'channel': self._port, 'pads': list(PADS), 'node_ids': list(NODE_IDS),
