@@ -38,8 +38,12 @@ def wait_for_grasp(node: Node) -> tuple[Grasp | None, str]:
 
 def main() -> int:
     rclpy.init()
-    grasp, message = wait_for_grasp(rclpy.create_node('wait_for_grasp'))
-    rclpy.try_shutdown()
+    try:
+        grasp, message = wait_for_grasp(rclpy.create_node('wait_for_grasp'))
+    except KeyboardInterrupt:
+        grasp, message = None, 'interrupted'
+    finally:
+        rclpy.try_shutdown()
     if grasp is None:
         print(f'wait_for_grasp: {message}', file=sys.stderr)
         return 1
