@@ -85,15 +85,19 @@ class Holding:
     def _follow(self, now: float, touch: Touch) -> None:
         if touch.has_force:
             self._known = now
+        if touch.contact is GraspContact.TWO_SIDED:
+            self._held = now
+        if math.isfinite(touch.force_sd):
+            self._noise = NOISE_CERTAINTY * touch.force_sd
+        self._follow_slide(now, touch)
+
+    def _follow_slide(self, now: float, touch: Touch) -> None:
+        """Note since when it slides one way: since now where it does not, or goes another way on both pads."""
         if any(math.cos(first - last) > 0 for first, last in zip(self._slides, touch.slides)):
             left, right = (last if math.isnan(first) else first for first, last in zip(self._slides, touch.slides))
             self._slides = left, right
         else:
             self._slides, self._slid_since = touch.slides, now
-        if touch.contact is GraspContact.TWO_SIDED:
-            self._held = now
-        if math.isfinite(touch.force_sd):
-            self._noise = NOISE_CERTAINTY * touch.force_sd
 
     def _why_end(self, now: float, touch: Touch, opening: float, is_seen: bool) -> Outcome | None:
         if now - self._known > BLIND_TIME:
@@ -120,7 +124,7 @@ class Holding:
 
     def _correct(self, now: float, touch: Touch, opening: float) -> None:
         """Begin a correction where one is needed."""
-        is_answer = self._answers(now, touch)
+        is_answer = self._answers(now)
         lack = self.force - touch.most(self._limits.edge_share)
         excess = touch.weakest - self.force
         self._begun, self._begun_opening = now, opening
@@ -133,11 +137,10 @@ class Holding:
             if target >= opening + self._hold.gripper_step:
                 self.target, self.speed, self.eases = target, self._slow, True
 
-    def _answers(self, now: float, touch: Touch) -> bool:
+    def _answers(self, now: float) -> bool:
         """Whether the force rises now, because the object slides, and goes on that way."""
         raised = min(self.force + self._hold.slide_force_step, self._limits.highest_force)
-        slides_on = not all(map(math.isnan, touch.slides)) and now - self._slid_since >= SWAY_TIME
-        if not slides_on or raised <= self.force or now - self._answered < SLIDE_PAUSE:
+        if now - self._slid_since < SWAY_TIME or raised <= self.force or now - self._answered < SLIDE_PAUSE:
             return False
         self.force, self._answered = raised, now
         return True
