@@ -7,6 +7,7 @@ One force for all items, chosen on seeds from 1000 on; reported are seeds from 0
     make grasps                     # 100 starts a column; a finished start is a line in build/grasps/starts.jsonl,
                                     # a second run goes on
     python bench/bench_grasps.py --report | --latency | --film docs/grasp.gif
+    python bench/bench_grasps.py --columns touch,shape,sensor --starts 13 --items circle,square,...  # no triangles
 
 All is in real time, and two cores at work: on a machine that does other work nodes see late, and stop.
 """
@@ -35,6 +36,7 @@ from examples.simulated_gripper.items import ITEMS
 from examples.simulated_gripper.world import AIM, SIDES, Place, random_place
 
 FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
+OWN_SESSION = ('hold', 'sensor')  # columns of other parameters, or of another world
 ENDS = ('held', 'dropped', 'broken', 'refused')  # refused: it gave up, and so did not squeeze
 SPEEDS, REPEATS, LIMIT, OPENED = (0.005, 0.02, 0.05), 5, 3.0, 0.055  # m/s; of each for each of --starts; N; m
 FAST = {'slow_speed': 0.05, 'fast_speed': 0.05, 'latency': 0.02, 'gripper_effort': 20.0}
@@ -80,14 +82,15 @@ def run(args: argparse.Namespace, link: Path) -> None:
     from grasp_session import HOLD, PARAMETERS, Session, WatchedWorld
     done = read(args.output)
     seeds = range(args.seed, args.seed + args.starts)
-    todo = {(name, holds): [(seed, column) for seed in seeds for column in args.columns
-                            if (column == 'hold') is holds and (column, name, seed) not in done]
-            for name in args.items for holds in (False, True)}
+    todo = {(name, own): [(seed, column) for seed in seeds for column in args.columns
+                          if (column if column in OWN_SESSION else '') == own and (column, name, seed) not in done]
+            for name in args.items for own in ('', *OWN_SESSION)}
     left, began, finished = sum(map(len, todo.values())), time.monotonic(), 0
-    for (name, holds), starts in todo.items():
+    for (name, own), starts in todo.items():
         if not starts:
             continue
-        with (Session(WatchedWorld(ITEMS[name]), link, HOLD if holds else PARAMETERS) as session,
+        world = WatchedWorld(ITEMS[name], AIM, own == 'sensor')
+        with (Session(world, link, HOLD if own == 'hold' else PARAMETERS) as session,
               args.output.open('a', encoding='utf-8') as file):
             gc.freeze()  # a full collection would delay a sweep
             for seed, column in starts:

@@ -1,8 +1,9 @@
-"""Four ways to close a gripper on an item that is not quite where the hand is sent, and what they knew of it.
+"""Ways to close a gripper on an item that is not quite where the hand is sent, and what they knew of it.
 
 `blind`: the gripper's own action, to the item's width. `touch`: the gripper node, up to a force. `shape`: closed with a
 light force, corrected by examples/planner_client.py and examples/grasp_loop.py, then squeezed with that force.
-`hold`: as `touch`, and the force is kept, and raised where the item slides.
+`hold`: as `touch`, and the force is kept, and raised where the item slides. `sensor`: as `shape`, where MuJoCo's own
+tactile sensor gives the pressures.
 """
 
 import time
@@ -155,4 +156,4 @@ def belief(grasp: Grasp, session: Session, item: Item) -> Record:
 
 
 COLUMNS: Mapping[str, Callable[[Session, Item], Record]] = MappingProxyType({
-    'blind': _blind, 'touch': _touch, 'shape': _shape, 'hold': _hold})
+    'blind': _blind, 'touch': _touch, 'shape': _shape, 'hold': _hold, 'sensor': _shape})

@@ -17,8 +17,18 @@ from examples.simulated_gripper.drive import DELAY, Command
 from examples.simulated_gripper.items import ITEMS
 from examples.simulated_gripper.pressures import pressures
 from examples.simulated_gripper.session import JOINT, Bench
-from examples.simulated_gripper.world import AIM, GRAVITY, MAX_SHIFT, MAX_TURN, Outcome, Place, World, random_place
-from tactile_node.errors import ConfigurationError
+from examples.simulated_gripper.world import (
+    AIM,
+    GRAVITY,
+    MAX_SHIFT,
+    MAX_TURN,
+    SIDES,
+    Outcome,
+    Place,
+    World,
+    random_place,
+)
+from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.grasp.gripper import PadPose, Transform
 from tactile_skin.msg import Grasp
 
@@ -180,6 +190,27 @@ def test_both_pads_see_an_item_where_it_is():
 
 
 @physics
+@physics
+def test_the_sensors_of_mujoco_feel_a_ball_where_it_is():
+    world = World(ITEMS['ball'], Place(0.004, 0.0, 0.0), has_sensors=True)
+    world.move(lift=-0.003)
+    world.step(1.0)
+    world.command(Command(0.0, effort=2.0))
+    world.step(2.0)
+    for side in SIDES:
+        felt_there, (x, y, _) = world.pressures(side), world.item_in(side).translation
+        rows, columns = np.indices(felt_there.shape)
+        assert felt_there.sum() * PITCH**2 == pytest.approx(world.forces[side])
+        assert np.average(columns, weights=felt_there) == pytest.approx(x / PITCH, abs=0.1) != 7.5
+        assert np.average(rows, weights=felt_there) == pytest.approx(y / PITCH, abs=0.1) != 7.5
+
+
+@physics
+def test_a_form_without_a_sensor_in_mujoco_is_refused():
+    with pytest.raises(InputError, match='box'):
+        World(ITEMS['right_triangle'], has_sensors=True)
+
+
 def test_orders_are_obeyed_and_others_answered_with_what_there_is():
     world = World(ITEMS['square'])
     for line in ('close 3', 'move lift=0.02', ''):

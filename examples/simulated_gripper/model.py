@@ -6,6 +6,7 @@ Each pad's surface is the taxels' area; `left_pad` and `right_pad` are sites wit
 
 from bench.planner_world import PITCH, ROWS
 from examples.simulated_gripper.items import PAD_HEIGHT, Item
+from tactile_node.errors import InputError
 
 MAX_GAP = 0.09          #: m
 STEP = 0.001            #: s
@@ -28,8 +29,12 @@ _FINGER = """
         <geom type="box" size="{half} 0.005 0.043" pos="0 {behind} 0.027" mass="0.1" rgba=".5 .52 .55 1"/>
         <geom name="{name}_skin" type="box" size="{half} 0.002 {half}" pos="0 {surface} 0" mass="0.01"
               rgba=".1 .1 .12 1" {skin}/>
-        <site name="{name}_pad" pos="-{edge} 0 {top}" xyaxes="1 0 0 0 0 {down}" size="0.001"/>
+        <site name="{name}_pad" pos="-{edge} 0 {top}" xyaxes="1 0 0 0 0 {down}" size="0.001"/>{taxels}
       </body>"""
+
+_TAXELS = """
+        <geom name="{name}_taxels" type="mesh" mesh="taxels" pos="-{edge} 0 {top}" xyaxes="1 0 0 0 0 {down}"
+              mass="0" contype="0" conaffinity="0" group="3"/>"""
 
 _MODEL = """
 <mujoco model="simulated_gripper">
@@ -57,33 +62,61 @@ _MODEL = """
     <position name="x" joint="x" kp="1e5" dampratio="1"/> <position name="y" joint="y" kp="1e5" dampratio="1"/>
     <position name="lift" joint="lift" kp="1e5" dampratio="1"/>
     <position name="yaw" joint="yaw" kp="300" dampratio="1"/>
-  </actuator>
+  </actuator>{sensors}
 </mujoco>"""
 
 
-def model_of(item: Item) -> str:
-    """Return the model (MJCF) of the bench with this item on it."""
+def model_of(item: Item, has_sensors: bool = False) -> str:
+    """Return the model (MJCF) of the bench with this item on it; ``has_sensors``: MuJoCo's own, `left` and `right`.
+
+    They feel spheres, cylinders and boxes alone. Raises InputError for another item with them.
+    """
     top = PAD_HEIGHT - item.below
     stand = '' if item.upright else (f'<geom name="stand" type="box" size="{HALF_STAND} {HALF_STAND} {top / 2}" '
                                      f'pos="0 0 {top / 2}" rgba=".6 .6 .62 1"/>')
-    fingers = ''.join(_finger(name, way) for name, way in (('left', -1), ('right', 1)))
+    fingers = ''.join(_finger(name, way, has_sensors) for name, way in (('left', -1), ('right', 1)))
     mesh, geom = _geom(item)
+    sensors = ''
+    if has_sensors:
+        mesh, geom = _taxel_mesh(), _solid(item)
+        sensors = '<sensor>' + ''.join(f'<tactile name="{name}" geom="{name}_taxels" mesh="taxels"/>'
+                                       for name in ('left', 'right')) + '</sensor>'
     return _MODEL.format(step=STEP, mesh=mesh, geom=geom, stand=stand, height=PAD_HEIGHT, mass=item.mass,
-                         hand=_HAND.format(height=PAD_HEIGHT, fingers=fingers), friction=item.friction, skin=SKIN)
+                         hand=_HAND.format(height=PAD_HEIGHT, fingers=fingers), friction=item.friction, skin=SKIN,
+                         sensors=sensors)
 
 
-def _finger(name: str, way: int) -> str:
+def _finger(name: str, way: int, has_sensors: bool) -> str:
     """One finger, ``way`` along y from the item; the rows of the left pad go down, those of the right one up."""
-    edge = HALF_PAD - PITCH / 2
-    return _FINGER.format(name=name, way=way, range=MAX_GAP / 2, half=HALF_PAD, behind=0.009 * way,
-                          surface=0.002 * way, skin=SKIN, edge=edge, top=-way * edge, down=way)
+    pad = {'name': name, 'edge': HALF_PAD - PITCH / 2, 'top': -way * (HALF_PAD - PITCH / 2), 'down': way}
+    return _FINGER.format(way=way, range=MAX_GAP / 2, half=HALF_PAD, behind=0.009 * way, surface=0.002 * way,
+                          skin=SKIN, taxels=_TAXELS.format(**pad) if has_sensors else '', **pad)
+
+
+def _taxel_mesh() -> str:
+    """Return a mesh with a vertex at each taxel, row by row, in a pad's frame."""
+    corners = [row * ROWS + column for row in range(ROWS - 1) for column in range(ROWS - 1)]
+    faces = [f'{k} {k + 1} {k + ROWS} {k + 1} {k + ROWS + 1} {k + ROWS}' for k in corners]
+    points = [f'{column * PITCH} {row * PITCH} 0' for row in range(ROWS) for column in range(ROWS)]
+    return f'<mesh name="taxels" inertia="shell" vertex="{" ".join(points)}" face="{" ".join(faces)}"/>'
 
 
 def _geom(item: Item) -> tuple[str, str]:
     """Return what the assets and the geom need of an item's form."""
-    if not item.length:
-        return '', f'type="sphere" size="{item.face.reach}"'
-    if item.face.shape == 'circle':
-        return '', f'type="cylinder" size="{item.face.reach} {item.length / 2}"'
+    if not item.length or item.face.shape == 'circle':
+        return '', _solid(item)
     corners = [f'{x} {y} {z}' for z in (-item.length / 2, item.length / 2) for x, y in item.face.outline()]
     return f'<mesh name="item" vertex="{" ".join(corners)}"/>', 'type="mesh" mesh="item"'
+
+
+def _solid(item: Item) -> str:
+    """Return the geom of a form that MuJoCo knows."""
+    if not item.length:
+        return f'type="sphere" size="{item.face.reach}"'
+    if item.face.shape == 'circle':
+        return f'type="cylinder" size="{item.face.reach} {item.length / 2}"'
+    if item.face.shape not in ('square', 'rectangle'):
+        raise InputError("item under MuJoCo's tactile sensor", expected='a ball, cylinder or box',
+                         got=item.face.shape, remedy='Choose another item, or do without that sensor.')
+    along, across = (item.face.dimensions * 2)[:2]
+    return f'type="box" size="{along / 2} {across / 2} {item.length / 2}"'

@@ -22,6 +22,12 @@ def pressures(item: Item, pose: Transform, force: float) -> np.ndarray:
     return np.zeros((ROWS, ROWS))
 
 
+def by_depth(depth: np.ndarray, force: float) -> np.ndarray:
+    """Return taxel values [Pa] in proportion to how deep the item is in each of them, whose sum gives the ``force``."""
+    total = float(depth.sum())
+    return depth * (force / total / PITCH**2) if total > 0 else np.zeros(depth.shape)
+
+
 def surface(item: Item, pose: Transform) -> np.ndarray:
     """Return z [m] of the item's side towards the pad over points of the skin, FINE a taxel both ways; inf: none."""
     steps = ((np.arange(ROWS * FINE) + 0.5) / FINE - 0.5) * PITCH

@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bench.planner_world import ROWS
 from examples.simulated_gripper.drive import Command, Drive
 from examples.simulated_gripper.items import Item
 from examples.simulated_gripper.model import MAX_GAP, STEP, model_of
-from examples.simulated_gripper.pressures import pressures
+from examples.simulated_gripper.pressures import by_depth, pressures
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.grasp.gripper import Transform
 
@@ -62,15 +63,16 @@ def random_place(seed: int) -> Place:
 class World:
     """One item on the bench. Every method is for any thread; raises ConfigurationError without MuJoCo.
 
-    In the left pad's frame the hand's x is x, its lift is -y, its y is z: a yaw turns it about -y.
+    In the left pad's frame the hand's x is x, its lift is -y, its y is z: a yaw turns it about -y. ``has_sensors``:
+    pressures are those of MuJoCo's tactile sensor, which feels no triangles.
     """
 
-    def __init__(self, item: Item, place: Place = AIM):
+    def __init__(self, item: Item, place: Place = AIM, has_sensors: bool = False):
         if mujoco is None:
             raise ConfigurationError('simulated gripper', expected='MuJoCo', got='no module of that name',
                                      remedy='Install it: pip install -r requirements/bench_physics.txt')
-        self.item = item
-        self.model = mujoco.MjModel.from_xml_string(model_of(item))
+        self.item, self._has_sensors = item, has_sensors
+        self.model = mujoco.MjModel.from_xml_string(model_of(item, has_sensors))
         self.data = mujoco.MjData(self.model)
         self.lock = threading.RLock()  #: held while the physics steps
         self._geom = self.model.geom('item').id
@@ -173,6 +175,8 @@ class World:
         """What the taxels of the left or right pad feel [Pa], shape (rows, cols)."""
         with self.lock:
             pose, force = self.item_in(side), self._forces[side]
+            if self._has_sensors:
+                return by_depth(self.data.sensor(side).data[:ROWS**2].reshape(ROWS, ROWS), force)
         return pressures(self.item, pose, force)
 
     def step(self, seconds: float) -> None:
