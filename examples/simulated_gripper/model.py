@@ -14,6 +14,8 @@ HALF_PAD = ROWS * PITCH / 2
 HALF_STAND = 0.0095     #: half the width of the stand [m]: an item displaced by 8 mm does not tip over
 #: The skins give way by some tenths of a millimetre, as 4 mm of silicone would
 SKIN = 'solref="0.009 1" solimp="0.8 0.8 0.001"'
+#: Under MuJoCo's sensor, which feels how deep: 0.3 mm where 2 N press a block of 16 mm, as on our foundation
+DEEP_SKIN = 'solref="0.012 1" solimp="0.8 0.8 0.001"'
 
 _HAND = """
     <body name="hand" pos="0 0 {height}" gravcomp="1">
@@ -74,7 +76,8 @@ def model_of(item: Item, has_sensors: bool = False) -> str:
     top = PAD_HEIGHT - item.below
     stand = '' if item.upright else (f'<geom name="stand" type="box" size="{HALF_STAND} {HALF_STAND} {top / 2}" '
                                      f'pos="0 0 {top / 2}" rgba=".6 .6 .62 1"/>')
-    fingers = ''.join(_finger(name, way, has_sensors) for name, way in (('left', -1), ('right', 1)))
+    skin = DEEP_SKIN if has_sensors else SKIN
+    fingers = ''.join(_finger(name, way, skin, has_sensors) for name, way in (('left', -1), ('right', 1)))
     mesh, geom = _geom(item)
     sensors = ''
     if has_sensors:
@@ -82,15 +85,15 @@ def model_of(item: Item, has_sensors: bool = False) -> str:
         sensors = '<sensor>' + ''.join(f'<tactile name="{name}" geom="{name}_taxels" mesh="taxels"/>'
                                        for name in ('left', 'right')) + '</sensor>'
     return _MODEL.format(step=STEP, mesh=mesh, geom=geom, stand=stand, height=PAD_HEIGHT, mass=item.mass,
-                         hand=_HAND.format(height=PAD_HEIGHT, fingers=fingers), friction=item.friction, skin=SKIN,
+                         hand=_HAND.format(height=PAD_HEIGHT, fingers=fingers), friction=item.friction, skin=skin,
                          sensors=sensors)
 
 
-def _finger(name: str, way: int, has_sensors: bool) -> str:
+def _finger(name: str, way: int, skin: str, has_sensors: bool) -> str:
     """One finger, ``way`` along y from the item; the rows of the left pad go down, those of the right one up."""
     pad = {'name': name, 'edge': HALF_PAD - PITCH / 2, 'top': -way * (HALF_PAD - PITCH / 2), 'down': way}
     return _FINGER.format(way=way, range=MAX_GAP / 2, half=HALF_PAD, behind=0.009 * way, surface=0.002 * way,
-                          skin=SKIN, taxels=_TAXELS.format(**pad) if has_sensors else '', **pad)
+                          skin=skin, taxels=_TAXELS.format(**pad) if has_sensors else '', **pad)
 
 
 def _taxel_mesh() -> str:
