@@ -32,7 +32,7 @@ FAR = {'outline': 1.4, 'centre of pressure': 1.8, 'on/off': 2.4}
 PROMISED_BY = dict(zip((SeenBy.OUTLINE, SeenBy.CENTRE_OF_PRESSURE, SeenBy.ON_OFF), PROMISED.values()))
 TURNS = tuple(kind for kind in KINDS if kind not in ('circle', 'ball', 'cone'))  # what has a direction
 MINUTES_OF_ONE = 10.0  # in which the naive rule may report falsely once
-SEED = 72_000_000  # counted up by a million when a report has prompted a change; docs/events.md is of 71
+SEED = 73_000_000  # counted up by a million when a report has prompted a change
 Found = dict[str, dict[str, list[float]]]  # after how much movement [pitches], of each way and speed
 FOUND = ROOT / 'build/bench_events.json'
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from event_world import BEFORE, KINDS, PITCH, RATE, Scene, moved, shaken, slide, turn
 
+from bench.planner_world import FINE, ROWS, foundation, noisy
 from tactile_node.pose.events import EventKind, Moving, Observable, SeenBy
 from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.shape.methods import make_recogniser
@@ -85,6 +86,30 @@ def test_a_hold_is_still(recogniser, way, is_shaken):
         path = shaken(rng) if is_shaken else lambda _: {}
         reports += events_of(Scene(rng, kind, way).follow(recogniser, path, 6.0))
     assert len(reports) <= is_shaken, reports
+
+
+@pytest.mark.parametrize('slope', [0.05, 0.15])
+def test_an_oblique_face_that_is_pressed_harder_does_not_slide(recogniser, slope):
+    """Its contact grows from one edge, while a gripper closes from 0.2 to 5 N; then it is held."""
+    steps = (np.arange(ROWS * FINE) + 0.5) / FINE - 0.5
+    x, y = np.meshgrid(steps - 7.3, steps - 7.8)
+    height = np.where(np.maximum(abs(x), abs(y)) < 4, slope * PITCH * x, -np.inf)
+    forces = np.concatenate((np.geomspace(0.2, 5.0, 75), np.full(60, 5.0)))
+    rng, pipeline = generator(Purpose.TEST, SEED + 4), ContactPipeline(recogniser)
+    found = [pipeline.follow(noisy(foundation(height, force)[0], rng), TAXELS, 100 + number / RATE).motion
+             for number, force in enumerate(forces)]
+    assert not {'SLIDING', 'TURNING'} & {*kinds_of(found)}
+    assert found[-1].moving is Moving.STILL
+
+
+@pytest.mark.parametrize('kind', ['square', 'ball'])
+def test_a_slide_under_a_shaken_force_is_reported(recogniser, kind):
+    rng = generator(Purpose.TEST, SEED + 5)
+    path, seconds = slide(rng, 5.0, 2.5)
+    shaking = shaken(rng)
+    frames = Scene(rng, kind, dead=0.0).follow(recogniser, lambda time: path(time) | shaking(time), seconds)
+    frame = next(frame for frame, event in events_of(frames) if event.kind is EventKind.SLIDING)
+    assert 0 < moved(frame.place) < 1.5
 
 
 def pressed(where=WHOLE, level=50e3):

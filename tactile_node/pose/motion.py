@@ -37,6 +37,10 @@ class Sight(NamedTuple):
 OUTLINE_STEP, PRESSURE_STEP, ON_OFF_STEP = 0.2, 0.55, 1.1
 TURN_CERTAINTY = 6.0  #: standard deviations, of a turn: angles jump from fit to fit
 SLACK = 3.0  #: standard deviations of an angle that a slide may change it by
+#: of its extent, that the middle of a contact moves by where its load becomes e times as large: one that grows from one
+#: end, as the square root of the load on an elastic skin, moves its outline's middle by a quarter
+GROWTH = 0.25
+STEADY_LOAD = 0.15  #: logarithm of the ratio by which a load changes where a contact slides from taxel to taxel
 MAX_GAP = 0.25  #: without a frame that shows it, after which what was known is not any more [s]
 OTHER_SIZE = 1.6  #: times as many taxels, or as few: another contact, or two that have joined
 OTHER_LENGTH, OTHER_PITCHES = 0.2, 0.5  #: of a dimension, and pitches: the outline has become another one
@@ -105,6 +109,7 @@ class _Followed:
         self._fit: ShapeFit | None = None  # at the beginning
         self._outlined = -math.inf  # stamp of the last
         self._angle = self._radius = 0.0
+        self._load = self._extent = 0.0  # force, of an on/off skin area; the longer one along rows or columns [m]
         self._moving, self._observable = Moving.NOT_KNOWN, Observable.NOTHING
         self._observed: Sight | None = None  # that it was found for
 
@@ -123,7 +128,10 @@ class _Followed:
             return Motion()
         self._stamp = stamp
         events = self._changes_of_force(stamp, moments)
-        self._centre.update(stamp, *moments.centre_of_pressure, max(moments.centre_of_pressure_sd))
+        self._load = moments.area if self._is_on_off else moments.force
+        self._extent = self._pitch * max(np.count_nonzero(self._mask.any(axis)) for axis in (0, 1))
+        self._centre.update(stamp, *moments.centre_of_pressure, max(moments.centre_of_pressure_sd),
+                            self._growth(self._centre), self._load)
         is_whole = not (sight.visibility.outline_hidden or sight.visibility.inside_hidden)
         if fit is not None and is_whole:
             if self._follow_outline(fit, moments, stamp):
@@ -170,12 +178,21 @@ class _Followed:
         self._outlined, had_moved = stamp, self._outline.is_moving
         variance = fit.covariance.diagonal().tolist()
         x, y = ((of_fit + of_pressure) / 2 for of_fit, of_pressure in zip(fit.centre, moments.centre_of_pressure))
-        self._outline.update(stamp, x, y, math.sqrt(max(variance[:2])))
+        self._outline.update(stamp, x, y, math.sqrt(max(variance[:2])), self._growth(self._outline), self._load)
         if fit.symmetry:
             self._angle += math.remainder(fit.angle - self._angle, 2 * math.pi / fit.symmetry)
             sd = math.sqrt(variance[2]) * self._radius  # of which a slide shows what stays the same in a hold
-            self._turn.update(stamp, self._angle * self._radius, 0.0, sd, SLACK * sd * self._outline.is_moving)
+            slack = SLACK * sd * self._outline.is_moving + self._growth(self._turn)
+            self._turn.update(stamp, self._angle * self._radius, 0.0, sd, slack, self._load)
         return had_moved and not self._outline.is_moving
+
+    def _growth(self, track: Track) -> float:
+        """Return how far a contact that does not move may be from before, for it has grown or shrunk with its load."""
+        before = track.load_before
+        if not self._load > 0 < before:
+            return 0.0
+        change = abs(math.log(self._load / before))
+        return GROWTH * self._extent * change if change > STEADY_LOAD else 0.0
 
     def _motion(self, sight: Sight, events: list[Event]) -> Motion:
         before, self._moving = self._moving, self._states()

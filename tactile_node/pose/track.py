@@ -24,11 +24,12 @@ STAYED = 1 / 6        #: of a step: what moves on, comes farther between the fir
 
 
 class Place(NamedTuple):
-    """A place at one time: [s], [m]."""
+    """A place at one time: [s], [m], and the load there, in any unit."""
 
     time: float
     x: float
     y: float
+    load: float
 
 
 class Track:
@@ -50,14 +51,19 @@ class Track:
         """Forget where it was: another measure of it begins."""
         self._recent: deque[Place] = deque()
         self._reference: deque[Place] = deque()
-        self._sums = [0.0, 0.0, 0.0]  # of x, y and both squares, from the first place
-        self._first = Place(math.nan, 0.0, 0.0)
+        self._sums = [0.0] * 4  # of x, y and both squares, from the first place, and of the load
+        self._first = Place(math.nan, 0.0, 0.0, 0.0)
         self._was_over: tuple[float, float] | None = None
 
     @property
     def is_known(self) -> bool:
         """Whether it can be said that it stays or moves."""
         return self.is_moving or len(self._reference) >= FEWEST
+
+    @property
+    def load_before(self) -> float:
+        """Mean load of the reference; 0: not known."""
+        return self._sums[3] / len(self._reference) if self._reference else 0.0
 
     @property
     def velocity(self) -> tuple[float, float]:
@@ -84,12 +90,12 @@ class Track:
         x, y = self.velocity
         return math.atan2(y, x)
 
-    def update(self, time: float, x: float, y: float, sd: float, slack: float = 0.0) -> bool:
+    def update(self, time: float, x: float, y: float, sd: float, slack: float, load: float) -> bool:
         """Take a place [m] with its standard deviation and return whether a movement begins.
 
         ``slack`` [m]: by which the place may be wrong for another reason, beside the step.
         """
-        place = Place(time, x, y)
+        place = Place(time, x, y, load)
         self._recent.append(place)
         if math.isnan(self._first.time):
             self._first = place
@@ -139,7 +145,7 @@ class Track:
             self._reference.append(place)
         else:
             self._reference.popleft()
-        for index, value in enumerate((x, y, x * x + y * y)):
+        for index, value in enumerate((x, y, x * x + y * y, place.load)):
             self._sums[index] += sign * value
 
     def _tail(self) -> list[Place]:
