@@ -7,6 +7,7 @@ One force for all items, chosen on seeds from 1000 on; reported are seeds from 0
     make grasps                     # 100 starts a column; a finished start is a line in build/grasps/starts.jsonl,
                                     # a second run goes on
     python bench/bench_grasps.py --report | --latency | --film docs/grasp.gif
+    python bench/bench_grasps.py --columns touch,hold --pull --output build/grasps/pulled.jsonl
     python bench/bench_grasps.py --columns touch,shape,sensor --starts 13 --items circle,square,...  # no triangles
 
 All is in real time, and two cores at work: on a machine that does other work nodes see late, and stop.
@@ -51,6 +52,7 @@ def main() -> None:
     parser.add_argument('--columns', default=','.join(COLUMNS), metavar='NAME,...')
     parser.add_argument('--output', type=Path, default=FOLDER / 'starts.jsonl', metavar='FILE')
     parser.add_argument('--report', action='store_true', help='of what is there')
+    parser.add_argument('--pull', action='store_true', help='after the lift, with more than friction carries; no shake')
     parser.add_argument('--latency', action='store_true', help='from a touch to the stop, and the force beyond a limit')
     parser.add_argument('--film', type=Path, metavar='GIF', help='of a grasp in column shape: the first item and seed')
     args = parser.parse_args()
@@ -94,7 +96,7 @@ def run(args: argparse.Namespace, link: Path) -> None:
               args.output.open('a', encoding='utf-8') as file):
             gc.freeze()  # a full collection would delay a sweep
             for seed, column in starts:
-                record = grasped(session, column, ITEMS[name], start_of(name, seed))
+                record = grasped(session, column, ITEMS[name], start_of(name, seed), args.pull)
                 print(json.dumps({'column': column, 'item': name, 'seed': seed, **record}), file=file, flush=True)
                 finished += 1
                 minutes = (time.monotonic() - began) / finished * (left - finished) / 60
@@ -140,6 +142,7 @@ def _print_numbers(column: str, records: list[dict]) -> None:
               'seconds': [each['seconds'] for each in records],
               'hand off the item along x after closing [mm]': [1e3 * abs(each['off'][0]) for each in records],
               'goals to close': [len(each.get('touches', ())) + len(each.get('ending', ())) for each in records],
+              'slid under the pull [mm]': [each['slid_mm'] for each in records if 'slid_mm' in each],
               'moves': [len(each['moves']) for each in records if 'moves' in each]}
     beliefs = [each['belief'] for each in records if 'belief' in each]
     values |= {f'error of {key}': [each[key] for each in beliefs if key in each]

@@ -20,7 +20,7 @@ from planner_world import AIM
 
 from examples.simulated_gripper.items import Item
 from examples.simulated_gripper.model import MAX_GAP
-from examples.simulated_gripper.world import Outcome, Place
+from examples.simulated_gripper.world import GRAVITY, SIDES, Outcome, Place
 from tactile_skin.msg import Grasp
 
 FORCE = 5.0           # N, one for all items: chosen on seeds of validation
@@ -28,6 +28,7 @@ TOUCH = 2.0           # N, lightly: of less, faces that are pressed obliquely ar
 SQUEEZE = 0.01        # m by which a blind planner closes to less than the item's width
 LIFT, SHAKE = 0.1, 1.0  # m, times gravity
 CLEARANCE = 0.012     # m of the gap beyond that of the grasp, while the hand is corrected
+PULL_SPEED, PULL_TIME, BEYOND = 0.003, 8.0, 1.3  # m/s, s; times what friction carries of FORCE on both pads
 AFTER = 0.5           # s after the shake
 TRIES = 4            # goals to close, each from an open gripper, while they end by one of
 UNSEEN = ('NOT_SEEN', 'FORCE_NOT_KNOWN', 'LOST')
@@ -36,8 +37,8 @@ LOOK = 0.02           # s between two questions to the planner
 Record = dict[str, Any]
 
 
-def grasped(session: Session, column: str, item: Item, place: Place) -> Record:
-    """Put ``item`` at ``place``, close, lift and shake; what became of it, and what was seen on the way."""
+def grasped(session: Session, column: str, item: Item, place: Place, is_pulled: bool = False) -> Record:
+    """Put ``item`` at ``place``, close, lift, and shake or pull; what became of it, and what was seen on the way."""
     world = session.world
     session.place(place)
     begin, left_out = time.monotonic(), world.left_out
@@ -47,12 +48,26 @@ def grasped(session: Session, column: str, item: Item, place: Place) -> Record:
     is_refused = 'reason' in record and 'ending' not in record
     if not is_refused:
         session.move(lift=session.hand['lift'] + LIFT)
-        world.shake(SHAKE)
-        session.until(lambda: not world.is_moving)
+        if is_pulled:
+            record['slid_mm'] = _pulled(session, item)
+        else:
+            world.shake(SHAKE)
+            session.until(lambda: not world.is_moving)
         session.wait(AFTER)
     record |= {'end': _end(world.outcome, is_refused), 'seconds': time.monotonic() - begin,
                'left_out': world.left_out - left_out, 'holds': [*session.holds]}
     return record
+
+
+def _pulled(session: Session, item: Item) -> float:
+    """Pull the item down with more than friction carries; how far it slid before it was dropped [mm]."""
+    world = session.world
+    before, end, slid = world.item_in(SIDES[0]).translation[1], world.now + PULL_TIME, 0.0
+    world.pull(PULL_SPEED, BEYOND * 2 * item.friction * FORCE - item.mass * GRAVITY)
+    while world.now < end and world.outcome is Outcome.HELD:
+        slid = float(world.item_in(SIDES[0]).translation[1] - before)
+        session.wait(LOOK)
+    return 1e3 * slid
 
 
 def _end(outcome: Outcome, is_refused: bool) -> str:

@@ -151,6 +151,15 @@ def test_a_shake_of_2_g_loses_what_is_held_weakly(effort, outcome):
 
 
 @physics
+@pytest.mark.parametrize(('effort', 'outcome'), [(4.0, Outcome.HELD), (2.0, Outcome.DROPPED)])
+def test_a_pull_of_3_newtons_slides_what_friction_does_not_carry(effort, outcome):
+    world = lifted(effort=effort)  # 0.5 N are its weight
+    world.pull(0.01, 3.0)
+    world.step(4.0)
+    assert world.outcome is outcome
+
+
+@physics
 def test_the_gripper_obeys_late_closes_at_its_speed_and_stops_where_it_is():
     world, gaps = World(ITEMS['square']), []
     world.command(Command(0.0, velocity=0.05))

@@ -29,6 +29,7 @@ LIFTED = 0.01             #: above where the hand was when the item was last on 
 GRAVITY = 9.81
 SHAKE_FREQUENCY = 6.0     #: Hz
 LOOP_PERIOD = 0.004       #: of the thread [s]
+PULL_STIFFNESS = 2000.0   #: N/m
 MOST_BEHIND = 0.1         #: of the thread: what is more is left out [s]
 
 
@@ -97,6 +98,7 @@ class World:
                 self.data.joint(side).qpos = MAX_GAP / 2
             self.drive, self._goals, self._setpoints = Drive(), dict.fromkeys(AXES, 0.0), dict.fromkeys(AXES, 0.0)
             self._shake = (0.0, 0.0)  # acceleration [m/s²], until [s]
+            self._pull = (0.0, 0.0, 0.0)  # speed [m/s], force [N], height [m] of what pulls
             self.outcome, self._level, self.most_force = Outcome.FREE, 0.0, 0.0
             mujoco.mj_forward(self.model, self.data)
             self._observe()
@@ -124,6 +126,11 @@ class World:
         periods = max(1, round(seconds * SHAKE_FREQUENCY))  # whole ones: it ends where it began, at rest
         with self.lock:
             self._shake = (times_gravity * GRAVITY, self.now + periods / SHAKE_FREQUENCY)
+
+    def pull(self, speed: float, force: float) -> None:
+        """Pull the item down by a spring whose end sinks at ``speed`` [m/s], with at most ``force`` [N]."""
+        with self.lock:
+            self._pull = (speed, force, float(self.data.body('item').xpos[2]))
 
     @property
     def is_moving(self) -> bool:
@@ -218,6 +225,10 @@ class World:
         force = self.drive.force(self.now, STEP, position, speed)
         for side in SIDES:
             self.data.actuator(side).ctrl = force
+        speed, most, height = self._pull
+        stretched = float(self.data.body('item').xpos[2]) - height
+        self.data.body('item').xfrc_applied[2] = -min(max(PULL_STIFFNESS * stretched, 0.0), most)
+        self._pull = (speed, most, height - speed * STEP)
         mujoco.mj_step(self.model, self.data)
         self._observe()
 
