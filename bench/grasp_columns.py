@@ -25,7 +25,6 @@ from tactile_skin.msg import Grasp
 
 FORCE = 5.0           # N, one for all items: chosen on seeds of validation
 TOUCH = 2.0           # N, lightly: of less, faces that are pressed obliquely are too narrow to show how
-HARDER = 1.5          # times that, for each regrasp
 SQUEEZE = 0.01        # m by which a blind planner closes to less than the item's width
 LIFT, SHAKE = 0.1, 1.0  # m, times gravity
 CLEARANCE = 0.012     # m of the gap beyond that of the grasp, while the hand is corrected
@@ -110,15 +109,13 @@ def reopen(session: Session) -> None:
 
 
 def _shape(session: Session, item: Item) -> Record:
-    loop, actions, endings, force = GraspLoop(), list[str](), list[str](), TOUCH
+    loop, actions, endings = GraspLoop(), list[str](), list[str]()
     while True:
-        endings += closed(session, force)
+        endings += closed(session, TOUCH)
         order, grasp = _ordered(session, loop)
         if order.kind != 'move':
             break
         actions.append(order.correction.action)
-        if actions[-1] == 'regrasp':
-            force = min(HARDER * force, FORCE)
         reopen(session)
         _correct(session, order.correction, grasp)
     record = {'moves': actions, 'touches': endings, 'touched_force': max(session.world.peaks.values()),

@@ -7,8 +7,6 @@ It reads decisions only; what moves the gripper is yours:
     order = loop.next(planner.decide(now), now)       # as often as you like
     'wait': ask again; 'move': open, move by order.correction, close, loop.closed(now); 'done': squeeze and lift;
     'give_up': do not squeeze, order.reason says why
-
-A 'move' of 'regrasp' is none: too little is seen, so close with half as much force again, up to that of the squeeze.
 """
 
 from enum import IntEnum
