@@ -5,6 +5,7 @@ import math
 import signal
 import sys
 import time
+from collections import deque
 from functools import partial
 
 import pytest
@@ -17,7 +18,7 @@ from tactile_skin.msg import Grasp, GripperOutcome
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
 LIMITS = TouchLimits()
-MAX_AGE = 0.5  # s, of gripper_bench
+MAX_AGE, PERIOD = 0.5, 0.02  # s, of gripper_bench
 SILENT = None
 SUCCEEDED, ABORTED, CANCELED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_ABORTED, GoalStatus.STATUS_CANCELED
 KINDS = ['ParallelGripperCommand', 'GripperCommand']
@@ -338,6 +339,30 @@ def test_a_partial_opening_needs_a_measured_one_or_is_guarded(make_bench):
     bench.motor.opening = bench.motor._target = 0.03
     bench.wait(0.1)
     assert bench.close(position=0.05)[2].outcome == Outcome.REACHED
+
+
+def test_an_opening_that_was_held_back_on_its_way_is_not_the_present_one(make_bench):
+    """By it, a goal to close would be one to open, which nothing guards."""
+    bench, held = make_bench(pads={'width': 0.0}), deque()
+    bench.motor.opening = bench.motor._target = 0.03
+
+    def hold_back(message):
+        held.append(message)
+        return held.popleft() if len(held) > 2 * MAX_AGE / PERIOD else held[0]
+    bench.wait(1.0)
+    bench.pads.change = hold_back
+    bench.wait(0.5)
+    bench.motor.opening = bench.motor._target = 0.06
+    bench.wait(MAX_AGE)
+    assert bench.close(position=0.05)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
+
+
+def test_of_two_publishers_of_grasp_no_opening_is_believed(make_bench):
+    bench = make_bench(pads={'width': 0.0})
+    bench.add('other').create_publisher(Grasp, '/grasp', 10)
+    bench.until(lambda: bench.node.count_publishers('/grasp') == 2)
+    bench.wait(0.1)
+    assert bench.close(position=0.065)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
 
 
 def test_a_node_that_ends_stops_the_gripper(make_bench):

@@ -90,7 +90,7 @@ BAD = {
     'taxel outside': (TINY.replace('[2, 1, 8]', '[3, 1, 8]'), 'taxel (3, 1)'),
     'dead taxel outside': (TINY + 'dead_taxels: [[0, 2]]\n', 'key "dead_taxels"'),
     'beyond the mapped bits': (TINY.replace('[2, 1, 8]', '[2, 1, 9]'), 'within the 16 mapped bits'),
-    'beyond the frame': (TINY.replace('[2, 1, 8]', '[2, 1, 60]'), '64 bits of a CAN frame'),
+    'beyond the frame': (TINY.replace('[2, 1, 8]', '[2, 1, 60]'), 'within the 16 mapped bits'),
     'overlap': (TINY.replace('[2, 1, 8]', '[2, 1, 7]'), 'do not overlap'),
     'too much mapped': (TINY.replace('[[0x2000, 3, 16]]', '[[0x2000, 3, 64], [0x2000, 4, 8]]'), '72 bits'),
     'nothing mapped': (TINY.replace('[[0x2000, 3, 16]]', '[]'), '0 bits'),

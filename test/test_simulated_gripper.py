@@ -199,7 +199,6 @@ def test_both_pads_see_an_item_where_it_is():
 
 
 @physics
-@physics
 def test_the_sensors_of_mujoco_feel_a_ball_where_it_is():
     world = World(ITEMS['ball'], Place(0.004, 0.0, 0.0), has_sensors=True)
     world.move(lift=-0.003)

@@ -18,13 +18,6 @@ JSON, CSV = 'json', 'csv'
 KNOWN_COLUMNS = 'file', 'frame', 'pad', 'stamp', 'sequence'  #: columns before those of the results
 
 
-def add_output_arguments(parser: argparse.ArgumentParser) -> None:
-    add_output_option(parser, metavar='FILE', help='write there instead of to standard output')
-    parser.add_argument('--format', choices=(JSON, CSV), default=JSON,
-                        help='json: an object a line; csv: a header, names within names joined by a dot, empty is '
-                             'null; default %(default)s')
-
-
 def prints(args: argparse.Namespace) -> bool:
     """Return whether results go to standard output."""
     return args.output is None or args.output == '-'
@@ -85,7 +78,10 @@ def add_array_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('frames', nargs='*', default=['-'], metavar='FILE',
                         help=f'{FORMATS_HELP}. "-" or nothing: standard input. Each file is of one pad, its frames in '
                              'the order of time')
-    add_output_arguments(parser)
+    add_output_option(parser, metavar='FILE', help='write there instead of to standard output')
+    parser.add_argument('--format', choices=(JSON, CSV), default=JSON,
+                        help='json: an object a line; csv: a header, names within names joined by a dot, empty is '
+                             'null; default %(default)s')
     parser.add_argument('--unit', choices=list(PRESS_BY_UNIT),
                         help='of the values (1: on/off); an .npz has its own. Without a unit, pressed is relative to '
                              'the noise alone')

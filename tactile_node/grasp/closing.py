@@ -151,7 +151,7 @@ class TouchLimits:
         return self.latency * speed * self.stiffness
 
     def fastest(self, force: float) -> float:
-        """Return the speed at which that is ``force`` [m/s]."""
+        """Return the speed at which the overshoot is ``force`` [m/s]."""
         return force / (self.latency * self.stiffness)
 
 

@@ -101,7 +101,7 @@ class PadPose:
 
     @property
     def normal(self) -> np.ndarray:
-        """Out of the skin, towards what touches it; the closing direction of this pad."""
+        """Direction out of the skin, in which this pad closes."""
         return self.rotation[:, 2]
 
     def place(self, point: tuple[float, float], gap: float) -> np.ndarray:

@@ -138,7 +138,7 @@ class Holding:
                 self.target, self.speed, self.eases = target, self._slow, True
 
     def _answers(self, now: float) -> bool:
-        """Whether the force rises now, because the object slides, and goes on that way."""
+        """Raise the force where the object has slid one way for long enough; return whether it did."""
         raised = min(self.force + self._hold.slide_force_step, self._limits.highest_force)
         if now - self._slid_since < SWAY_TIME or raised <= self.force or now - self._answered < SLIDE_PAUSE:
             return False

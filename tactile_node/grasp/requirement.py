@@ -40,7 +40,7 @@ class Missing(IntEnum):
 
 #: What each state of contact is short of; TWO_SIDED of nothing.
 CONTACT_MISSING = {GraspContact.NOT_KNOWN: Missing.NO_RESULT, GraspContact.UNSEEN: Missing.UNSEEN,
-              GraspContact.NO_CONTACT: Missing.NO_CONTACT, GraspContact.ONE_SIDED: Missing.ONE_SIDED}
+                   GraspContact.NO_CONTACT: Missing.NO_CONTACT, GraspContact.ONE_SIDED: Missing.ONE_SIDED}
 
 
 class SideShape(NamedTuple):

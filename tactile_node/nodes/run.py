@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from threading import Event
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import rclpy
 from rclpy.exceptions import (
@@ -82,15 +82,8 @@ def translate_rclpy_errors() -> Iterator[None]:
                                  got=str(error).split(', at /')[0], remedy='Check path and indentation.') from None
 
 
-class Running(NamedTuple):
-    """Nodes and what spins them."""
-
-    system: System
-    spinner: Spinner
-
-
 @contextmanager
-def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> Iterator[Running]:
+def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> Iterator[tuple[System, Spinner]]:
     """Make and spin ``nodes`` inside the block; ``ros_arguments``, which follow `--ros-args`, are for all of them.
 
     Raises ConfigurationError for a wrong parameter, name or parameter file.
@@ -104,4 +97,4 @@ def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> I
         for node in system.nodes:  # the driver, where it is here, has begun already
             forward_logs_to(node)
             stack.callback(stop_forwarding_to, node)
-        yield Running(system, stack.enter_context(spinning(system.nodes)))
+        yield system, stack.enter_context(spinning(system.nodes))

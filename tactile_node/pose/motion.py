@@ -37,11 +37,11 @@ class Sight(NamedTuple):
 OUTLINE_STEP, PRESSURE_STEP, ON_OFF_STEP = 0.2, 0.55, 1.1
 TURN_CERTAINTY = 6.0  #: standard deviations, of a turn: angles jump from fit to fit
 SLACK = 3.0  #: standard deviations of an angle that a slide may change it by
-#: of its extent, that the middle of a contact moves by where its load becomes e times as large: one that grows from one
-#: end, as the square root of the load on an elastic skin, moves its outline's middle by a quarter
+#: Share of its extent by which the middle of a contact moves while its load grows e times. One that grows from one end,
+#: on an elastic skin as the square root of the load, moves the middle of its outline by a quarter
 GROWTH = 0.25
 STEADY_LOAD = 0.15  #: logarithm of the ratio by which a load changes where a contact slides from taxel to taxel
-MAX_GAP = 0.25  #: without a frame that shows it, after which what was known is not any more [s]
+MAX_GAP = 0.25  #: time without a frame that shows it, after which nothing is known any more [s]
 OTHER_SIZE = 1.6  #: times as many taxels, or as few: another contact, or two that have joined
 OTHER_LENGTH, OTHER_PITCHES = 0.2, 0.5  #: of a dimension, and pitches: the outline has become another one
 HIDES_DIRECTION = 0.5  #: cosine to a direction that does not show, from which on another one does not either
@@ -105,7 +105,7 @@ class _Followed:
         self.force = ForceTrack()
         self._mask = first.pattern.mask
         self._hidden = first.pattern.hidden
-        self._stamp = math.inf  # of the last frame that showed how it moves
+        self._stamp = -math.inf  # of the last frame that showed how it moves
         self._fit: ShapeFit | None = None  # at the beginning
         self._outlined = -math.inf  # stamp of the last
         self._angle = self._radius = 0.0

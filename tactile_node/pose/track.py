@@ -17,7 +17,7 @@ FEWEST = 3            #: places of a reference
 CERTAINTY = 5.0       #: standard deviations that noise does not explain: there are thousands of frames
 CLAIMED, PRIOR = 0.5, 4  #: part of a standard deviation that is noise, not the fit's; places that it counts for
 CLEARLY = 1.6         #: so many times what it must exceed, one frame is enough
-GOES_ON = 0.5         #: part of a step that what moves on comes farther, before it is taken to have stopped
+GOES_ON = 0.5         #: part of a step that a moving place must go in the time after which it counts as stopped
 FORCE_TIME = 0.5      #: of the force that a step is compared to [s]
 FORCE_STEP, LEAST_FORCE_STEP = 0.35, 0.05  #: part of the force before, and at least [N]
 STAYED = 1 / 6        #: of a step: what moves on, comes farther between the first and the last third of the time
@@ -90,8 +90,8 @@ class Track:
         x, y = self.velocity
         return math.atan2(y, x)
 
-    def update(self, time: float, x: float, y: float, sd: float, slack: float, load: float) -> bool:
-        """Take a place [m] with its standard deviation and return whether a movement begins.
+    def update(self, time: float, x: float, y: float, sd: float, slack: float, load: float) -> None:
+        """Take a place [m] with its standard deviation.
 
         ``slack`` [m]: by which the place may be wrong for another reason, beside the step.
         """
@@ -101,14 +101,11 @@ class Track:
             self._first = place
         if self.is_moving:
             self._look_for_stop(time)
-            return False
+            return
         self._let_follow(time)
-        if len(self._reference) < FEWEST:
-            return False
-        self.is_moving = self._is_away(place, sd, slack)
-        if self.is_moving:
+        if len(self._reference) >= FEWEST and self._is_away(place, sd, slack):
+            self.is_moving = True
             self._hold = max(STOPPED, GOES_ON * self._step / max(self.speed, SLOWEST))
-        return self.is_moving
 
     def _is_away(self, place: Place, sd: float, slack: float) -> bool:
         count = len(self._reference)
@@ -135,16 +132,13 @@ class Track:
         begin = self._first.time
         end = max(time - self._lag, min(begin + REFERENCE_TIME, (begin + time) / 2))
         while len(self._recent) > 2 and self._recent[0].time <= end:
-            self._add(self._recent.popleft(), 1)
+            self._reference.append(self._recent.popleft())
+            self._add(self._reference[-1], 1)
         while len(self._reference) > FEWEST and self._reference[0].time < end - REFERENCE_TIME:
-            self._add(self._reference[0], -1)
+            self._add(self._reference.popleft(), -1)
 
     def _add(self, place: Place, sign: int) -> None:
         x, y = place.x - self._first.x, place.y - self._first.y
-        if sign > 0:
-            self._reference.append(place)
-        else:
-            self._reference.popleft()
         for index, value in enumerate((x, y, x * x + y * y, place.load)):
             self._sums[index] += sign * value
 

@@ -50,7 +50,7 @@ def _centre(message: ContactShape) -> tuple[float, float] | None:
 
 
 def _reported_state(message: ContactShape) -> SideState:
-    """EMPTY only what says so: NONE of a pad that was seen."""
+    """Return the state that the pad reports; EMPTY only for NONE of a pad that was seen."""
     if message.taxels or message.contacts:
         return SideState.TOUCHED
     return SideState.EMPTY if message.shape == ContactShape.NONE and message.pad_seen else SideState.UNSEEN
@@ -110,9 +110,10 @@ def _face_fit(message: ContactShape) -> FaceFit | None:
 
 def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Opening, frame_id: str,
                   ages: Sequence[float], gripper: Gripper) -> Grasp:
-    """``sides``: the latest message of the left and the right pad; ``ages`` of both [s], inf: not known.
+    """Return the grasp as a message.
 
-    Stamp and age are those of the older one: a receiver measures the delay of its path by both together.
+    ``sides``: the latest message of the left and the right pad; ``ages`` of both [s], inf: not known. Stamp and age
+    are those of the older one: a receiver measures the delay of its path by both together.
     """
     words = state.contact.name, 'fresh' if state.fresh else 'not fresh', 'stable' if state.stable else 'not stable'
     message = Grasp(
@@ -210,7 +211,7 @@ def timeout_of(message: Duration) -> float:
 
 
 def state_message(found: Sequence[Missing]) -> RequirementState:
-    """``found``: as of `missing`."""
+    """Return what is missing, as `missing` found it, as a message."""
     return RequirementState(missing=int(found[0] if found else Missing.NOTHING),
                             all_missing=[int(each) for each in found])
 

@@ -29,7 +29,7 @@ class GripperSettings(ReceiverSettings):
     answer_timeout: float = parameter(0.5, 'time for the gripper to accept a command, and to confirm a stop [s]', 0.02,
                                       60)
     widest: float = parameter(LIMITS.widest, 'opening of the gripper when it is open [m]; a goal of this or more '
-                              'always opens, whatever is known', 1e-3, HIGHEST_GAP)
+                              'opens, unless the gripper is measured wider', 1e-3, HIGHEST_GAP)
     fast_speed: float = parameter(LIMITS.fast_speed, 'speed of the opening until the first touch [m/s]; with a '
                                   "GripperCommand, the gripper's own", 1e-5, 10)
     slow_speed: float = parameter(LIMITS.slow_speed, 'speed from the first touch on, or from slow_from on [m/s]', 1e-5,

@@ -62,7 +62,7 @@ def tf_message_type(where: str) -> type:
     except ImportError as error:
         raise ConfigurationError(
             where, expected='the ROS package tf2_msgs', got=f'{error}',
-            remedy='Install ros-jazzy-tf2-msgs, or leave it out.') from None
+            remedy='Install ros-$ROS_DISTRO-tf2-msgs, or leave it out.') from None
     return TFMessage
 
 
@@ -89,7 +89,7 @@ def _transform(message: TransformStamped) -> RejectReason | None:
     place, turn = message.transform.translation, message.transform.rotation
     parent, child = frame_name(message.header.frame_id), frame_name(message.child_frame_id)
     numbers = (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w)
-    if not (all(map(math.isfinite, numbers))):
+    if not all(map(math.isfinite, numbers)):
         return RejectReason.NOT_FINITE
     if not parent or not child or parent == child or abs(math.hypot(*numbers[3:]) - 1) > QUATERNION_TOLERANCE:
         return RejectReason.INCONSISTENT

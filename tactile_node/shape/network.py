@@ -20,12 +20,11 @@ class Network(NamedTuple):
     middle: np.ndarray   #: (COUNT,) and
     spread: np.ndarray   #: (COUNT,): geometry is used as (geometry - middle) / spread
 
-    def __call__(self, images: np.ndarray, geometry: np.ndarray) -> np.ndarray:
-        """Return the logits, (K, outputs), of images (K, rows, cols, channels) and geometry (K, COUNT)."""
-        return self.logits(self.embedding(images, geometry))
-
     def embedding(self, images: np.ndarray, geometry: np.ndarray) -> np.ndarray:
-        """Return what the last layer sees, (K, last width), and after it the standard geometry, (K, COUNT), float32."""
+        """Return what the last layer sees, (K, last width), and after it the standard geometry, (K, COUNT), float32.
+
+        ``images`` (K, rows, cols, channels), ``geometry`` (K, COUNT).
+        """
         for kernel, bias, taps in zip(self.kernels, self.biases, TAPS):
             images = _convolved(images, kernel, bias, taps)
         standard = np.minimum(np.maximum((geometry - self.middle) / self.spread, -5), 5)

@@ -200,7 +200,8 @@ def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
     counts where little else is seen.
     """
     visible = ~(pattern.hidden | pattern.unmapped)
-    away = visible & ~_box_around(together, visible.shape)
+    away = visible.copy()
+    away[box_of(together, MARGIN)] = False
     if np.count_nonzero(away) < AWAY * visible.size:
         away = visible & ~grown(pattern.mask)
     pressed = (pattern.labels > 0) & away
@@ -215,12 +216,6 @@ def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
     return (int(np.count_nonzero(pressed)) + 1) / (int(np.count_nonzero(away)) + 2)
 
 
-def _box_around(taxels: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Return the taxels of the least box around ``taxels`` and MARGIN more."""
-    rows, cols = box_of(taxels)
-    box = np.zeros(shape, bool)
-    box[max(rows.start - MARGIN, 0):rows.stop + MARGIN, max(cols.start - MARGIN, 0):cols.stop + MARGIN] = True
-    return box
 
 
 def _compactness(mask: np.ndarray) -> float:

@@ -127,10 +127,6 @@ def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
         if field.start_bit < (head := 8 * len(tpdo.prefix(1))):
             _refuse(layout, f'{key}.taxels', expected=f'fields behind the {head} bits that identify the frame',
                     got=f'taxel ({field.row}, {field.col}) from bit {field.start_bit}', remedy='Correct start_bit.')
-        if end > MAX_PDO_BITS:
-            _refuse(layout, f'{key}.taxels', expected=f'fields within the {MAX_PDO_BITS} bits of a CAN frame',
-                    got=f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
-                    remedy='Correct start_bit.')
         if end > mapped:
             _refuse(layout, f'{key}.taxels', expected=f'fields within the {mapped} mapped bits',
                     got=f'taxel ({field.row}, {field.col}) in bits {field.start_bit}..{end - 1}',
