@@ -7,7 +7,7 @@ One force for all items, chosen on seeds from 1000 on; reported are seeds from 0
     make grasps                     # 100 starts a column; a finished start is a line in build/grasps/starts.jsonl,
                                     # a second run goes on
     python bench/bench_grasps.py --report | --latency | --film docs/grasp.gif
-    python bench/bench_grasps.py --columns touch,hold --pull --output build/grasps/pulled.jsonl
+    python bench/bench_grasps.py --columns touch,hold --pull
     python bench/bench_grasps.py --columns touch,shape,sensor --starts 13 --items circle,square,...  # no triangles
 
 All is in real time, and two cores at work: on a machine that does other work nodes see late, and stop.
@@ -50,13 +50,14 @@ def main() -> None:
     parser.add_argument('--seed', type=int, default=0, help='the first (default: %(default)s)')
     parser.add_argument('--items', default=','.join(ITEMS), metavar='NAME,...')
     parser.add_argument('--columns', default=','.join(COLUMNS), metavar='NAME,...')
-    parser.add_argument('--output', type=Path, default=FOLDER / 'starts.jsonl', metavar='FILE')
+    parser.add_argument('--output', type=Path, metavar='FILE')
     parser.add_argument('--report', action='store_true', help='of what is there')
     parser.add_argument('--pull', action='store_true', help='after the lift, with more than friction carries; no shake')
     parser.add_argument('--latency', action='store_true', help='from a touch to the stop, and the force beyond a limit')
     parser.add_argument('--film', type=Path, metavar='GIF', help='of a grasp in column shape: the first item and seed')
     args = parser.parse_args()
     args.items, args.columns = args.items.split(','), args.columns.split(',')
+    args.output = args.output or FOLDER / ('pulled.jsonl' if args.pull else 'starts.jsonl')
     args.output.parent.mkdir(parents=True, exist_ok=True)
     if not args.report:
         with ExitStack() as stack:

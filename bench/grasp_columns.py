@@ -28,7 +28,7 @@ TOUCH = 2.0           # N, lightly: of less, faces that are pressed obliquely ar
 SQUEEZE = 0.01        # m by which a blind planner closes to less than the item's width
 LIFT, SHAKE = 0.1, 1.0  # m, times gravity
 CLEARANCE = 0.012     # m of the gap beyond that of the grasp, while the hand is corrected
-PULL_SPEED, PULL_TIME, BEYOND = 0.003, 8.0, 1.3  # m/s, s; times what friction carries of FORCE on both pads
+PULL_SPEED, PULL_TIME, BEYOND = 0.003, 12.0, 1.3  # m/s, s: longer than a pad; times what friction carries of FORCE on both pads
 AFTER = 0.5           # s after the shake
 TRIES = 4            # goals to close, each from an open gripper, while they end by one of
 UNSEEN = ('NOT_SEEN', 'FORCE_NOT_KNOWN', 'LOST')
@@ -64,7 +64,7 @@ def _pulled(session: Session, item: Item) -> float:
     world = session.world
     before, end, slid = world.item_in(SIDES[0]).translation[1], world.now + PULL_TIME, 0.0
     world.pull(PULL_SPEED, BEYOND * 2 * item.friction * FORCE - item.mass * GRAVITY)
-    while world.now < end and world.outcome is Outcome.HELD:
+    while world.now < end and min(world.forces.values()) > 0:
         slid = float(world.item_in(SIDES[0]).translation[1] - before)
         session.wait(LOOK)
     return 1e3 * slid

@@ -134,7 +134,7 @@ def test_the_force_on_a_simulated_skin_has_a_standard_deviation():
                 ratios.append(shape.force_sd / (of_taxel * sqrt(shape.taxels)))
         node.create_subscription(ContactShape, '/noisy/pad/shape', take, 10)
         end = time.monotonic() + 60
-        while not any(ratio < 1.5 for ratio in ratios):
+        while sum(ratio < 1.5 for ratio in ratios) < 50:
             assert time.monotonic() < end, ratios
             rclpy.spin_once(node, timeout_sec=0.1)
         assert min(ratios) > 0.7

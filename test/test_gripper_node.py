@@ -361,7 +361,7 @@ def test_of_two_publishers_of_grasp_no_opening_is_believed(make_bench):
     bench = make_bench(pads={'width': 0.0})
     bench.add('other').create_publisher(Grasp, '/grasp', 10)
     bench.until(lambda: bench.node.count_publishers('/grasp') == 2)
-    bench.wait(0.1)
+    bench.wait(MAX_AGE + 0.1)
     assert bench.close(position=0.065)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
 
 

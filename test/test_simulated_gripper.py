@@ -219,6 +219,7 @@ def test_a_form_without_a_sensor_in_mujoco_is_refused():
         World(ITEMS['right_triangle'], has_sensors=True)
 
 
+@physics
 def test_orders_are_obeyed_and_others_answered_with_what_there_is():
     world = World(ITEMS['square'])
     for line in ('close 3', 'move lift=0.02', ''):

@@ -111,11 +111,9 @@ class GripperNode(Node):
         arrival = self._ages.arrived(grasp)
         is_only_one = self.count_publishers(self._grasps.topic) <= 1  # of two, either may be wrong
         self._touch = touch_of(grasp, arrival.acquired).after(self._touch) if is_only_one else NO_TOUCH
-        if not is_only_one:
-            self._gap_measured = -math.inf
-        elif grasp.gap_source in MEASURED and math.isfinite(grasp.gap):
-            held_back = arrival.age_on_arrival - age_seconds(grasp.age)
-            sent = arrival.steady - (0.0 if math.isnan(held_back) else held_back)  # NaN: no pad has an age
+        held_back = arrival.age_on_arrival - age_seconds(grasp.age)  # NaN: a pad has no age; inf: not known
+        if is_only_one and held_back != math.inf and grasp.gap_source in MEASURED and math.isfinite(grasp.gap):
+            sent = arrival.steady - (0.0 if math.isnan(held_back) else held_back)
             self._gap, self._gap_measured = grasp.gap, sent - age_seconds(grasp.gap_age)
         self._look()
         if self._run is not None and self._run.outcome is None and self._run.holding is None:

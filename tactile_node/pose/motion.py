@@ -38,7 +38,7 @@ OUTLINE_STEP, PRESSURE_STEP, ON_OFF_STEP = 0.2, 0.55, 1.1
 TURN_CERTAINTY = 6.0  #: standard deviations, of a turn: angles jump from fit to fit
 SLACK = 3.0  #: standard deviations of an angle that a slide may change it by
 #: Share of its extent by which the middle of a contact moves while its load grows e times. One that grows from one end,
-#: on an elastic skin as the square root of the load, moves the middle of its outline by a quarter
+#: on an elastic skin as the square root of the force, moves the middle of its outline by a quarter
 GROWTH = 0.25
 STEADY_LOAD = 0.15  #: logarithm of the ratio by which a load changes where a contact slides from taxel to taxel
 MAX_GAP = 0.25  #: time without a frame that shows it, after which nothing is known any more [s]
@@ -182,7 +182,7 @@ class _Followed:
         if fit.symmetry:
             self._angle += math.remainder(fit.angle - self._angle, 2 * math.pi / fit.symmetry)
             sd = math.sqrt(variance[2]) * self._radius  # of which a slide shows what stays the same in a hold
-            slack = SLACK * sd * self._outline.is_moving + self._growth(self._turn)
+            slack = SLACK * sd * self._outline.is_moving
             self._turn.update(stamp, self._angle * self._radius, 0.0, sd, slack, self._load)
         return had_moved and not self._outline.is_moving
 
@@ -213,7 +213,10 @@ class _Followed:
                 events.append(Event(EventKind.TURNING, sight.stamp, seen_by, self._turn.probability, rate=rate))
         if self._observed is None or not _is_seen_alike(sight, self._observed):
             self._observed, self._observable = sight, _observable(sight)
-        return Motion(self._moving, speed, direction, rate, self._observable, tuple(events))
+        observable = self._observable
+        if self._growth(self._outline if self._outline.is_known else self._centre):
+            observable &= Observable.ROTATION
+        return Motion(self._moving, speed, direction, rate, observable, tuple(events))
 
     def _states(self) -> Moving:
         moving = Moving.NOT_KNOWN
