@@ -216,8 +216,6 @@ def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
     return (int(np.count_nonzero(pressed)) + 1) / (int(np.count_nonzero(away)) + 2)
 
 
-
-
 def _compactness(mask: np.ndarray) -> float:
     """Return the fraction of the taxels' sides that have a taxel of ``mask`` beyond them."""
     inner = np.count_nonzero(mask[1:] & mask[:-1]) + np.count_nonzero(mask[:, 1:] & mask[:, :-1])
