@@ -1,6 +1,7 @@
 """Reads typed keys of a YAML mapping. Every error is a ConfigurationError that names file and key."""
 
 import re
+from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
 from reprlib import Repr
@@ -142,7 +143,9 @@ class Section:
         if key in self._mapping:
             return self._mapping[key]
         if default is _NO_DEFAULT:
-            self.refuse(key, expected='a value', got='no such key', remedy=f'Add "{key}:".{self._hint(key)}')
+            close = self._close(key, self._mapping)
+            self.refuse(key, expected='a value', got='no such key',
+                        remedy=f'Add "{key}:", or rename "{close}" to it.' if close else f'Add "{key}:".')
         return default
 
     def integer(self, key: str, low: int, high: int, default: Any = _NO_DEFAULT) -> int:
@@ -207,14 +210,16 @@ class Section:
         """Refuse the first key that was not taken."""
         for key in self._mapping:
             if key not in self._taken:
+                close = self._close(str(key), self._taken)
                 self.refuse(str(key), expected=f'one of the keys {", ".join(self._taken)}',
                             got='an unknown key',
-                            remedy=f'Remove it.{self._hint(str(key), self._taken)}')
+                            remedy=f'Rename it to "{close}", or remove it.' if close else 'Remove it.')
 
     def _name(self, key: str) -> str:
         return f'{self._path}.{key}' if self._path else key
 
-    def _hint(self, key: str, among: list[str] | None = None) -> str:
-        names = [str(k) for k in (self._mapping if among is None else among)]
-        close = get_close_matches(key, names, n=1)
-        return f' Did you mean "{close[0]}"?' if close and close[0] != key else ''
+    @staticmethod
+    def _close(key: str, among: Iterable[Any]) -> str:
+        """Return the name ``among`` these that is spelt like ``key``; empty: none is."""
+        close = get_close_matches(key, map(str, among), n=1)
+        return close[0] if close and close[0] != key else ''

@@ -259,7 +259,7 @@ def test_faults_are_kept_on_file_beside_those_of_other_pads(tmp_path):
 
 @pytest.mark.parametrize(('content', 'says'), [
     ('pads: {left: {dead: [[2, 0]]}}', 'left.dead'), ('pads: {left: {dead: [[0, 2]]}}', 'left.dead'),
-    ('pads: {left: {daed: [[0, 1]]}}', 'Did you mean'), ('pad: {}', 'pads'), ('pads: {left: 3}', 'left'),
+    ('pads: {left: {daed: [[0, 1]]}}', 'Rename it to "dead"'), ('pad: {}', 'pads'), ('pads: {left: 3}', 'left'),
     ('[', 'YAML')])
 def test_bad_files_of_faults(tmp_path, content, says):
     path = tmp_path / 'faults.yaml'

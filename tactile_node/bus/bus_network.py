@@ -28,7 +28,7 @@ OnFailure = Callable[[BusFault, Exception], None]
 
 _REMEDIES = {
     'socketcan': 'Is it up? "ip link set {channel} up type can bitrate {bitrate}"; "ip link" lists them.',
-    'slcan': 'Check the device path, and that you may open it (group dialout).'}
+    'slcan': 'Check the device path, end what else has it open, and see that you may open it (group dialout).'}
 
 
 def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.BusABC:
