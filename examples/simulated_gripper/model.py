@@ -78,10 +78,9 @@ def model_of(item: Item, has_sensors: bool = False) -> str:
                                      f'pos="0 0 {top / 2}" rgba=".6 .6 .62 1"/>')
     skin = DEEP_SKIN if has_sensors else SKIN
     fingers = ''.join(_finger(name, way, skin, has_sensors) for name, way in (('left', -1), ('right', 1)))
-    mesh, geom = _geom(item)
+    mesh, geom = (_taxel_mesh(), _solid(item)) if has_sensors else _geom(item)
     sensors = ''
     if has_sensors:
-        mesh, geom = _taxel_mesh(), _solid(item)
         sensors = '<sensor>' + ''.join(f'<tactile name="{name}" geom="{name}_taxels" mesh="taxels"/>'
                                        for name in ('left', 'right')) + '</sensor>'
     return _MODEL.format(step=STEP, mesh=mesh, geom=geom, stand=stand, height=PAD_HEIGHT, mass=item.mass,

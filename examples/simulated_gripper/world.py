@@ -98,7 +98,7 @@ class World:
                 self.data.joint(side).qpos = MAX_GAP / 2
             self.drive, self._goals, self._setpoints = Drive(), dict.fromkeys(AXES, 0.0), dict.fromkeys(AXES, 0.0)
             self._shake = (0.0, 0.0)  # acceleration [m/s²], until [s]
-            self._pull = (0.0, 0.0, 0.0)  # speed [m/s], force [N], height [m] of what pulls
+            self._pull = (0.0, 0.0, 0.0, 0.0)  # speed [m/s], force [N], first height [m] and time [s] of what pulls
             self.outcome, self._level, self.most_force = Outcome.FREE, 0.0, 0.0
             mujoco.mj_forward(self.model, self.data)
             self._observe()
@@ -130,7 +130,7 @@ class World:
     def pull(self, speed: float, force: float) -> None:
         """Pull the item down by a spring whose end sinks at ``speed`` [m/s], with at most ``force`` [N]."""
         with self.lock:
-            self._pull = (speed, force, float(self.data.body('item').xpos[2]))
+            self._pull = (speed, force, float(self.data.body('item').xpos[2]), self.now)
 
     @property
     def is_moving(self) -> bool:
@@ -225,10 +225,7 @@ class World:
         force = self.drive.force(self.now, STEP, position, speed)
         for side in SIDES:
             self.data.actuator(side).ctrl = force
-        speed, most, height = self._pull
-        stretched = float(self.data.body('item').xpos[2]) - height
-        self.data.body('item').xfrc_applied[2] = -min(max(PULL_STIFFNESS * stretched, 0.0), most)
-        self._pull = (speed, most, height - speed * STEP)
+        self.data.body('item').xfrc_applied[2] = -self._pulled()
         mujoco.mj_step(self.model, self.data)
         self._observe()
 
@@ -239,6 +236,12 @@ class World:
             return 0.0
         rate = 2 * pi * SHAKE_FREQUENCY
         return acceleration / rate**2 * (1 - float(np.cos(rate * (until - self.now))))
+
+    def _pulled(self) -> float:
+        """Return the force that pulls the item down now [N]."""
+        speed, most, height, begin = self._pull
+        stretched = float(self.data.body('item').xpos[2]) - height + speed * (self.now - begin)
+        return min(max(PULL_STIFFNESS * stretched, 0.0), most)
 
     def _observe(self) -> None:
         """Sum the normal forces of the contacts, and judge what has become of the item."""

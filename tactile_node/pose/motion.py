@@ -105,7 +105,7 @@ class _Followed:
         self.force = ForceTrack()
         self._mask = first.pattern.mask
         self._hidden = first.pattern.hidden
-        self._stamp = -math.inf  # of the last frame that showed how it moves
+        self._stamp = -math.inf  # stamp of the last frame that showed how it moves
         self._fit: ShapeFit | None = None  # at the beginning
         self._outlined = -math.inf  # stamp of the last
         self._angle = self._radius = 0.0
@@ -182,8 +182,7 @@ class _Followed:
         if fit.symmetry:
             self._angle += math.remainder(fit.angle - self._angle, 2 * math.pi / fit.symmetry)
             sd = math.sqrt(variance[2]) * self._radius  # of which a slide shows what stays the same in a hold
-            slack = SLACK * sd * self._outline.is_moving
-            self._turn.update(stamp, self._angle * self._radius, 0.0, sd, slack, self._load)
+            self._turn.update(stamp, self._angle * self._radius, 0.0, sd, SLACK * sd * self._outline.is_moving)
         return had_moved and not self._outline.is_moving
 
     def _growth(self, track: Track) -> float:

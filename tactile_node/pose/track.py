@@ -51,7 +51,7 @@ class Track:
         """Forget where it was: another measure of it begins."""
         self._recent: deque[Place] = deque()
         self._reference: deque[Place] = deque()
-        self._sums = [0.0] * 4  # of x, y and both squares, from the first place, and of the load
+        self._sums = [0.0] * 4  # sums of x, y and both squares, from the first place, and of the load
         self._first = Place(math.nan, 0.0, 0.0, 0.0)
         self._was_over: tuple[float, float] | None = None
 
@@ -90,7 +90,8 @@ class Track:
         x, y = self.velocity
         return math.atan2(y, x)
 
-    def update(self, time: float, x: float, y: float, sd: float, slack: float, load: float) -> None:
+    def update(self, time: float, x: float, y: float, sd: float, slack: float = 0.0,
+               load: float = 0.0) -> None:
         """Take a place [m] with its standard deviation.
 
         ``slack`` [m]: by which the place may be wrong for another reason, beside the step.
