@@ -1,6 +1,7 @@
 """For every test: ROS stays on this machine, each run of pytest in its own domain."""
 
 import os
+from collections import Counter
 from contextlib import ExitStack
 
 import pytest
@@ -16,6 +17,36 @@ def pytest_runtest_call(item):
     error = outcome.excinfo[1] if outcome.excinfo else None
     if type(error).__name__ == 'TooSlowError':
         outcome.force_exception(pytest.skip.Exception(f'the machine does not keep up: {error}'))
+
+
+def processor_time() -> float:
+    """Return the processor time [s] that this process and its ended children have used."""
+    return sum(os.times()[:4])
+
+
+#: Test file -> processor time [s] of collecting it and running its tests
+PROCESSOR_TIME = pytest.StashKey[Counter]()
+
+
+def pytest_configure(config):
+    config.stash[PROCESSOR_TIME] = Counter()
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item):
+    began = processor_time()
+    yield
+    item.config.stash[PROCESSOR_TIME][item.path.name] += processor_time() - began
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Print the processor time of the run, and with ``-v`` of each file, the most expensive first."""
+    used = config.stash[PROCESSOR_TIME]
+    total = processor_time()
+    terminalreporter.write_line(f'processor time {total:.0f} s, of which {total - used.total():.0f} s outside tests')
+    if config.option.verbose > 0:
+        for name, seconds in used.most_common():
+            terminalreporter.write_line(f'{seconds:8.1f} s  {name}')
 
 
 #: What a module of tests may import where there is none: how to get it
