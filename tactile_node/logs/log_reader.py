@@ -14,7 +14,7 @@ from can.io.generic import MessageReader
 
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import read_can_frames
-from tactile_node.logs.bag_records import is_bag
+from tactile_node.logs.bag_records import is_bag, open_sqlite
 from tactile_node.logs.damage import Damage, DamageKind, damage_text, utc
 from tactile_node.logs.log_lines import ChosenChannel, whole_lines
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
@@ -42,6 +42,8 @@ def _reader(path: str, on_unread: Callable[[str], None]) -> MessageReader:
                        remedy='Record with `tactile record`, or with candump -L.')
     suffix = Path(path.lower().removesuffix('.gz')).suffix
     if not CANDUMP.match(head) and suffix != '.log':
+        if suffix == '.db':
+            return _SqliteReader(path)
         logger.warning('%s is read by python-can, which leaves out what it does not understand, and does not count it.',
                        path)
         return can.ASCReader(opened(path, 'rt'), relative_timestamp=False) if suffix == '.asc' else can.LogReader(path)
@@ -49,6 +51,16 @@ def _reader(path: str, on_unread: Callable[[str], None]) -> MessageReader:
     reader: Any = CanutilsLogReader(text)
     reader.file = whole_lines(text, on_unread)
     return reader
+
+
+class _SqliteReader(can.SqliteReader):
+    """python-can's, but for any thread."""
+
+    def __init__(self, path: str):
+        super().__init__(path)
+        self._conn.close()
+        self._conn = open_sqlite(Path(path))
+        self._cursor = self._conn.cursor()
 
 
 class CanLogReader:
