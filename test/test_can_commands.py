@@ -121,6 +121,13 @@ def test_replay_of_two_pads_writes_two_files(tmp_path):
     np.testing.assert_array_equal(left, right[:, :, ::-1])
 
 
+def test_replay_calls_the_pads_as_it_is_told(tmp_path):
+    log = DATA / 'sim16x16_two_pads.log.gz'
+    assert run(replay, log, '--node-id', '32,64', '--pads', 'left,robot/right', '--output', tmp_path / 'x.npz') == 0
+    assert [str(np.load(tmp_path / f'x_{name}.npz')['pad']) for name in ('left', 'robot_right')] == [
+        'left', 'robot/right']
+
+
 def test_replay_writes_into_a_pipe():
     replaying = spawn('replay', DATA / 'sim16x16_two_pads.log.gz', '--output', '-')
     classifying = subprocess.run([sys.executable, '-c', TACTILE, 'classify'], cwd=ROOT, stdin=replaying.stdout,
@@ -155,7 +162,8 @@ def test_replay_takes_pace_0_and_reports_when_a_pad_has_no_tpdo(capsys):
 
 
 @pytest.mark.parametrize('words', [('--pace', '-1'), ('--pace', 'fast'), ('--node-id', '32,64', '--output', '-'),
-                                   ('--output', '/nowhere/x.npy'), ('--node-id', '0')])
+                                   ('--output', '/nowhere/x.npy'), ('--node-id', '0'),
+                                   ('--pads', 'left,right'), ('--pads', 'a b')])
 def test_replay_refuses_before_it_plays(words):
     with pytest.raises(TactileError):
         run(replay, DATA / 'sim16x16_two_pads.log.gz', *words)

@@ -14,6 +14,7 @@ from tactile_node.cli.options import (
     add_log_options,
     add_number,
     add_output_option,
+    add_pads_option,
     add_window_options,
     pads_of,
     window_of,
@@ -31,17 +32,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc, or a ROS 2 bag of '
                         'can_msgs/msg/Frame: .mcap, .db3, its folder; of a rotated series, its first file')
     add_log_options(parser)
+    add_pads_option(parser)
     add_number(parser, '--pace', limits={'remedy': '1 is the recorded pace, 0 as fast as possible.'}, default=0.0,
                help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     add_window_options(parser)
     add_output_option(parser, metavar='FILE', help='.npz: values of shape (K, rows, cols), NaN = invalid, '
                         'with stamps, sequence, status, pad, pitch and unit; .npy: the values alone; - is standard '
-                        'output (.npy), for one pad; with more pads the name gets _pad32 and so on')
+                        'output (.npy), for one pad; with more pads the name gets that of the pad, as _pad32')
 
 
 def run(args: argparse.Namespace) -> int:
     """Play the log to its end; 1 when it held no taxels of these pads, or those of others, or was interrupted."""
-    pads = pads_of(args)
+    pads = pads_of(args, args.pads)
     paths = _outputs(args.output, pads)
     for path in filter(None, paths.values()):
         check_writable(path, [args.log], force=args.force)
@@ -93,7 +95,7 @@ def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict[str, Pat
     path = Path(output)
     if len(pads) == 1:
         return {pads[0].name: path}
-    return {pad.name: path.with_name(f'{path.stem}_{pad.name}{path.suffix}') for pad in pads}
+    return {pad.name: path.with_name(f'{path.stem}_{pad.name.replace("/", "_")}{path.suffix}') for pad in pads}
 
 
 def _standard_output() -> BinaryIO:
