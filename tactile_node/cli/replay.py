@@ -24,7 +24,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings
-from tactile_node.sources.log_source import summary
+from tactile_node.sources.log_source import UNREAD_EXIT, summary
 from tactile_node.taxel_frame import TaxelFrame
 
 
@@ -39,10 +39,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_output_option(parser, metavar='FILE', help='.npz: values of shape (K, rows, cols), NaN = invalid, '
                         'with stamps, sequence, status, pad, pitch and unit; .npy: the values alone; - is standard '
                         'output (.npy), for one pad; with more pads the name gets that of the pad, as _pad32')
+    parser.epilog = f'The exit code is {UNREAD_EXIT} where something in the log could not be read; the rest is written.'
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the log to its end; 1 when it held no taxels of these pads, or those of others, or was interrupted."""
+    """Play the log to its end.
+
+    Returns the exit code: 1 when the log held no taxels of these pads, or those of others, or was interrupted, else
+    UNREAD_EXIT when something in the log could not be read.
+    """
     pads = pads_of(args, args.pads)
     paths = _outputs(args.output, pads)
     for path in filter(None, paths.values()):
@@ -56,11 +61,11 @@ def run(args: argparse.Namespace) -> int:
             stream.write(_as_file(played.frames[name], name, pads[0].layout, is_archive=_is_archive(args.output)))
     statistics = played.source.statistics()
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
-    if statistics.unread:
-        print(f'{args.log}: {played.source.reader.summary}', file=sys.stderr)
     if not played.used:
         print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
-    return 0 if played.has_ended and played.used and not played.source.heard.strangers() else 1
+    if not played.has_ended or not played.used or played.source.heard.strangers():
+        return 1
+    return UNREAD_EXIT if statistics.unread else 0
 
 
 def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archive: bool) -> bytes:
