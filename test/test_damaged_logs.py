@@ -1,6 +1,9 @@
 """What is damaged within a log that this package writes is counted; what was recorded whole is read."""
 
 import gzip
+import itertools
+import re
+import struct
 import time
 from datetime import datetime
 
@@ -11,6 +14,7 @@ from test_logs import tiny_log
 
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import McapCanWriter
+from tactile_node.logs.damage import DamageKind
 from tactile_node.logs.log_reader import CanLogReader
 
 
@@ -175,3 +179,106 @@ def test_a_header_without_which_no_line_can_be_read_is_an_error(tmp_path):
     lines = [';$FILEVERSION=2.1', ';$STARTTIME=45245.4', *(f'{n} {n}.000 DT 1 0181 Rx - 2 0A 0B' for n in range(1, 5))]
     with pytest.raises(LogError, match='no column information'):
         list(CanLogReader(tiny_log(tmp_path, *lines, name='x.trc')))
+
+
+BLF_FRAMES = 6000  # in several containers
+
+
+def blf_log(folder, change=lambda content: content, compression=-1):
+    """A BLF of numbered frames that python-can has written; ``change``: its bytes."""
+    path, random = folder / 'x.blf', np.random.default_rng(1)
+    with can.BLFWriter(str(path), compression_level=compression) as writer:
+        for n in range(BLF_FRAMES):
+            writer(can.Message(1.7e9 + n / 1000, 0x181, False, data=n.to_bytes(2, 'big') + random.bytes(6), channel=0))
+    path.write_bytes(change(path.read_bytes()))
+    return path
+
+
+def places(content, kind):
+    """Where the objects of a BLF begin that are of ``kind``: 1 is a CAN frame, 10 a container."""
+    head = struct.Struct('<4sHHLL')
+    found = (match.start() for match in re.finditer(b'LOBJ', content))
+    return [at for at in found if len(content) >= at + head.size and head.unpack_from(content, at)[-1] == kind]
+
+
+def with_size(size, number, kind=1):
+    """Give the object ``number`` of ``kind`` another size in its head."""
+    def change(content):
+        at = places(content, kind)[number] + 8
+        return content[:at] + struct.pack('<L', size) + content[at + 4:]
+    return change
+
+
+def counted(reader):
+    return [int.from_bytes(message.data[:2], 'big') for message in itertools.islice(reader, 2 * BLF_FRAMES)]
+
+
+def test_a_blf_is_read_whole(tmp_path):
+    reader = CanLogReader(blf_log(tmp_path))
+    assert counted(reader) == list(range(BLF_FRAMES)) and not reader.unread
+
+
+@pytest.mark.parametrize('size', [0, 1, 16, 47, 49, 1000, 2 ** 32 - 1])
+def test_an_object_of_a_blf_with_another_size_costs_its_own_frame(tmp_path, size):
+    """python-can's reader gave the frame before an object of size 0 for ever."""
+    reader = CanLogReader(blf_log(tmp_path, with_size(size, 100), compression=0))
+    assert counted(reader) == [n for n in range(BLF_FRAMES) if n != 100]
+    damage, = reader.damages
+    assert damage.kind is DamageKind.RECORDS and damage.size == 48
+    assert damage.begin == pytest.approx(1.7e9 + 0.099, abs=0.0011)  # a frame is given when the next one is known
+
+
+def test_a_damaged_container_of_a_blf_costs_its_frames_and_those_that_cross_its_ends(tmp_path):
+    def change(content):
+        at = places(content, 10)[1] + 5000
+        return content[:at] + bytes(byte ^ 0xFF for byte in content[at:at + 10]) + content[at + 10:]
+    reader = CanLogReader(blf_log(tmp_path, change))
+    found = counted(reader)
+    lost = sorted(set(range(BLF_FRAMES)) - set(found))
+    assert found == sorted(set(found)) and lost == list(range(lost[0], lost[-1] + 1)) and lost[0] > 1000
+    assert len(lost) <= 131072 // 48 + 2 and reader.damages[0].kind is DamageKind.CHUNK
+
+
+@pytest.mark.parametrize('number', [0, 1])
+@pytest.mark.parametrize('size', [0, 15])
+def test_a_container_of_a_blf_that_cannot_have_its_size_ends_the_log_and_the_rest_is_counted(tmp_path, number, size):
+    path = blf_log(tmp_path, with_size(size, number, kind=10))
+    reader = CanLogReader(path)
+    if not number:
+        with pytest.raises(LogError):
+            counted(reader)
+    else:
+        found = counted(reader)
+        assert found == list(range(len(found))) and 1000 < len(found) < BLF_FRAMES
+        assert f'{len(found)} of {BLF_FRAMES} objects' in reader.problem
+    damage, = reader.damages
+    assert damage.kind is DamageKind.CUT_SHORT and damage.size > 0
+
+
+@pytest.mark.parametrize('part', [0.3, 0.62, 0.99])
+@pytest.mark.parametrize('compression', [-1, 0])
+def test_a_blf_cut_short_says_how_many_objects_are_missing(tmp_path, part, compression):
+    reader = CanLogReader(blf_log(tmp_path, lambda content: content[:int(part * len(content)) + 1], compression))
+    found = counted(reader)
+    assert found == list(range(len(found))) and 0 < len(found) < BLF_FRAMES
+    damage, = reader.damages
+    assert damage.kind is DamageKind.CUT_SHORT and f'{len(found)} of {BLF_FRAMES} objects' in damage.detail
+    assert reader.unread == 1
+
+
+@pytest.mark.parametrize('begun', range(0, 45, 4))
+def test_a_blf_cut_at_the_begin_of_a_container_is_missing_the_objects_that_its_header_counts(tmp_path, begun):
+    reader = CanLogReader(blf_log(tmp_path, lambda content: content[:places(content, 10)[1] + begun]))
+    found = counted(reader)
+    assert reader.unread == 1 and f'{len(found)} of {BLF_FRAMES} objects' in reader.problem
+
+
+def test_a_blf_that_was_not_ended_is_read_up_to_its_end(tmp_path):
+    """Its header, written last, counts nothing."""
+    count = slice(32, 36)
+    def change(content):
+        assert int.from_bytes(content[count], 'little') == BLF_FRAMES
+        return content[:count.start] + bytes(4) + content[count.stop:-1000]
+    reader = CanLogReader(blf_log(tmp_path, change))
+    found = counted(reader)
+    assert found == list(range(len(found))) and len(found) > 4000 and reader.unread == 1

@@ -14,7 +14,8 @@ from can.io.generic import MessageReader
 from tactile_node.errors import LogError
 from tactile_node.logs import text_formats
 from tactile_node.logs.bag_log import read_can_frames
-from tactile_node.logs.bag_records import is_bag, open_sqlite
+from tactile_node.logs.bag_records import OnDamage, is_bag, open_sqlite
+from tactile_node.logs.blf_objects import BlfReader
 from tactile_node.logs.damage import Damage, DamageKind, damage_text, utc
 from tactile_node.logs.log_lines import ChosenChannel
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
@@ -28,8 +29,8 @@ SET_BACK = 1.0  # s: two frames of one clock are recorded in a wrong order by le
 FAR_AHEAD = 10.0      # s ahead of the frame before: between two frames of a skin at work there is less
 
 
-def _reader(path: str, on_unread: Callable[[str], None]) -> MessageReader:
-    """Return python-can's reader, which gets only the whole lines of a text."""
+def _reader(path: str, on_unread: Callable[[str], None], on_damage: OnDamage) -> MessageReader:
+    """Return python-can's reader, which gets only the whole lines of a text, or the whole objects of a .blf."""
     with open(path, 'rb') as file:
         opened = gzip.open if file.read(2) == b'\x1f\x8b' else open
     with opened(path, 'rb') as stream:
@@ -47,6 +48,9 @@ def _reader(path: str, on_unread: Callable[[str], None]) -> MessageReader:
         reader: Any = form.reader(text)
         reader.file = text_formats.whole_lines(text, form, on_unread)
         return reader
+    if suffix == '.blf':
+        content: Any = opened(path, 'rb')
+        return BlfReader(content, Path(path).name, on_damage)
     if suffix == '.db':
         return _SqliteReader(path)
     logger.warning('%s is read by python-can, which leaves out what it does not understand, and does not count it.',
@@ -67,9 +71,9 @@ class _SqliteReader(can.SqliteReader):
 class CanLogReader:
     """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` is the reason.
 
-    The files of a rotated series are read as one, by the first; ``damages`` has what is missing of a bag or a series,
-    and when it was recorded. Of a log of several buses only ``channel`` is read where it is given: as the log calls it,
-    or a bag's topic. Of the recording ``window`` is read: of a bag without reading what is before it. A frame
+    The files of a rotated series are read as one, by the first; ``damages`` has what is missing of a bag, a .blf or a
+    series, and when it was recorded. Of a log of several buses only ``channel`` is read where it is given: as the log
+    calls it, or a bag's topic. Of the recording ``window`` is read: of a bag without reading what is before it. A frame
     whose stamp is far from its neighbours' is left out as unread. Of a log cut short, by a full disk or in a download,
     what is whole is given; ``summary`` has where it ends.
 
@@ -150,7 +154,8 @@ class CanLogReader:
 
     def _of_file(self, path: Path) -> Iterator[can.Message]:
         try:
-            reader = _reader(str(path), self._unread)
+            reader = _reader(str(path), self._unread, lambda damage: self._damaged(
+                damage._replace(begin=self._last or None)))
         except LogError:
             raise
         except Exception as error:  # each format's reader raises its own errors over a bad header
