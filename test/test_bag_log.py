@@ -2,6 +2,8 @@
 
 import gzip
 import shutil
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import can
 import numpy as np
@@ -140,3 +142,43 @@ def test_a_session_replays_from_a_bag_as_from_the_log(tmp_path):
         assert pad == other and frame.stamp == pytest.approx(same.stamp, abs=1e-6)
         np.testing.assert_array_equal(frame.values, same.values)
         np.testing.assert_array_equal(frame.status, same.status)
+
+
+def of_sqlite(folder, name):
+    """A bag in SQLite, or a log of python-can's SQLite format (.db), of the first three of SENT."""
+    if name == 'bag':
+        return bag(folder / name, 'SQLITE3')
+    writer = can.Logger(str(folder / name))
+    for message in SENT[:3]:
+        writer.on_message_received(message)
+    while writer.num_frames < 3:  # python-can's writer loses what waits when it is stopped
+        time.sleep(0.01)
+    writer.stop()
+    return folder / name
+
+
+@pytest.fixture
+def other_threads():
+    """Two threads that live as long as the test: the next thread would get the number of one that has ended."""
+    with ThreadPoolExecutor(1) as one, ThreadPoolExecutor(1) as another:
+        yield one, another
+
+
+@pytest.mark.parametrize('name', ['bag', 'x.db'])
+def test_each_frame_of_a_log_in_sqlite_may_be_read_by_another_thread(tmp_path, name, other_threads):
+    """One thread opens a log, others play it, go on after a pause, and close it; SQLite binds what one has opened."""
+    reader = CanLogReader(of_sqlite(tmp_path, name))
+    messages = iter(reader)
+    found = [next(messages), *(thread.submit(next, messages).result() for thread in other_threads)]
+    assert content_of(found) == content_of(SENT[:3])
+    assert next(messages, None) is None and not reader.unread, reader.problem
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('name', ['bag', 'x.db'])
+def test_a_log_in_sqlite_may_be_left_by_another_thread(tmp_path, name, other_threads):
+    reader = CanLogReader(of_sqlite(tmp_path, name))
+    messages = iter(reader)
+    next(messages)
+    other_threads[0].submit(messages.close).result()
+    assert not reader.unread, reader.problem

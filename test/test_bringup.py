@@ -1,6 +1,7 @@
 """`tactile bringup` and `make demo` as a user meets them: results, and sentences for what cannot work."""
 
 import csv
+import gzip
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 from candump import DATA, read_candump
 
 from tactile_node.cli.main import main
+from tactile_node.sources.log_source import UNREAD_EXIT
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -32,6 +34,13 @@ def test_a_log_comes_out_whole_and_the_command_reports_it(capsys):
     printed = capsys.readouterr().out
     assert f'Shapes: {2 * syncs} of {2 * syncs} taxel frames' in printed
     assert f'CAN frames: {len(lines)} ' in printed
+
+
+def test_the_exit_code_of_a_replay_says_that_a_line_could_not_be_read(tmp_path, capsys):
+    log = tmp_path / 'x.log'
+    log.write_bytes(gzip.decompress((DATA / 'sim16x16_two_pads.log.gz').read_bytes()) + b'(1.0) can0 1A0#0\n')
+    assert main(['bringup', '--replay', str(log), '--pace', '0']) == UNREAD_EXIT
+    assert 'lines unread: 1' in capsys.readouterr().out
 
 
 def test_a_replay_starts_whatever_the_parameter_file_has(tmp_path, capsys):

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 from can_bench import Bench, wait_until
@@ -16,6 +17,7 @@ from tactile_node.cli import record, replay, simulate
 from tactile_node.errors import ConfigurationError, LogError, TactileError
 from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.skin.pads import make_pad
+from tactile_node.sources.log_source import UNREAD_EXIT
 
 pytestmark = pytest.mark.bus
 
@@ -121,6 +123,34 @@ def test_replay_of_two_pads_writes_two_files(tmp_path):
     np.testing.assert_array_equal(left, right[:, :, ::-1])
 
 
+def test_replay_calls_the_pads_as_it_is_told(tmp_path):
+    log = DATA / 'sim16x16_two_pads.log.gz'
+    assert run(replay, log, '--node-id', '32,64', '--pads', 'left,robot/right', '--output', tmp_path / 'x.npz') == 0
+    assert [str(np.load(tmp_path / f'x_{name}.npz')['pad']) for name in ('left', 'robot_right')] == [
+        'left', 'robot/right']
+
+
+def session_as_asc(folder, *lines):
+    """The session of two pads as an ASC log, with ``lines`` amid its frames."""
+    path = folder / 'session.asc'
+    with can.Logger(str(path)) as writer:
+        for message in CanLogReader(DATA / 'sim16x16_two_pads.log.gz'):
+            message.channel = 0
+            writer(message)
+    recorded = path.read_text().splitlines()
+    path.write_text('\n'.join([*recorded[:2000], *lines, *recorded[2000:]]) + '\n')
+    return path
+
+
+@pytest.mark.parametrize(('line', 'code'), [('   0.010000 CANFD   1 Statistic: D 10 R 0 XD 0', 0),
+                                            ('   0.010000 1  1A0  Rx   d 8 00 11', UNREAD_EXIT)])
+def test_replay_says_by_its_exit_code_that_a_line_could_not_be_read_and_writes_the_rest(tmp_path, capsys, line, code):
+    assert run(replay, session_as_asc(tmp_path, line), '--output', tmp_path / 'x.npy') == code
+    assert run(replay, DATA / 'sim16x16_two_pads.log.gz', '--output', tmp_path / 'whole.npy') == 0
+    np.testing.assert_array_equal(np.load(tmp_path / 'x.npy'), np.load(tmp_path / 'whole.npy'))
+    assert ('damaged line' in capsys.readouterr().err) == bool(code)
+
+
 def test_replay_writes_into_a_pipe():
     replaying = spawn('replay', DATA / 'sim16x16_two_pads.log.gz', '--output', '-')
     classifying = subprocess.run([sys.executable, '-c', TACTILE, 'classify'], cwd=ROOT, stdin=replaying.stdout,
@@ -155,7 +185,8 @@ def test_replay_takes_pace_0_and_reports_when_a_pad_has_no_tpdo(capsys):
 
 
 @pytest.mark.parametrize('words', [('--pace', '-1'), ('--pace', 'fast'), ('--node-id', '32,64', '--output', '-'),
-                                   ('--output', '/nowhere/x.npy'), ('--node-id', '0')])
+                                   ('--output', '/nowhere/x.npy'), ('--node-id', '0'),
+                                   ('--pads', 'left,right'), ('--pads', 'a b')])
 def test_replay_refuses_before_it_plays(words):
     with pytest.raises(TactileError):
         run(replay, DATA / 'sim16x16_two_pads.log.gz', *words)

@@ -1,7 +1,11 @@
 """What is damaged within a log that this package writes is counted; what was recorded whole is read."""
 
 import gzip
+import itertools
+import re
+import struct
 import time
+from datetime import datetime
 
 import can
 import numpy as np
@@ -10,6 +14,7 @@ from test_logs import tiny_log
 
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import McapCanWriter
+from tactile_node.logs.damage import DamageKind
 from tactile_node.logs.log_reader import CanLogReader
 
 
@@ -18,31 +23,59 @@ def half(line):
 
 
 #: what may become of a line: its half, a digit less in the data, another byte, another word, nothing that is a log
-DAMAGES = {'half': half, 'digit': lambda line: line.replace(b'55', b'5', 1), 'byte': lambda line: half(line) + b'\xff',
-           'word': lambda line: line.replace(b'#', b'?', 1), 'rubbish': lambda line: b'@@@@'}
+DAMAGES = {'half': half, 'byte': lambda line: half(line) + b'\xff',
+           'digit': lambda line: line.replace(b'55', b'5', 1) if b'55' in line else line.replace(b'VV', b'V', 1),
+           'word': lambda line: line.replace(b'#', b'?', 1).replace(b'181', b'18?', 1), 'rubbish': lambda line: b'@@@@'}
+TEXTS = ('.log', '.log.gz', '.asc', '.asc.gz', '.trc', '.csv')
 
 
-@pytest.mark.parametrize('damage', DAMAGES)
-@pytest.mark.parametrize('suffix', ['.log', '.log.gz'])
-def test_a_damaged_line_costs_its_own_frame(tmp_path, suffix, damage):
-    plain = tmp_path / 'x.log'
+def text_log(folder, suffix, change):
+    """A log of 20 numbered frames that python-can has written; ``change``: its lines from the first frame on."""
+    plain = folder / f'whole{suffix.removesuffix(".gz")}'
     with can.Logger(str(plain)) as writer:
         for n in range(20):
             writer(can.Message(1.7e9 + n / 10, 0x181, False, data=[n, *7 * [0x55]], channel=0))
-    lines = plain.read_bytes().splitlines()
-    lines[10] = DAMAGES[damage](lines[10])
-    damaged = tmp_path / f'damaged{suffix}'
-    content = b'\n'.join(lines) + b'\n'
-    damaged.write_bytes(gzip.compress(content) if suffix.endswith('.gz') else content)
-    reader = CanLogReader(damaged)
-    assert [message.data[0] for message in reader] == [n for n in range(20) if n != 10] and reader.unread == 1
+    lines = plain.read_bytes().splitlines(keepends=True)
+    begin = next(k for k, line in enumerate(lines) if b'181' in line)
+    content = b''.join(lines[:begin]) + change(lines[begin:])
+    path = folder / f'x{suffix}'
+    path.write_bytes(gzip.compress(content) if suffix.endswith('.gz') else content)
+    return path
 
 
-@pytest.mark.parametrize('suffix', ['.asc', '.trc', '.csv', '.blf'])
-def test_of_a_format_that_python_can_reads_it_is_said_that_losses_are_not_counted(tmp_path, caplog, suffix):
-    path = tmp_path / f'x{suffix}'
-    with can.Logger(str(path)) as writer:
-        writer(can.Message(1.7e9, 0x181, False, data=b'AB', channel=0))
+def numbers(reader):
+    return [message.data[0] for message in reader]
+
+
+@pytest.mark.parametrize('damage', DAMAGES)
+@pytest.mark.parametrize('suffix', TEXTS)
+def test_a_damaged_line_costs_its_own_frame(tmp_path, suffix, damage):
+    def change(lines):
+        damaged = DAMAGES[damage](lines[10].rstrip())
+        assert damaged != lines[10].rstrip()
+        return b''.join([*lines[:10], damaged + b'\n', *lines[11:]])
+    reader = CanLogReader(text_log(tmp_path, suffix, change))
+    assert numbers(reader) == [n for n in range(20) if n != 10] and reader.unread == 1
+
+
+@pytest.mark.parametrize('suffix', TEXTS)
+def test_two_lines_that_have_run_into_each_other_cost_their_frames(tmp_path, suffix):
+    """The first gives up its last digit, the second its line."""
+    reader = CanLogReader(text_log(tmp_path, suffix, lambda lines: b''.join(
+        [*lines[:10], lines[10].rstrip()[:-1], *lines[11:]])))
+    assert numbers(reader) == [n for n in range(20) if n not in (10, 11)] and reader.unread == 1
+
+
+@pytest.mark.parametrize('suffix', TEXTS)
+def test_of_a_text_cut_short_within_a_line_that_line_alone_is_lost(tmp_path, suffix):
+    reader = CanLogReader(text_log(tmp_path, suffix, lambda lines: b''.join(lines[:10]) + half(lines[10])))
+    assert numbers(reader) == list(range(10)) and reader.unread == 1 and 'cut short' in reader.problem
+
+
+def test_of_a_format_that_only_python_can_knows_it_is_said_that_losses_are_not_counted(tmp_path, caplog, monkeypatch):
+    monkeypatch.setattr(can, 'LogReader', can.CanutilsLogReader)
+    path = tiny_log(tmp_path, '(1.0) can0 181#4142', name='x.xyz')
+    path.write_text('\n' + path.read_text())  # by its first bytes it would be candump's
     assert [bytes(message.data) for message in CanLogReader(path)] == [b'AB']
     assert f'{path} is read by python-can' in caplog.text
 
@@ -58,9 +91,13 @@ Begin Triggerblock Wed Nov 15 10:00:00.000 am 2023
    0.001000 CAN 1 Status:chip status error active
    0.010000 1  181             Rx   d 2 0A 0B  Length = 122000 BitCount = 63 ID = 385
    0.015000 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%
+   0.015500 CANFD   1 Statistic: D 10 R 0 XD 0
+   0.015600 CANFD   Start of measurement
    0.020000 1  281             TxRq d 2 0A 0B
    0.025000 1  ErrorFrame
+   0.025500 CANFD   5 Tx ErrorFrame Not Acknowledge error, dominant error flag  fffe c7 31ca Arb. 556 44 0 0
    0.026000 J1939TP FEE3p 6 0 0 - Rx d 23 A0 0F A6
+   0.026500 1  J1939TP FEE3p 6 0 0 - Rx d 23 A0 0F A6
    0.027000 log trigger event
    0.030000 1  381             Tx   r
 End TriggerBlock
@@ -70,6 +107,7 @@ End TriggerBlock
      1)         1.2  Rx         0181  2  0A 0B
      2)         1.5  Warng  FFFFFFFF  4  00 00 00 08  BUSLIGHT
      3)         2.2  Tx         0281  2  0A 0B
+;   a comment
      4)         3.2  Rx         0381  0  RTR
 
 """}[suffix]
@@ -83,6 +121,40 @@ def test_what_is_no_can_frame_in_another_makers_log_is_not_taken_for_damage(tmp_
     reader = CanLogReader(other_makers(tmp_path, suffix))
     assert [message.arbitration_id for message in reader if not message.is_error_frame] == ids
     assert not reader.unread
+
+
+@pytest.mark.parametrize('lines', [
+    ['date Wed Nov 15 10:00:00.000 am 2023'], ['date Wed Nov 15 10:00:00.000 2023', 'base hex  timestamps absolute'],
+    ['date Wed Nov 15 10:00:00.000 2023', 'base dec  timestamps absolute', 'no internal events logged']])
+def test_the_first_frame_after_the_header_of_an_asc_is_read(tmp_path, lines):
+    """Without the line on events python-can takes the next one in its place."""
+    frame = '1  385  Rx   d 2 10 11' if 'base dec' in ''.join(lines) else '1  181  Rx   d 2 0A 0B'
+    reader = CanLogReader(tiny_log(tmp_path, *lines, f'   0.5 {frame}', f'   1.5 {frame}', name='x.asc'))
+    assert [(message.arbitration_id, bytes(message.data)) for message in reader] == 2 * [(0x181, b'\x0A\x0B')]
+    assert not reader.unread
+
+
+@pytest.mark.parametrize(('date', 'time'), [
+    ('Wed Nov 15 10:30:00.000 pm 2023', '22:30:00'), ('Wed Nov 15 22:30:00.000 pm 2023', '22:30:00'),
+    ('Wed Nov 15 10:13:20.000 PM 2023', '22:13:20'), ('Wed Nov 15 12:00:00 am 2023', '00:00:00'),
+    ('Wed Nov 15 22:30:00 2023', '22:30:00'), ('Wed Nov 15 00:30:00.000 am 2023', '00:30:00'),
+    ('Mit M\xe4r 15 09:30:00.000 2023', '09:30:00')])
+@pytest.mark.parametrize('what', ['date', 'Begin Triggerblock'])
+def test_the_date_of_an_asc_is_read_as_it_is_written(tmp_path, what, date, time):
+    path = tmp_path / 'x.asc'
+    path.write_bytes(f'{what} {date}\nbase hex  timestamps absolute\n   1.5 1  181  Rx  d 1 0A\n'.encode('cp1252'))
+    reader = CanLogReader(path)
+    message, = reader
+    assert datetime.fromtimestamp(message.timestamp - 1.5).strftime('%d %H:%M:%S') == f'15 {time}'
+    assert not reader.unread
+
+
+@pytest.mark.parametrize('date', ['yesterday', 'Wed Nov 31 10:00:00.000 2023', 'Wed Nov 15 25:00:00.000 2023'])
+def test_a_date_that_cannot_be_read_costs_the_date_alone(tmp_path, date):
+    reader = CanLogReader(tiny_log(tmp_path, f'date {date}', 'base hex  timestamps absolute',
+                                   '   1.5 1  181  Rx   d 1 0A', '   2.5 1  181  Rx   d 1 0B', name='x.asc'))
+    assert [(message.timestamp, message.data[0]) for message in reader] == [(1.5, 10), (2.5, 11)]
+    assert reader.unread == 1 and date.split()[-1] in reader.problem
 
 
 @pytest.mark.parametrize('suffix', ['.mcap', '.db'])
@@ -107,3 +179,106 @@ def test_a_header_without_which_no_line_can_be_read_is_an_error(tmp_path):
     lines = [';$FILEVERSION=2.1', ';$STARTTIME=45245.4', *(f'{n} {n}.000 DT 1 0181 Rx - 2 0A 0B' for n in range(1, 5))]
     with pytest.raises(LogError, match='no column information'):
         list(CanLogReader(tiny_log(tmp_path, *lines, name='x.trc')))
+
+
+BLF_FRAMES = 6000  # in several containers
+
+
+def blf_log(folder, change=lambda content: content, compression=-1):
+    """A BLF of numbered frames that python-can has written; ``change``: its bytes."""
+    path, random = folder / 'x.blf', np.random.default_rng(1)
+    with can.BLFWriter(str(path), compression_level=compression) as writer:
+        for n in range(BLF_FRAMES):
+            writer(can.Message(1.7e9 + n / 1000, 0x181, False, data=n.to_bytes(2, 'big') + random.bytes(6), channel=0))
+    path.write_bytes(change(path.read_bytes()))
+    return path
+
+
+def places(content, kind):
+    """Where the objects of a BLF begin that are of ``kind``: 1 is a CAN frame, 10 a container."""
+    head = struct.Struct('<4sHHLL')
+    found = (match.start() for match in re.finditer(b'LOBJ', content))
+    return [at for at in found if len(content) >= at + head.size and head.unpack_from(content, at)[-1] == kind]
+
+
+def with_size(size, number, kind=1):
+    """Give the object ``number`` of ``kind`` another size in its head."""
+    def change(content):
+        at = places(content, kind)[number] + 8
+        return content[:at] + struct.pack('<L', size) + content[at + 4:]
+    return change
+
+
+def counted(reader):
+    return [int.from_bytes(message.data[:2], 'big') for message in itertools.islice(reader, 2 * BLF_FRAMES)]
+
+
+def test_a_blf_is_read_whole(tmp_path):
+    reader = CanLogReader(blf_log(tmp_path))
+    assert counted(reader) == list(range(BLF_FRAMES)) and not reader.unread
+
+
+@pytest.mark.parametrize('size', [0, 1, 16, 47, 49, 1000, 2 ** 32 - 1])
+def test_an_object_of_a_blf_with_another_size_costs_its_own_frame(tmp_path, size):
+    """python-can's reader gave the frame before an object of size 0 for ever."""
+    reader = CanLogReader(blf_log(tmp_path, with_size(size, 100), compression=0))
+    assert counted(reader) == [n for n in range(BLF_FRAMES) if n != 100]
+    damage, = reader.damages
+    assert damage.kind is DamageKind.RECORDS and damage.size == 48
+    assert damage.begin == pytest.approx(1.7e9 + 0.099, abs=0.0011)  # a frame is given when the next one is known
+
+
+def test_a_damaged_container_of_a_blf_costs_its_frames_and_those_that_cross_its_ends(tmp_path):
+    def change(content):
+        at = places(content, 10)[1] + 5000
+        return content[:at] + bytes(byte ^ 0xFF for byte in content[at:at + 10]) + content[at + 10:]
+    reader = CanLogReader(blf_log(tmp_path, change))
+    found = counted(reader)
+    lost = sorted(set(range(BLF_FRAMES)) - set(found))
+    assert found == sorted(set(found)) and lost == list(range(lost[0], lost[-1] + 1)) and lost[0] > 1000
+    assert len(lost) <= 131072 // 48 + 2 and reader.damages[0].kind is DamageKind.CHUNK
+
+
+@pytest.mark.parametrize('number', [0, 1])
+@pytest.mark.parametrize('size', [0, 15])
+def test_a_container_of_a_blf_that_cannot_have_its_size_ends_the_log_and_the_rest_is_counted(tmp_path, number, size):
+    path = blf_log(tmp_path, with_size(size, number, kind=10))
+    reader = CanLogReader(path)
+    if not number:
+        with pytest.raises(LogError):
+            counted(reader)
+    else:
+        found = counted(reader)
+        assert found == list(range(len(found))) and 1000 < len(found) < BLF_FRAMES
+        assert f'{len(found)} of {BLF_FRAMES} objects' in reader.problem
+    damage, = reader.damages
+    assert damage.kind is DamageKind.CUT_SHORT and damage.size > 0
+
+
+@pytest.mark.parametrize('part', [0.3, 0.62, 0.99])
+@pytest.mark.parametrize('compression', [-1, 0])
+def test_a_blf_cut_short_says_how_many_objects_are_missing(tmp_path, part, compression):
+    reader = CanLogReader(blf_log(tmp_path, lambda content: content[:int(part * len(content)) + 1], compression))
+    found = counted(reader)
+    assert found == list(range(len(found))) and 0 < len(found) < BLF_FRAMES
+    damage, = reader.damages
+    assert damage.kind is DamageKind.CUT_SHORT and f'{len(found)} of {BLF_FRAMES} objects' in damage.detail
+    assert reader.unread == 1
+
+
+@pytest.mark.parametrize('begun', range(0, 45, 4))
+def test_a_blf_cut_at_the_begin_of_a_container_is_missing_the_objects_that_its_header_counts(tmp_path, begun):
+    reader = CanLogReader(blf_log(tmp_path, lambda content: content[:places(content, 10)[1] + begun]))
+    found = counted(reader)
+    assert reader.unread == 1 and f'{len(found)} of {BLF_FRAMES} objects' in reader.problem
+
+
+def test_a_blf_that_was_not_ended_is_read_up_to_its_end(tmp_path):
+    """Its header, written last, counts nothing."""
+    count = slice(32, 36)
+    def change(content):
+        assert int.from_bytes(content[count], 'little') == BLF_FRAMES
+        return content[:count.start] + bytes(4) + content[count.stop:-1000]
+    reader = CanLogReader(blf_log(tmp_path, change))
+    found = counted(reader)
+    assert found == list(range(len(found))) and len(found) > 4000 and reader.unread == 1

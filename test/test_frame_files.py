@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import re
 import struct
 import zlib
 from pathlib import Path
@@ -20,6 +21,7 @@ from tactile_node.errors import InputError
 from tactile_node.skin.layout import MAX_SIDE
 from tactile_node.taxel_frame import TaxelStatus
 
+ROOT = Path(__file__).resolve().parents[1]
 LOG = Path(__file__).parent / 'data' / 'sim16x16_two_pads.log.gz'
 SQUARE = np.zeros((12, 12))
 SQUARE[3:9, 3:9] = 40e3
@@ -71,6 +73,44 @@ def test_another_text_is_refused_by_line_and_cell(tmp_path, content, where):
     with pytest.raises(InputError) as refused:
         read_frames(text(tmp_path / 'x.csv', content))
     assert where in refused.value.where
+
+
+@pytest.mark.parametrize(('shape', 'warns'), [((64, 16), True), ((2000, 256), True), ((63, 16), False),
+                                              ((64, 15), False), ((16, 64), False), ((2, 64, 16), False)])
+@pytest.mark.parametrize('name', ['x.csv', 'x.npy'])
+def test_a_table_of_frames_that_is_read_as_one_frame_is_reported(tmp_path, capsys, name, shape, warns):
+    frames = np.zeros(shape)
+    if name == 'x.npy':
+        np.save(tmp_path / name, frames)
+    else:
+        text(tmp_path / name, '\n'.join('\n'.join(','.join(map(str, row)) for row in frame) + '\n'
+                                       for frame in frames.reshape(-1, *shape[-2:])))
+    assert main(['classify', str(tmp_path / name)]) == 0
+    assert ('docs/howto/without_ros.md' in capsys.readouterr().err) == warns
+
+
+#: what other systems export: a header, then rows of taxels with a title for each frame, or a frame in each line
+EXPORTS = {'export.csv': ('DATA_TYPE MOVIE\nROWS 44\nCOLS 36\nUNITS N/cm\xb2\nASCII_DATA @@\n', 'Frame {}\n', (44, 36)),
+           'export.txt': ('file name: a\nsensor: 16 x 16\ntime[secs]\t1\t2\n', '', (16, 16))}
+
+
+@pytest.mark.parametrize('name', EXPORTS)
+def test_an_export_is_refused_with_the_place_of_a_remedy_that_works(tmp_path, monkeypatch, capsys, name):
+    header, title, shape = EXPORTS[name]
+    frames = np.arange(3 * shape[0] * shape[1]).reshape(3, *shape)
+    body = [title.format(k + 1) + '\n'.join(','.join(map(str, row)) for row in frame) + '\n\n' if title else
+            '\t'.join(map(str, (k / 10, *frame.ravel()))) + '\n' for k, frame in enumerate(frames)]
+    monkeypatch.chdir(tmp_path)
+    Path(name).write_text(header + ''.join(body), encoding='latin-1')
+    assert main(['classify', name]) == 2
+    page = 'docs/howto/without_ros.md'
+    assert page in capsys.readouterr().err
+    code, = (block for block in re.findall('```python\n(.*?)```', (ROOT / page).read_text(encoding='utf-8'), re.DOTALL)
+             if name in block)
+    exec(code)  # noqa: S102
+    found = read_frames('frames.npy' if title else 'frames.npz')
+    np.testing.assert_array_equal(found.values, frames)
+    assert title or found.stamps.tolist() == [0, 0.1, 0.2]
 
 
 def test_a_pixel_is_a_taxel_and_the_top_line_is_row_0(tmp_path):

@@ -142,7 +142,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until Ctrl-C or the end of the log; 1 when frames of a log did not come out as shapes."""
+    """Run until Ctrl-C or the end of the log; return 0, or the exit code of `nodes.replay.play`."""
     with ExitStack() as stack:
         stop_requested = stack.enter_context(interruption())
         if args.end_with:

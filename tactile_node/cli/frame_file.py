@@ -15,7 +15,8 @@ from tactile_node.errors import InputError
 from tactile_node.taxel_frame import PRESS_BY_UNIT, TaxelFrame, TaxelStatus
 
 SEPARATORS = ',', ';', '\t'
-TEXT_REMEDY = 'Write numbers with a decimal point, a line for each row of taxels, and an empty line between frames.'
+TEXT_REMEDY = ('Write numbers with a decimal point, a line for each row of taxels, and an empty line between frames. '
+               'An export with a header: see docs/howto/without_ros.md, two lines of NumPy make an .npy of it.')
 
 
 def read_text(content: bytes, where: str) -> np.ndarray:

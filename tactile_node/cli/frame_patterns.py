@@ -18,6 +18,9 @@ from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.library.contacts import check_values
 from tactile_node.taxel_frame import TaxelStatus
 
+LONG = 4  #: times as many rows as columns: one frame of so many rows is rather many frames of a line each
+LEAST_FLAT = 16  #: columns of a line that is a whole frame: the taxels of a small pad
+
 
 def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
     """Yield name and frames of each input. Raises InputError where a unit contradicts the file or its values."""
@@ -31,6 +34,10 @@ def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
             raise InputError(f'file {path!r}', expected=f'values in {args.unit!r}, as --unit says',
                              got=f'the unit {found.unit!r}', remedy='Leave --unit out: the file has its own.')
         found = found._replace(unit=args.unit or found.unit)
+        frames, rows, cols = found.values.shape
+        if frames == 1 and cols >= LEAST_FLAT and rows >= LONG * cols:
+            print(f'tactile: warning: {path}: read as one frame of {rows} x {cols} taxels. If each line is a whole '
+                  'frame, see docs/howto/without_ros.md: two lines of NumPy give them their shape.', file=sys.stderr)
         if thresholds(args) is None and found.values.size:
             check_values(found.values, found.unit)
             if error := next(filter(None, map(UnitScale(found.unit, most=1.0).doubt, found.values)), None):

@@ -111,6 +111,11 @@ def add_node_id_option(parser: argparse.ArgumentParser) -> None:
                         help=f'CANopen node-ID of each pad (default: {DEFAULT_NODE_ID})')
 
 
+def add_pads_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--pads', type=pad_names, default=[], metavar='NAME,...',
+                        help='name of each pad (default: after its node-ID)')
+
+
 def add_any_device_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--any-device', action='store_true', help='play also where the SDO answers in the log show '
                         'another device, or another mapping of its TPDOs: taxels may be in wrong places')

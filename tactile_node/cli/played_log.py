@@ -30,7 +30,7 @@ class PlayedLog(NamedTuple):
 def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '',
              any_device: bool = False, window: TimeWindow = WHOLE, keep: bool = True,
              must_be_used: bool = False) -> PlayedLog:
-    """Play ``window`` of ``path`` at ``pace`` (None: as fast as possible); what is damaged is reported on stderr.
+    """Play ``window`` of ``path`` at ``pace`` (None: as fast as possible); what cannot be read is reported on stderr.
 
     Not ``keep``: the frames are only counted, and memory stays flat. Raises LogError where it cannot be played to its
     end; with ``must_be_used`` also KeyboardInterrupt where that was interrupted, InputError for a pad without a TPDO.
@@ -56,6 +56,8 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
                        remedy='What was played up to there is not used.')
     for line in damage_lines(source.reader.damages):
         print(line, file=sys.stderr)
+    if source.statistics().unread:
+        print(f'{path}: {source.reader.summary}', file=sys.stderr)
     played = PlayedLog(frames, source, source.finished.is_set())
     if must_be_used and not played.has_ended:
         raise KeyboardInterrupt

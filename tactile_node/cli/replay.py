@@ -14,6 +14,7 @@ from tactile_node.cli.options import (
     add_log_options,
     add_number,
     add_output_option,
+    add_pads_option,
     add_window_options,
     pads_of,
     window_of,
@@ -23,7 +24,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings
-from tactile_node.sources.log_source import summary
+from tactile_node.sources.log_source import UNREAD_EXIT, summary
 from tactile_node.taxel_frame import TaxelFrame
 
 
@@ -31,17 +32,23 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc, or a ROS 2 bag of '
                         'can_msgs/msg/Frame: .mcap, .db3, its folder; of a rotated series, its first file')
     add_log_options(parser)
+    add_pads_option(parser)
     add_number(parser, '--pace', limits={'remedy': '1 is the recorded pace, 0 as fast as possible.'}, default=0.0,
                help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     add_window_options(parser)
     add_output_option(parser, metavar='FILE', help='.npz: values of shape (K, rows, cols), NaN = invalid, '
                         'with stamps, sequence, status, pad, pitch and unit; .npy: the values alone; - is standard '
-                        'output (.npy), for one pad; with more pads the name gets _pad32 and so on')
+                        'output (.npy), for one pad; with more pads the name gets that of the pad, as _pad32')
+    parser.epilog = f'The exit code is {UNREAD_EXIT} where something in the log could not be read; the rest is written.'
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the log to its end; 1 when it held no taxels of these pads, or those of others, or was interrupted."""
-    pads = pads_of(args)
+    """Play the log to its end.
+
+    Returns the exit code: 1 when the log held no taxels of these pads, or those of others, or was interrupted, else
+    UNREAD_EXIT when something in the log could not be read.
+    """
+    pads = pads_of(args, args.pads)
     paths = _outputs(args.output, pads)
     for path in filter(None, paths.values()):
         check_writable(path, [args.log], force=args.force)
@@ -54,11 +61,11 @@ def run(args: argparse.Namespace) -> int:
             stream.write(_as_file(played.frames[name], name, pads[0].layout, is_archive=_is_archive(args.output)))
     statistics = played.source.statistics()
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
-    if statistics.unread:
-        print(f'{args.log}: {played.source.reader.summary}', file=sys.stderr)
     if not played.used:
         print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
-    return 0 if played.has_ended and played.used and not played.source.heard.strangers() else 1
+    if not played.has_ended or not played.used or played.source.heard.strangers():
+        return 1
+    return UNREAD_EXIT if statistics.unread else 0
 
 
 def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archive: bool) -> bytes:
@@ -93,7 +100,7 @@ def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict[str, Pat
     path = Path(output)
     if len(pads) == 1:
         return {pads[0].name: path}
-    return {pad.name: path.with_name(f'{path.stem}_{pad.name}{path.suffix}') for pad in pads}
+    return {pad.name: path.with_name(f'{path.stem}_{pad.name.replace("/", "_")}{path.suffix}') for pad in pads}
 
 
 def _standard_output() -> BinaryIO:

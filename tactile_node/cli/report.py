@@ -9,11 +9,11 @@ from tactile_node.cli.options import (
     add_any_device_option,
     add_model_option,
     add_output_option,
+    add_pads_option,
     add_skin_options,
     add_window_options,
     bit_rate,
     eds_of,
-    pad_names,
     pads_of,
     recogniser_of,
     window_of,
@@ -35,8 +35,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                         '<pad>/taxels: .mcap, .db3, its folder; of a rotated series, its first file')
     add_output_option(parser, metavar='FILE', default='report.html', help='default: %(default)s')
     add_skin_options(parser)
-    parser.add_argument('--pads', type=pad_names, default=[], metavar='NAME,...',
-                        help='name of each pad (default: after its node-ID)')
+    add_pads_option(parser)
     parser.add_argument('--channel', default='', help='bus to report on of a log of several, as the log names it '
                         '(can0); for a bag, the topic')
     parser.add_argument('--bitrate', type=bit_rate, help='of the bus [bit/s], which no log has: the load is then given '

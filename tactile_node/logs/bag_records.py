@@ -189,7 +189,7 @@ def _topics_of_mcap(path: Path) -> dict[str, str]:
 
 def _of_sqlite(path: Path, since: int) -> Iterator[Recorded | Damage]:
     try:
-        with closing(_opened(path)) as base:
+        with closing(open_sqlite(path)) as base:
             definitions = _definitions(base)
             for topic, kind, time, data in base.execute(
                     'SELECT topics.name, topics.type, messages.timestamp, messages.data FROM messages '
@@ -202,14 +202,15 @@ def _of_sqlite(path: Path, since: int) -> Iterator[Recorded | Damage]:
 
 def _topics_of_sqlite(path: Path) -> dict[str, str]:
     try:
-        with closing(_opened(path)) as base:
+        with closing(open_sqlite(path)) as base:
             return dict(base.execute('SELECT name, type FROM topics'))
     except sqlite3.Error:
         return {}  # who reads the messages reports it
 
 
-def _opened(path: Path) -> sqlite3.Connection:
-    return sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True)
+def open_sqlite(path: Path) -> sqlite3.Connection:
+    """Open a database for reading, by one thread after the other: a log is opened, played and closed by several."""
+    return sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True, check_same_thread=False)
 
 
 def _definitions(base: sqlite3.Connection) -> dict[str, str]:

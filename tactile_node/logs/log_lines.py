@@ -1,8 +1,7 @@
-"""What a log holds: which lines of candump's are whole CAN frames, and which bus each frame is of."""
+"""Which bus each CAN frame of a log is of."""
 
-import re
-from collections.abc import Callable, Collection, Iterator
-from typing import NamedTuple, TextIO
+from collections.abc import Collection
+from typing import NamedTuple
 
 import can
 
@@ -59,21 +58,3 @@ class OneBus:
             self._used[channel] = message.arbitration_id
         buses = [used for used in self._used if used in self._received] or list(self._used)
         return TwoBuses(self._used[buses[-1]], tuple(buses)) if len(buses) > 1 else None
-
-
-_CANDUMP_LINE = re.compile(r'\s*\(\d+\.\d+\)\s+\S+\s+([0-9A-F]{3}|[0-9A-F]{8})#'
-                           r'(R[0-8]?|([0-9A-F]{2}){0,8}|#[0-9A-F]([0-9A-F]{2}){0,64})(\s+[RT])?\s*\n', re.IGNORECASE)
-
-
-def whole_lines(stream: TextIO, on_unread: Callable[[str], None]) -> Iterator[str]:
-    """Give those of candump's lines that are a whole CAN frame; ``on_unread`` gets the reason for each left out.
-
-    python-can's reader would take what it can of a damaged line.
-    """
-    with stream:
-        for line in stream:
-            if _CANDUMP_LINE.fullmatch(line) is not None:
-                yield line
-            elif line.strip():  # what is left of a line without its end may read as another frame
-                on_unread('a damaged line' if line.endswith('\n')
-                          else 'cut short: it ends within a line, of which nothing is used')

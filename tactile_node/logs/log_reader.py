@@ -1,4 +1,4 @@
-"""Reads CAN logs: candump's by their text, python-can's others by suffix (``.asc``, ``.blf``...), and ROS 2 bags."""
+"""Reads CAN logs: in text by their lines, python-can's others by suffix (``.blf``...), and ROS 2 bags."""
 
 import gzip
 import logging
@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import can
-from can.io import CanutilsLogReader
 from can.io.generic import MessageReader
 
 from tactile_node.errors import LogError
+from tactile_node.logs import text_formats
 from tactile_node.logs.bag_log import read_can_frames
-from tactile_node.logs.bag_records import is_bag
+from tactile_node.logs.bag_records import OnDamage, is_bag, open_sqlite
+from tactile_node.logs.blf_objects import BlfReader
 from tactile_node.logs.damage import Damage, DamageKind, damage_text, utc
-from tactile_node.logs.log_lines import ChosenChannel, whole_lines
+from tactile_node.logs.log_lines import ChosenChannel
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.series import parts_of
 
@@ -28,8 +29,8 @@ SET_BACK = 1.0  # s: two frames of one clock are recorded in a wrong order by le
 FAR_AHEAD = 10.0      # s ahead of the frame before: between two frames of a skin at work there is less
 
 
-def _reader(path: str, on_unread: Callable[[str], None]) -> MessageReader:
-    """python-can's; of candump's lines it gets the whole ones. Stamps of an ASC count from the begin that it has."""
+def _reader(path: str, on_unread: Callable[[str], None], on_damage: OnDamage) -> MessageReader:
+    """Return python-can's reader, which gets only the whole lines of a text, or the whole objects of a .blf."""
     with open(path, 'rb') as file:
         opened = gzip.open if file.read(2) == b'\x1f\x8b' else open
     with opened(path, 'rb') as stream:
@@ -41,22 +42,38 @@ def _reader(path: str, on_unread: Callable[[str], None]) -> MessageReader:
         raise LogError(path, expected='a log with the stamps of its CAN frames', got='what candump shows on a terminal',
                        remedy='Record with `tactile record`, or with candump -L.')
     suffix = Path(path.lower().removesuffix('.gz')).suffix
-    if not CANDUMP.match(head) and suffix != '.log':
-        logger.warning('%s is read by python-can, which leaves out what it does not understand, and does not count it.',
-                       path)
-        return can.ASCReader(opened(path, 'rt'), relative_timestamp=False) if suffix == '.asc' else can.LogReader(path)
-    text = opened(path, 'rt', encoding='utf-8', errors='replace')  # a byte that is no text costs its own line alone
-    reader: Any = CanutilsLogReader(text)
-    reader.file = whole_lines(text, on_unread)
-    return reader
+    form = text_formats.CANDUMP if CANDUMP.match(head) else text_formats.FORMATS.get(suffix)
+    if form is not None:
+        text = opened(path, 'rt', encoding='utf-8', errors='replace')  # a byte that is no text costs its own line alone
+        reader: Any = form.reader(text)
+        reader.file = text_formats.whole_lines(text, form, on_unread)
+        return reader
+    if suffix == '.blf':
+        content: Any = opened(path, 'rb')
+        return BlfReader(content, Path(path).name, on_damage)
+    if suffix == '.db':
+        return _SqliteReader(path)
+    logger.warning('%s is read by python-can, which leaves out what it does not understand, and does not count it.',
+                   path)
+    return can.LogReader(path)
+
+
+class _SqliteReader(can.SqliteReader):
+    """python-can's, but for any thread."""
+
+    def __init__(self, path: str):
+        super().__init__(path)
+        self._conn.close()
+        self._conn = open_sqlite(Path(path))
+        self._cursor = self._conn.cursor()
 
 
 class CanLogReader:
     """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` is the reason.
 
-    The files of a rotated series are read as one, by the first; ``damages`` has what is missing of a bag or a series,
-    and when it was recorded. Of a log of several buses only ``channel`` is read where it is given: as the log calls it,
-    or a bag's topic. Of the recording ``window`` is read: of a bag without reading what is before it. A frame
+    The files of a rotated series are read as one, by the first; ``damages`` has what is missing of a bag, a .blf or a
+    series, and when it was recorded. Of a log of several buses only ``channel`` is read where it is given: as the log
+    calls it, or a bag's topic. Of the recording ``window`` is read: of a bag without reading what is before it. A frame
     whose stamp is far from its neighbours' is left out as unread. Of a log cut short, by a full disk or in a download,
     what is whole is given; ``summary`` has where it ends.
 
@@ -137,7 +154,8 @@ class CanLogReader:
 
     def _of_file(self, path: Path) -> Iterator[can.Message]:
         try:
-            reader = _reader(str(path), self._unread)
+            reader = _reader(str(path), self._unread, lambda damage: self._damaged(
+                damage._replace(begin=self._last or None)))
         except LogError:
             raise
         except Exception as error:  # each format's reader raises its own errors over a bad header

@@ -34,10 +34,11 @@ class ClockOutput:
 def play(system: System, spinner: Spinner, stop_requested: Event) -> int:
     """Wait for the log's end; print the outcome. The log waits for the answer to each of its frames.
 
-    Returns the exit code: 1 when frames did not come out as shapes.
+    Returns the exit code: 1 when frames did not come out as shapes, else UNREAD_EXIT when something in the log could
+    not be read.
     """
     # only here: nodes without the driver need no CAN library
-    from tactile_node.sources.log_source import LogSource, summary
+    from tactile_node.sources.log_source import UNREAD_EXIT, LogSource, summary
     source = system.source
     if not isinstance(source, LogSource):
         raise RuntimeError(f'expected a log to play, got {type(source).__name__}')
@@ -46,4 +47,6 @@ def play(system: System, spinner: Spinner, stop_requested: Event) -> int:
     statistics = source.statistics()
     published = sum(pad.published for pad in statistics.pads.values())
     print(f'{summary(statistics)}\nShapes: {system.recognised} of {published} taxel frames')
-    return 0 if system.recognised == published and not stop_requested.is_set() else 1
+    if system.recognised != published or stop_requested.is_set():
+        return 1
+    return UNREAD_EXIT if statistics.unread else 0

@@ -200,6 +200,9 @@ def _of_pads(pads: Sequence[PadSettings]) -> set[int]:
         base + node_id for base in (HEARTBEAT, SDO_REQUEST, SDO_RESPONSE) for node_id in nodes}
 
 
+UNREAD_EXIT = 3  #: exit code where all else is well, but something in the log could not be read
+
+
 def summary(statistics: BusStatistics) -> str:
     """Return a table of what was published and the fate of every CAN frame."""
     lines = []

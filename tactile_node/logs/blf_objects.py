@@ -1,0 +1,107 @@
+"""The whole objects of a BLF log (Vector). Objects are in containers; one may begin in a container and end in the next.
+
+At an object of size 0 python-can's reader would give the same frame for ever, and it counts nothing that is missing.
+"""
+
+import os
+import zlib
+from collections.abc import Generator, Iterator
+from io import BytesIO
+from typing import Any, BinaryIO
+
+import can
+from can.io import blf
+
+from tactile_node.logs.bag_records import OnDamage
+from tactile_node.logs.damage import Damage, DamageKind
+
+SIGNATURE = b'LOBJ'
+PADDING = 3  #: bytes between two objects, at most
+RESTORE_POINTS = 115  #: a type of objects that the file's header does not count
+_BASE, _CONTAINER = blf.OBJ_HEADER_BASE_STRUCT, blf.LOG_CONTAINER_STRUCT
+_HEADS = {1: blf.OBJ_HEADER_V1_STRUCT.size, 2: blf.OBJ_HEADER_V2_STRUCT.size}  # bytes after _BASE, by version
+#: of the types with CAN frames [bytes]
+_CONTENTS = {blf.CAN_MESSAGE: blf.CAN_MSG_STRUCT.size, blf.CAN_MESSAGE2: blf.CAN_MSG_STRUCT.size,
+             blf.CAN_ERROR_EXT: blf.CAN_ERROR_EXT_STRUCT.size, blf.CAN_FD_MESSAGE: blf.CAN_FD_MSG_STRUCT.size,
+             blf.CAN_FD_MESSAGE_64: blf.CAN_FD_MSG_64_STRUCT.size}
+
+
+class BlfReader(can.BLFReader):
+    """python-can's, which gets whole objects alone; ``on_damage`` gets what is missing."""
+
+    def __init__(self, file: BinaryIO, name: str, on_damage: OnDamage):
+        super().__init__(file)
+        self._name, self._on_damage = name, on_damage
+
+    def __iter__(self) -> Generator[can.Message, None, None]:
+        file: Any = self.file
+        try:
+            for objects in self._whole_objects(file):
+                head = _BASE.pack(SIGNATURE, _BASE.size, 1, _BASE.size + _CONTAINER.size + len(objects),
+                                  blf.LOG_CONTAINER)
+                self.file = BytesIO(head + _CONTAINER.pack(blf.NO_COMPRESSION, len(objects)) + objects)
+                yield from super().__iter__()
+        finally:
+            self.file = file
+
+    def _whole_objects(self, file: BinaryIO) -> Iterator[bytes]:
+        """Give whole objects, one after the other, up to a damage or the end of a container."""
+        data, read, is_damaged = b'', 0, False
+        for content in self._contents(file):
+            data = b'' if content is None else data + content  # an object that ends in a damaged container is lost
+            is_damaged = is_damaged or content is None
+            first = end = at = 0
+            while (begin := data.find(SIGNATURE, at)) >= 0 and begin + _BASE.size <= len(data):
+                size = _size(data, begin)
+                if size == 0:
+                    at = begin + 1
+                    continue
+                if begin + size > len(data):  # it ends in the next container
+                    break
+                if begin - end > PADDING:
+                    yield data[first:end]
+                    self._on_damage(Damage(DamageKind.RECORDS, self._name, size=begin - end))
+                    is_damaged = True
+                    first = begin
+                read += _BASE.unpack_from(data, begin)[-1] != RESTORE_POINTS
+                at = end = begin + size
+            yield data[first:end]
+            data = data[end:]
+        rest = len(data) + len(file.read())
+        if rest > PADDING or not self.object_count or read < self.object_count and not is_damaged:
+            self._on_damage(Damage(DamageKind.CUT_SHORT, self._name, size=rest,
+                                   detail=f'{read} of {self.object_count or "an unknown number of"} objects'))
+
+    def _contents(self, file: BinaryIO) -> Iterator[bytes | None]:
+        """Give the content of each container, None for a damaged one, and objects that are in none.
+
+        Ends before a head that cannot be read: the next object cannot be found.
+        """
+        while head := file.read(_BASE.size):
+            size, kind = _BASE.unpack(head)[-2:] if len(head) == _BASE.size else (0, 0)
+            if not head.startswith(SIGNATURE) or size < _BASE.size:
+                file.seek(-len(head), os.SEEK_CUR)
+                return
+            content = file.read(size - _BASE.size)
+            file.read(size % 4)
+            try:
+                yield _unpacked(content) if kind == blf.LOG_CONTAINER else head + content
+            except zlib.error as error:
+                self._on_damage(Damage(DamageKind.CHUNK, self._name, size=size, detail=str(error)))
+                yield None
+
+
+def _unpacked(content: bytes) -> bytes:
+    """Return what a container holds, as far as it is there. Raises zlib.error where it is damaged."""
+    if len(content) < _CONTAINER.size:
+        return b''
+    method, _ = _CONTAINER.unpack_from(content)
+    data = content[_CONTAINER.size:]
+    return data if method == blf.NO_COMPRESSION else zlib.decompressobj().decompress(data)
+
+
+def _size(data: bytes, begin: int) -> int:
+    """Return the length of the object at ``begin``; 0 where none can be: too short, or another one begins within it."""
+    _, _, version, size, kind = _BASE.unpack_from(data, begin)
+    least = _BASE.size + (_HEADS.get(version, size) + _CONTENTS[kind] if kind in _CONTENTS else 0)
+    return size if size >= least and data.find(SIGNATURE, begin + 1, begin + size + len(SIGNATURE) - 1) < 0 else 0
