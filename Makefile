@@ -73,22 +73,25 @@ demo: setup  ## simulated gripper skin, five shapes, live in the terminal; resul
 	@$(BIN)/python -m examples.demo --output demo_output --force
 	@$(NEXT)
 
-check: lint  ## style and the fast tests: what to run while you work (under 30 s)
+check: lint  ## style and the fast tests: what to run while you work (under a minute)
 	@$(BIN)/python -m pytest test -q -m 'not slow and not bus and not ros'
 
-test: STARTED := $(shell date +%s)
+# All lanes run, also where one fails. Lanes in real time go first: what only computes begins when lane-bus has ended.
 test: setup  ## everything that checks the project, with the time that it took
-	@$(MAKE) --no-print-directory --jobs 3 $(LANES)
-	@[ ! -f build/socketcan/not_run ] || \
-		printf '\n*** NOT TESTED on a real CAN stack: %s ***\n\n' "$$(cat build/socketcan/not_run)"
-	@took=$$(($$(date +%s) - $(STARTED))); printf 'make test took %d min %02d s\n' $$((took / 60)) $$((took % 60))
+	@failed=0; \
+	TIMEFORMAT='make test took %0R s, of the processor %0U s and %0S s'; \
+	time $(MAKE) --no-print-directory --keep-going --jobs 3 $(LANES) || failed=1; \
+	TIMEFORMAT='the tests on a real CAN stack took %0R s'; \
+	time $(MAKE) --no-print-directory lane-socketcan || failed=1; \
+	[ ! -f build/socketcan/not_run ] || \
+		printf '\n*** NOT TESTED on a real CAN stack: %s ***\n\n' "$$(cat build/socketcan/not_run)"; \
+	exit $$failed
 
-# The parts of `make test`, at once: tests in real time mostly wait, and what computes has the time that they leave,
-# at the lowest priority. Each line begins with its lane. By exec the tests get the signal that ends make.
-LANES := lane-ros lane-bus lane-lint lane-compute lane-socketcan
-.PHONY: $(LANES)
-$(LANES): export OMP_NUM_THREADS := 1
-$(LANES): LANE = exec > >(trap '' INT TERM; exec sed -u 's/^/$(@:lane-%=%) | /') 2>&1;
+# Each line begins with its lane. By exec the tests get the signal that ends make.
+LANES := lane-ros lane-bus lane-compute
+.PHONY: $(LANES) lane-socketcan
+$(LANES) lane-socketcan: export OMP_NUM_THREADS := 1
+$(LANES) lane-socketcan: LANE = exec > >(trap '' INT TERM; exec sed -u 's/^/$(@:lane-%=%) | /') 2>&1;
 LANE_TESTS = $(BIN)/python -m pytest test -q -p no:cacheprovider
 
 lane-ros: setup
@@ -97,13 +100,10 @@ lane-ros: setup
 lane-bus: setup
 	@$(LANE) exec $(LANE_TESTS) -m 'bus and not ros'
 
-lane-lint: setup
-	@$(LANE) exec nice -n 19 $(MAKE) --no-print-directory lint
+lane-compute: setup | lane-bus
+	@$(LANE) $(MAKE) --no-print-directory lint && exec $(LANE_TESTS) -m 'not bus and not ros'
 
-lane-compute: lane-lint
-	@$(LANE) exec nice -n 19 $(LANE_TESTS) -m 'not bus and not ros'
-
-lane-socketcan: lane-bus
+lane-socketcan: setup
 	@$(LANE) $(MAKE) --no-print-directory socketcan || { [ $$? -eq 2 ] && [ -f build/socketcan/not_run ]; }
 
 # Debian's chromium, not playwright's own download: the machine of the tests may have no internet.
