@@ -3,10 +3,12 @@
 import inspect
 from dataclasses import FrozenInstanceError, fields
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import rclpy
 import yaml
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from rclpy.qos import ReliabilityPolicy
 
@@ -112,3 +114,41 @@ def test_a_node_whose_constructor_has_failed_can_be_destroyed(name, monkeypatch)
         with pytest.raises(ValueError):
             NODES[name](context=context)
         failed[0].destroy_node()
+
+
+def drops_incomplete(driver):
+    """Return whether the driver's source drops incomplete sweeps; a stand-in takes the place of a bus."""
+    if driver.source is None:
+        driver.source = SimpleNamespace(drops=False)
+        driver.source.adjust = lambda drops, _timeout: vars(driver.source).update(drops=drops)
+    return driver.source.drops
+
+
+CHANGES = {
+    'skin_driver': (Parameter('drop_incomplete', value=True), drops_incomplete),
+    'processor': (Parameter('features', value=['all']), lambda node: node._groups),
+    'grasp': (Parameter('gap', value=0.02), lambda node: node._opening.current(0.0).gap == 0.02)}
+
+
+@pytest.mark.parametrize('name', CHANGES)
+def test_a_change_that_another_callback_refuses_has_no_effect(name):
+    """ROS asks all callbacks before it sets a value: one that is asked after ours may still refuse it."""
+    refusing, (change, state) = [], CHANGES[name]
+
+    class Refusing(NODES[name]):
+        def add_on_set_parameters_callback(self, callback):
+            super().add_on_set_parameters_callback(self.answer)  # rclpy asks the last one first
+            super().add_on_set_parameters_callback(callback)
+
+        def answer(self, _parameters):
+            return SetParametersResult(successful=not refusing, reason='refused by another callback')
+    with rclpy.context.Context() as context:
+        node = Refusing(context=context)
+        before = state(node)
+        refusing.append(True)
+        assert not node.set_parameters([change])[0].successful
+        assert state(node) == before
+        refusing.clear()
+        assert node.set_parameters([change])[0].successful
+        assert state(node) != before
+        node.destroy_node()

@@ -2,12 +2,12 @@
 
 import math
 from array import array
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import fields, replace
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
@@ -39,6 +39,37 @@ def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collect
 def read(node: Node, settings: type[Settings]) -> Settings:
     """Return the present values of the parameters of ``settings``."""
     return settings(**{row.name: _immutable(node.get_parameter(row.name).value) for row in table(settings)})
+
+
+def follow_changes(node: Node, settings: type[Settings], check: Callable[[Settings], None],
+                   apply: Callable[[Settings], None]) -> None:
+    """Check every change of the parameters of ``settings``, and apply it only when no callback can refuse it any more.
+
+    Parameters
+    ----------
+    node
+        The node that has declared the parameters.
+    settings
+        Their table.
+    check
+        Raises ConfigurationError to refuse new values; it must change nothing.
+    apply
+        Applies the values that the parameters then have; it must not raise.
+    """
+    names = {row.name for row in table(settings)}
+
+    def on_set(parameters: list[RosParameter]) -> SetParametersResult:
+        try:
+            check(changed(read(node, settings), parameters))
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def post_set(parameters: list[RosParameter]) -> None:
+        if any(each.name in names for each in parameters):
+            apply(read(node, settings))
+    node.add_on_set_parameters_callback(on_set)
+    node.add_post_set_parameters_callback(post_set)
 
 
 def changed(settings: Settings, parameters: Iterable[RosParameter]) -> Settings:
