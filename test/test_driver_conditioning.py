@@ -142,6 +142,19 @@ def test_how_long_a_node_may_be_silent_can_be_changed_live(make):
     driver.until(lambda: driver.status[-1].pads[0].nodes[0].fault == NodeStatus.FAULT_SILENT)
 
 
+def test_a_live_change_and_configure_refuse_the_same_heartbeat_timeout(make):
+    driver = make(heartbeat_period=0.25)
+    refused = driver.set('heartbeat_timeout', 0.45)
+    assert not refused.successful and 'a timeout of 2 periods or more' in refused.reason
+    assert driver.node.get_parameter('heartbeat_timeout').value == DriverSettings().heartbeat_timeout
+    assert driver.set('heartbeat_timeout', 0.55).successful
+    for again in (driver.node.trigger_deactivate, driver.node.trigger_cleanup, driver.node.trigger_configure):
+        assert again() == TransitionCallbackReturn.SUCCESS
+    assert driver.node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    assert driver.set('heartbeat_timeout', 0.45).successful, 'the period may change before configure checks both'
+    assert driver.node.trigger_configure() == TransitionCallbackReturn.FAILURE
+
+
 def test_a_live_change_while_the_driver_configures_takes_effect(make, monkeypatch):
     """Configure reads the parameters first and takes seconds: a change in between must not get lost."""
     driver = make(autostart=False)

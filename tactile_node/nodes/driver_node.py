@@ -19,7 +19,7 @@ from tactile_node.conditioning.tare import tare_limit
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.driver_services import TareService, Zeroing, serve_faults
-from tactile_node.nodes.driver_source import driver_pads, make_source, pad_frames
+from tactile_node.nodes.driver_source import check_heartbeat, driver_pads, make_source, pad_frames
 from tactile_node.nodes.hand_over import HandOver
 from tactile_node.nodes.lifecycle_steps import LifecycleSteps, reject_invalid_transitions
 from tactile_node.nodes.pad_output import PadOutput
@@ -196,6 +196,8 @@ class DriverNode(LifecycleNode):
     def _check(self, settings: DriverSettings) -> None:
         """Raise ConfigurationError for live settings that cannot be applied."""
         masks_faulty(settings.faulty_taxels)
+        if self._settings is not None:  # else heartbeat_period may still change, and configure checks both
+            check_heartbeat(settings)
 
     def _apply(self, settings: DriverSettings) -> None:
         """Apply the live settings."""
