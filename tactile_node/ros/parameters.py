@@ -26,14 +26,36 @@ def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collect
     Those that a lifecycle node reads at configure are not: the node itself refuses a change while it is configured.
     """
     rows = table(settings)
+    overrides = getattr(node, '_parameter_overrides', {})
     for row in rows:
         default = list(row.default) if isinstance(row.default, tuple) else row.default
+        descriptor = _descriptor(row, row.name in read_at_configure)
         try:
-            node.declare_parameter(row.name, default, _descriptor(row, row.name in read_at_configure))
+            if row.name in overrides and overrides[row.name].value in (None, []):
+                _declare_without_values(node, row, descriptor)
+            else:
+                node.declare_parameter(row.name, default, descriptor)
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             raise ConfigurationError(f'parameter {row.name!r}', expected=row.properties.description, got=str(error),
                                      remedy='Correct the value, and its unit.') from None
     _warn_of_misspelt(node, [row.name for row in rows])
+
+
+def _declare_without_values(node: Node, row: Parameter, descriptor: ParameterDescriptor) -> None:
+    """Declare a parameter whose override is an empty list, of which ROS does not know the type.
+
+    An empty list means the default if that consists of empty strings, and a list without values otherwise.
+    """
+    if not isinstance(row.default, tuple):
+        raise ConfigurationError(f'parameter {row.name!r}', expected=row.properties.description, got='an empty list',
+                                 remedy='Give one value.')
+    default = list(row.default)
+    node.declare_parameter(row.name, default, ignore_override=True)
+    kind = RosParameter.Type.from_parameter_value(default)
+    descriptor.type = kind.value
+    if default[0] != '':
+        node.set_parameters([RosParameter(row.name, kind, [])])
+    node.set_descriptor(row.name, descriptor)  # only now, because a read-only parameter cannot be set
 
 
 def read(node: Node, settings: type[Settings]) -> Settings:
