@@ -28,6 +28,7 @@ from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import declare, follow_changes, read
 from tactile_node.ros.qos import is_wanted
+from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.settings import ProcessorSettings
 from tactile_node.taxel_frame import PRESS_BY_UNIT
 from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
@@ -73,7 +74,7 @@ class ProcessorNode(StageNode):
         """Find the contact in ``frame`` and send it on."""
         unit, values = frame.taxels.unit or '', frame.values
         if unit in self._scales and (error := self._scales[unit].doubt(values)):
-            logger.warning('%s: %s', self._taxels.topic, error, extra={'fact': error})
+            logger.warning('%s: %s', self._taxels.topic, error, extra=of_node(self, fact=error))
             self._scales = {}  # once
         contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
         self._contacts.send(contact, self._taxels.arrival.acquired)
