@@ -284,7 +284,8 @@ def test_setting_a_parameter_keeps_what_the_pad_has_learned(pad):
         return (found.state, found.pad_seen), found.noise_floor[2 * 16 + 2]
     for frame in [np.zeros((16, 16))] * 40 + [block()] * 3 + [left_over] * 3:
         state, learned = send(frame)
-    assert state == (Contact.NOT_SEEN, False) and learned > 200
+    assert state == (Contact.NOT_SEEN, False)
+    assert learned > 150, 'the other taxels are at 100'
     for name, value in LIVE.items():
         assert pad.processor.set_parameters([Parameter(name, value=value)])[0].successful
         for _ in range(3):

@@ -52,10 +52,7 @@ class LeftOver:
         return self._left
 
     def keep_only_left_over(self) -> None:
-        """Forget the contacts in progress, but not the taxels that are left over now.
-
-        Call it when thresholds change: a contact that gets smaller by them has not been let go.
-        """
+        """Forget all but the taxels left over now: a contact that new thresholds make smaller has not been let go."""
         self._largest = self._largest * self._left
         self._recent = self._recent * self._left
 

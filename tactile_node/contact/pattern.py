@@ -90,10 +90,7 @@ class PatternExtractor:
         self.set_thresholds(thresholds)
 
     def set_thresholds(self, thresholds: PressThresholds | None) -> None:
-        """Find the contact in progress again by ``thresholds``.
-
-        The noise floor and the left-over taxels stay, because they do not depend on the thresholds.
-        """
+        """Find the contact in progress again by ``thresholds``; the noise floor and the left-over taxels stay."""
         if thresholds is None and self._is_on_off:
             press = PRESS_BY_UNIT[ON_OFF_UNIT]
             thresholds = PressThresholds(press, RELEASE_RATIO * press)

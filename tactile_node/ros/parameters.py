@@ -69,29 +69,19 @@ def follow_changes(node: Node, settings: type[Settings], check: Callable[[Settin
 
     Parameters
     ----------
-    node
-        The node that has declared the parameters.
-    settings
-        Their table.
     check
         Raises ConfigurationError to refuse new values; it must change nothing.
     apply
-        Applies the values that the parameters then have; it must not raise.
+        Applies the values of all parameters after any of the node was set; it must not raise.
     """
-    names = {row.name for row in table(settings)}
-
     def on_set(parameters: list[RosParameter]) -> SetParametersResult:
         try:
             check(changed(read(node, settings), parameters))
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
-
-    def post_set(parameters: list[RosParameter]) -> None:
-        if any(each.name in names for each in parameters):
-            apply(read(node, settings))
     node.add_on_set_parameters_callback(on_set)
-    node.add_post_set_parameters_callback(post_set)
+    node.add_post_set_parameters_callback(lambda _: apply(read(node, settings)))
 
 
 def changed(settings: Settings, parameters: Iterable[RosParameter]) -> Settings:
