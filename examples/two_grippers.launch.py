@@ -17,6 +17,6 @@ def generate_launch_description() -> LaunchDescription:
 def gripper(arm: str, channel: str) -> GroupAction:
     """In a separate group, whose arguments do not reach the next one: topics are /<arm>/gripper/left/shape, ..."""
     bringup = PythonLaunchDescriptionSource([FindPackageShare('tactile_skin'), '/launch/bringup.launch.py'])
-    given = {'channel': channel, 'pads': 'left,right', 'node_id': '32,64', 'namespace': 'gripper',
+    given = {'channel': channel, 'pads': 'left,right', 'node_ids': '32,64', 'namespace': 'gripper',
              'frame_prefix': f'{arm}/', 'simulate': LaunchConfiguration('simulate')}
     return GroupAction([PushRosNamespace(arm), IncludeLaunchDescription(bringup, launch_arguments=given.items())])

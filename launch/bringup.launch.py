@@ -1,28 +1,38 @@
 """Starts the nodes of one CAN bus in one process, or those of one side of it: `tactile bringup` with arguments.
 
-Arguments are checked there, not here: a wrong one is one error of that process, and the other nodes of the robot stay.
+The process checks the values: a wrong one is one error of that process, and the other nodes of the robot stay. Only the
+names are checked here, because launch takes any name without a word.
 """
 
 import os
+import sys
+from collections.abc import Collection, Sequence
+from difflib import get_close_matches
 
 from launch.action import Action
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
 from launch.events.process import ProcessExited
 from launch.launch_context import LaunchContext
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from tactile_node.cli.bringup import ARGUMENTS, OPTIONS
+from tactile_node.cli.bringup import ARGUMENTS, OPTIONS, OTHER_SPELLINGS
+from tactile_node.errors import ConfigurationError
 
+FILE = os.path.basename(__file__)
 RESPAWN_DELAY = 2.0  # s
+SIMILAR = 0.85  # ratio of two names that may be one, misspelt; 'ros_namespace', which launch_ros sets, is at 0.82
+DECLARED = {*ARGUMENTS, *OTHER_SPELLINGS.values()}
 
 
 def generate_launch_description() -> LaunchDescription:
     return LaunchDescription([
         *(DeclareLaunchArgument(name, default_value='', description=each.description,
                                 choices=['', *each.choices] if each.choices else None)
-          for name, each in ARGUMENTS.items()), OpaqueFunction(function=start)])
+          for name, each in ARGUMENTS.items()),
+        *(DeclareLaunchArgument(other, default_value='', description=f'the same as {name}')
+          for name, other in OTHER_SPELLINGS.items()), OpaqueFunction(function=start)])
 
 
 def start(context: LaunchContext) -> list[Action]:
@@ -30,13 +40,39 @@ def start(context: LaunchContext) -> list[Action]:
 
     Only what was given becomes an option: the rest is left to the parameter file and the nodes' defaults.
     """
-    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    options = [f'--{name.replace("_", "-")}={given[name]}' for name in OPTIONS if given[name]]
-    return [Node(package='tactile_skin', executable='tactile', exec_name='tactile',
-                 namespace=given['namespace'] or None, output='screen',
-                 arguments=['bringup', *options, f'--end-with={os.getpid()}'],
-                 respawn=given['on_exit'] == 'respawn', respawn_delay=RESPAWN_DELAY,
-                 on_exit=end_launch if given['on_exit'] == 'shutdown' else None)]
+    refuse_undeclared(sys.argv)
+    given = {name: LaunchConfiguration(name).perform(context) for name in DECLARED}
+    options = [f'--{name.replace("_", "-")}={given[name]}' for name in (*OPTIONS, *OTHER_SPELLINGS.values())
+               if given[name]]
+    process = Node(package='tactile_skin', executable='tactile', exec_name='tactile',
+                   namespace=given['namespace'] or None, output='screen',
+                   arguments=['bringup', *options, f'--end-with={os.getpid()}'],
+                   respawn=given['on_exit'] == 'respawn', respawn_delay=RESPAWN_DELAY,
+                   on_exit=end_launch if given['on_exit'] == 'shutdown' else None)
+    return [*warnings_of_misspelt(context.launch_configurations), process]
+
+
+def refuse_undeclared(words: Sequence[str]) -> None:
+    """Raise ConfigurationError for a name that `ros2 launch`, called for this file with ``words``, passes in vain."""
+    paths = [word for word in words if os.path.basename(word) == FILE]
+    is_this = ('tactile_skin', FILE) in zip(words, words[1:]) or any(
+        os.path.exists(path) and os.path.samefile(path, __file__) for path in paths)
+    unknown = sorted({word.partition(':=')[0] for word in words if ':=' in word} - DECLARED)
+    if is_this and unknown:
+        similar = get_close_matches(unknown[0], ARGUMENTS, 1)
+        raise ConfigurationError(f'launch argument {unknown[0]!r}', expected='an argument that this file declares',
+                                 got=', '.join(unknown), remedy=f'Is {similar[0]!r} meant?' if similar
+                                 else 'List them with --show-args.')
+
+
+def warnings_of_misspelt(names: Collection[str]) -> list[Action]:
+    """Return a warning for each of ``names`` that looks like one of this file's arguments.
+
+    Launch hands the arguments of an including file on to this one: those of other names are no mistake.
+    """
+    found = {name: get_close_matches(name, ARGUMENTS, 1, SIMILAR) for name in sorted({*names} - DECLARED)}
+    return [LogInfo(msg=f'[WARN] {name!r} is no argument of {FILE}: is {similar[0]!r} meant?')
+            for name, similar in found.items() if similar]
 
 
 def end_launch(event: ProcessExited, context: LaunchContext) -> list[Action]:

@@ -20,9 +20,17 @@ class Configuration(Recorded):
         return context[self.given[0]]
 
 
+class Context(dict):
+    """Stands for a launch context, whose launch configurations are its items."""
+
+    @property
+    def launch_configurations(self):
+        return self
+
+
 MODULES = {
     'launch': ['LaunchDescription'], 'launch.action': ['Action'],
-    'launch.actions': ['DeclareLaunchArgument', 'OpaqueFunction', 'Shutdown'], 'launch.events': [],
+    'launch.actions': ['DeclareLaunchArgument', 'LogInfo', 'OpaqueFunction', 'Shutdown'], 'launch.events': [],
     'launch.events.process': ['ProcessExited'], 'launch.launch_context': ['LaunchContext'],
     'launch.substitutions': ['LaunchConfiguration'], 'launch_ros': [], 'launch_ros.actions': ['Node']}
 
@@ -47,15 +55,21 @@ def declared(path):
     return found, function.named['function']
 
 
+def actions_of(path, given):
+    """What the launch does with the launch configurations ``given``, which may be those of an including file, too."""
+    found, function = declared(path)
+    return function(Context({each.given[0]: each.named['default_value'] for each in found} | given))
+
+
 def process_of(path, **given):
     """The one process that the launch starts."""
-    found, function = declared(path)
+    found, _ = declared(path)
     defaults = {each.given[0]: each.named['default_value'] for each in found}
     assert given.keys() <= defaults.keys()
     for each in found:
-        choices = each.named['choices']
+        choices = each.named.get('choices')
         assert not choices or given.get(each.given[0], each.named['default_value']) in choices
-    action, = function(defaults | given)
+    action, = actions_of(path, given)
     assert type(action).__name__ == 'Node'
     assert (action.named['package'], action.named['executable']) == ('tactile_skin', 'tactile')
     return action.named

@@ -164,6 +164,15 @@ def test_frames_have_the_given_names_and_prefix(tmp_path):
     assert GraspNodeSettings(frame_prefix='robot1/').frame == 'robot1/gripper'
 
 
+@pytest.mark.parametrize('value', ['[]', 'soon'])
+def test_a_wrong_value_for_a_parameter_of_ros_ends_with_a_sentence(value, tmp_path, capsys):
+    file = tmp_path / 'parameters.yaml'
+    file.write_text(f'/**:\n  ros__parameters:\n    use_sim_time: {value}\n')
+    assert main(['bringup', '--interface', 'virtual', '--params-file', str(file)]) == 2
+    error = capsys.readouterr().err.strip()
+    assert error.startswith('tactile: error: ') and '\n' not in error and 'use_sim_time' in error
+
+
 def test_a_missing_parameter_file_is_reported(capsys):
     assert main(['bringup', '--interface', 'virtual', '--params-file', '/nowhere.yaml']) == 2
     assert 'a ROS 2 parameter file' in capsys.readouterr().err

@@ -8,13 +8,15 @@ import pytest
 import rclpy
 from driver_bench import WARN, DriverBench
 from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench
+from rclpy.lifecycle import TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
 from tactile_node.conditioning.gain import make_curve
 from tactile_node.conditioning.taxel_faults import TaxelFault, load_faults
 from tactile_node.errors import ConfigurationError
 from tactile_node.learning.response import SkinResponse, save_response
-from tactile_node.nodes.driver_source import driver_pads
+from tactile_node.nodes import driver_node
+from tactile_node.nodes.driver_source import driver_pads, make_source
 from tactile_node.package_files import config_path
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.conditioning_setup import conditioned_pads, skin_responses
@@ -138,6 +140,31 @@ def test_how_long_a_node_may_be_silent_can_be_changed_live(make):
     assert driver.status[-1].pads[0].nodes[0].fault == NodeStatus.FAULT_NONE
     assert driver.set('heartbeat_timeout', 0.5).successful
     driver.until(lambda: driver.status[-1].pads[0].nodes[0].fault == NodeStatus.FAULT_SILENT)
+
+
+def test_a_live_change_and_configure_refuse_the_same_heartbeat_timeout(make):
+    driver = make(heartbeat_period=0.25)
+    refused = driver.set('heartbeat_timeout', 0.45)
+    assert not refused.successful and 'a timeout of 2 periods or more' in refused.reason
+    assert driver.node.get_parameter('heartbeat_timeout').value == DriverSettings().heartbeat_timeout
+    assert driver.set('heartbeat_timeout', 0.55).successful
+    for again in (driver.node.trigger_deactivate, driver.node.trigger_cleanup, driver.node.trigger_configure):
+        assert again() == TransitionCallbackReturn.SUCCESS
+    assert driver.node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    assert driver.set('heartbeat_timeout', 0.45).successful, 'the period may change before configure checks both'
+    assert driver.node.trigger_configure() == TransitionCallbackReturn.FAILURE
+
+
+def test_a_live_change_while_the_driver_configures_takes_effect(make, monkeypatch):
+    """Configure reads the parameters first and takes seconds: a change in between must not get lost."""
+    driver = make(autostart=False)
+
+    def set_and_make_source(*given):
+        assert driver.set('faulty_taxels', 'mask').successful
+        return make_source(*given)
+    monkeypatch.setattr(driver_node, 'make_source', set_and_make_source)
+    assert driver.node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert driver.node._pads['pad32'].conditioned.masks
 
 
 def test_another_publisher_of_the_pads_taxels_is_reported(make):

@@ -14,19 +14,20 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from launch_stand_in import declared, nodes_of, process_of, put_stand_ins
+from launch_stand_in import actions_of, declared, nodes_of, process_of, put_stand_ins
 
-from tactile_node.cli.bringup import ARGUMENTS
+from tactile_node.cli.bringup import ARGUMENTS, OTHER_SPELLINGS, PARAMETERS
 from tactile_node.cli.main import _parser
-from tactile_node.node_graph import bus_nodes
+from tactile_node.errors import ConfigurationError
+from tactile_node.node_graph import Role, bus_nodes
 from tactile_node.ros.settings import ClassifierSettings, DriverSettings, GraspNodeSettings, table
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'launch' / 'bringup.launch.py'
-GRIPPER = {'pads': 'left, right', 'node_id': '32,0x40'}
+GRIPPER = {'pads': 'left, right', 'node_ids': '32,0x40'}
 NODES = DriverSettings, ClassifierSettings, GraspNodeSettings
 #: argument -> parameter of another name
-RENAMED = {'node_id': 'node_ids', 'layout': 'layouts', 'grasp_frame': 'frame_id'}
+RENAMED = {'grasp_frame': 'frame_id'}
 #: arguments that set no parameter of our nodes
 OTHERS = {'namespace', 'on_exit', 'side', 'simulate', 'use_sim_time', 'params_file'}
 
@@ -44,7 +45,7 @@ def options_of_the_command():
 
 def test_the_launch_file_declares_its_arguments():
     found, _ = declared(FILE)
-    assert [action.given[0] for action in found] == list(ARGUMENTS)
+    assert [action.given[0] for action in found] == [*ARGUMENTS, *OTHER_SPELLINGS.values()]
     assert all(len(action.named['description']) > 10 for action in found)
 
 
@@ -69,6 +70,43 @@ def test_what_sets_a_parameter_has_the_description_and_the_default_of_its_table(
         assert isinstance(default, type(row.default)) or isinstance(row.default, tuple)
 
 
+def test_every_argument_that_sets_a_parameter_of_the_driver_has_its_name():
+    assert all(option == parameter for option, parameter in PARAMETERS[Role.DRIVER].items())
+
+
+@pytest.mark.parametrize('option', OTHER_SPELLINGS)
+def test_another_spelling_means_the_same(option):
+    value = {'node_ids': '32,64', 'layouts': 'a.yaml,b.yaml'}[option]
+    one, other = (nodes_of(process_of(FILE, pads='left,right', **{name: value}))[-1].parameters
+                  for name in (option, OTHER_SPELLINGS[option]))
+    assert one == other and one[option] != getattr(DriverSettings, option)
+
+
+def called(monkeypatch, *words):
+    """What the launch does when `ros2 launch` is called with ``words``."""
+    monkeypatch.setattr(sys, 'argv', ['/opt/ros/jazzy/bin/ros2', 'launch', *words])
+    return actions_of(FILE, dict(word.split(':=') for word in words if ':=' in word))
+
+
+@pytest.mark.parametrize('file', [['tactile_skin', 'bringup.launch.py'], [str(FILE)]], ids=['package', 'path'])
+@pytest.mark.parametrize(('word', 'remedy'), [('pad:=left,right', "'pads' meant"), ('speed:=3', '--show-args')])
+def test_an_argument_that_the_file_does_not_declare_is_refused(file, word, remedy, monkeypatch):
+    with pytest.raises(ConfigurationError) as refused:
+        called(monkeypatch, *file, 'node_ids:=32,64', word)
+    assert refused.value.where == f'launch argument {word.split(":=")[0]!r}' and remedy in refused.value.remedy
+    assert len(called(monkeypatch, *file, 'node_ids:=32,64', 'node_id:=32')) == 1
+
+
+@pytest.mark.parametrize('file', [['my_robot', 'bringup.launch.py'], ['robot.launch.py']], ids=['its name', 'another'])
+def test_of_a_file_that_includes_it_only_a_misspelt_argument_is_warned_of(file, monkeypatch):
+    """Launch hands on the arguments of that file, and what launch_ros itself keeps with them."""
+    names = ['robot:=ur5', 'ros_namespace:=/left', 'global_params:=x']
+    assert len(called(monkeypatch, *file, *names)) == 1
+    warning, process = called(monkeypatch, *file, *names, 'pad:=left,right')
+    assert type(warning).__name__ == 'LogInfo' and "'pad'" in warning.named['msg'] and "'pads'" in warning.named['msg']
+    assert type(process).__name__ == 'Node'
+
+
 def test_the_opening_of_the_gripper_is_given_to_the_grasp_alone():
     given = {'gap_source': 'joint_states', 'gap_joints': 'finger_left, finger_right', 'gap_scale': '-0.5',
              'gap_offset': '0.08', 'publish_pad_frames': 'true', 'frame_ids': 'a,b'}
@@ -91,7 +129,7 @@ def test_a_replay_gives_the_time_on_request():
 
 def test_the_process_runs_the_nodes_of_the_bus_with_their_parameters():
     given = GRIPPER | {'interface': 'virtual', 'bitrate': '500000', 'autostart': 'false', 'gap': '0.04',
-                       'layout': 'sim8x8_16bit.yaml', 'frame_prefix': 'robot1/', 'use_sim_time': 'true'}
+                       'layouts': 'sim8x8_16bit.yaml', 'frame_prefix': 'robot1/', 'use_sim_time': 'true'}
     found = nodes_of(process_of(FILE, **given))
     every = {'use_sim_time': True}
     driver = {'interface': 'virtual', 'bitrate': 500000, 'autostart': False, 'layouts': ['sim8x8_16bit.yaml'],
@@ -151,7 +189,7 @@ from launch_ros.actions import PushRosNamespace
 import sys
 
 def gripper(namespace):
-    given = {'simulate': 'true', 'pads': 'left,right', 'node_id': '32,64', 'namespace': 'hand'}
+    given = {'simulate': 'true', 'pads': 'left,right', 'node_ids': '32,64', 'namespace': 'hand'}
     given |= dict(word.split(':=') for word in sys.argv[2:])
     source = PythonLaunchDescriptionSource(sys.argv[1])
     return GroupAction([PushRosNamespace(namespace), IncludeLaunchDescription(source,

@@ -43,7 +43,7 @@ def command(*words):
 
 def test_each_node_runs_on_one_of_the_two_sides():
     assert [node.label for node in side('perception')] == NODES[:-1]
-    assert [node.label for node in side('bus', node_id='32,64')] == NODES[-1:]
+    assert [node.label for node in side('bus', node_ids='32,64')] == NODES[-1:]
 
 
 @pytest.mark.parametrize('name', PERCEIVED)
@@ -54,7 +54,7 @@ def test_an_argument_of_perception_reaches_who_reads_it(name):
 
 
 def test_the_bus_side_gives_the_driver_what_bringup_would():
-    given = {'node_id': '32,64', 'channel': 'can1', 'layout': 'sim8x8_16bit.yaml', 'frame_ids': 'a,b',
+    given = {'node_ids': '32,64', 'channel': 'can1', 'layouts': 'sim8x8_16bit.yaml', 'frame_ids': 'a,b',
              'record': 'bus.log', 'autostart': 'false'}
     driver, = side('bus', **given)
     *_, expected = nodes_of(process_of(FILE, **PADS, **given))

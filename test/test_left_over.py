@@ -7,6 +7,7 @@ from patterns import COLS, ROWS, box
 from tactile_node import ContactStream
 from tactile_node.contact.left_over import IDLE_FRAMES, LeftOver
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.shape.recognition import Shape, UnknownReason
 
@@ -176,3 +177,26 @@ def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
     np.testing.assert_array_equal(arrived.hidden, pattern.hidden)
     np.testing.assert_allclose(arrived.noise, pattern.noise, rtol=1e-6)
     assert 300 < np.median(arrived.noise) < 700
+
+
+def test_a_changed_threshold_keeps_what_is_left_over_and_takes_no_contact_in_progress_for_it():
+    specks = disc(4) & ((3 * ROWS + 7 * COLS) % 9 == 0)
+    frames = 20e3 * disc(4), 20e3 * disc(4) + 30e3 * disc(1.5), 50e3 * specks
+    whole, hill, rest = frames
+    for last, is_left in ((hill, False), (rest, True)):
+        extractor = PatternExtractor(PressThresholds(10e3, 8e3), unit='Pa')
+        for frame in [whole] * 5 + [last] * 5:
+            before = extractor.extract(frame)
+        assert before.is_left_over is is_left and before.pad_seen is not is_left
+        extractor.set_thresholds(PressThresholds(30e3, 25e3))
+        for _ in range(5):
+            after = extractor.extract(last)
+            assert after.is_left_over is is_left and after.pad_seen is not is_left
+            assert np.array_equal(after.mask, last > 25e3) is not is_left
+
+
+def test_a_higher_threshold_releases_taxels_that_never_reached_it():
+    extractor, frame = PatternExtractor(PressThresholds(10e3, 8e3), unit='Pa'), 20e3 * disc(4)
+    assert extractor.extract(frame).contacts == 1
+    extractor.set_thresholds(PressThresholds(30e3, 15e3))
+    assert extractor.extract(frame).contacts == 0, 'pressed by the lower threshold alone'

@@ -3,13 +3,20 @@
 import inspect
 from dataclasses import FrozenInstanceError, fields
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import rclpy
 import yaml
+from candump import DATA
+from rcl_interfaces.msg import ParameterType, SetParametersResult
+from rcl_interfaces.srv import GetParameters
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import ReliabilityPolicy
+from ros_bench import RosBench
 
+from tactile_node.errors import ConfigurationError
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import READ_AT_CONFIGURE, DriverNode
 from tactile_node.nodes.grasp_node import GraspNode
@@ -112,3 +119,107 @@ def test_a_node_whose_constructor_has_failed_can_be_destroyed(name, monkeypatch)
         with pytest.raises(ValueError):
             NODES[name](context=context)
         failed[0].destroy_node()
+
+
+PLACE = 'three finite numbers'
+EMPTY = {'pads': 'a name for each pad', 'node_ids': 'a node-ID for each', 'layouts': 'one value, or one for each',
+         'left_xyz': PLACE, 'left_rpy': PLACE, 'right_xyz': PLACE, 'right_rpy': PLACE}
+LISTS = [(name, row.name) for name, settings in SETTINGS.items() for row in table(settings)
+         if isinstance(row.default, tuple)]
+
+
+def configured(kind, options):
+    """Make the node; a driver also configures. Raises its ConfigurationError."""
+    node = kind(**options)
+    try:
+        if kind is DriverNode and node.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+            raise node._steps.error
+        for row in table(SETTINGS[node.get_name()]):
+            described = node.describe_parameter(row.name)
+            assert described.description == row.properties.description
+            assert described.read_only != (row.properties.live
+                                           or row.name in OF_A_CONFIGURATION.get(node.get_name(), ()))
+        return read(node, SETTINGS[node.get_name()])
+    finally:
+        node.destroy_node()
+
+
+@pytest.mark.parametrize(('name', 'parameter'), LISTS, ids=[parameter for _, parameter in LISTS])
+def test_an_empty_list_in_a_parameter_file_is_a_list_without_values(name, parameter, tmp_path):
+    """ROS reads it as a value without a type, and an empty list of rclpy is a list of bytes."""
+    file = tmp_path / 'parameters.yaml'
+    file.write_text('/**:\n  ros__parameters:\n    publish_pad_frames: true\n    gap: 0.02\n'
+                    f'    replay: {DATA / "sim16x16_two_pads.log.gz"}\n    {parameter}: []\n')
+    with rclpy.context.Context() as context:
+        given = {'context': context, 'cli_args': ['--ros-args', '--params-file', str(file)]}
+        if parameter in EMPTY:
+            with pytest.raises(ConfigurationError, match=EMPTY[parameter]):
+                configured(NODES[name], given)
+        else:
+            default = getattr(SETTINGS[name](), parameter)
+            read_back = getattr(configured(NODES[name], given), parameter)
+            assert read_back == (() if any(default) else default)
+
+
+@pytest.mark.parametrize(('name', 'parameter'), [('skin_driver', 'bitrate'), ('skin_driver', 'replay'),
+                                                 ('processor', 'press_threshold'), ('classifier', 'fuse')])
+def test_an_empty_list_for_one_value_is_refused_with_its_meaning(name, parameter, tmp_path):
+    file = tmp_path / 'parameters.yaml'
+    file.write_text(f'/**:\n  ros__parameters:\n    {parameter}: []\n')
+    row, = (row for row in table(SETTINGS[name]) if row.name == parameter)
+    with rclpy.context.Context() as context, pytest.raises(ConfigurationError) as refused:
+        NODES[name](context=context, cli_args=['--ros-args', '--params-file', str(file)])
+    assert (refused.value.where, refused.value.expected) == (f'parameter {parameter!r}', row.properties.description)
+
+
+def test_an_empty_list_can_be_read_back_over_ros(ros, tmp_path):
+    """One parameter without a type empties the whole answer of the service, and so `ros2 param dump`."""
+    file = tmp_path / 'parameters.yaml'
+    file.write_text('/**:\n  ros__parameters:\n    features: []\n')
+    bench = RosBench(ros)
+    bench.add(ProcessorNode(cli_args=['--ros-args', '--params-file', str(file)]))
+    client = bench.add('reader').create_client(GetParameters, '/processor/get_parameters')
+    bench.until(client.service_is_ready)
+    call = client.call_async(GetParameters.Request(names=['features', 'queue_depth']))
+    bench.until(call.done)
+    features, depth = call.result().values
+    assert (features.type, features.string_array_value) == (ParameterType.PARAMETER_STRING_ARRAY, [])
+    assert depth.integer_value == ProcessorSettings().queue_depth
+
+
+def drops_incomplete(driver):
+    """Return whether the driver's source drops incomplete sweeps; a stand-in takes the place of a bus."""
+    if driver.source is None:
+        driver.source = SimpleNamespace(drops=False)
+        driver.source.adjust = lambda drops, _timeout: vars(driver.source).update(drops=drops)
+    return driver.source.drops
+
+
+CHANGES = {
+    'skin_driver': (Parameter('drop_incomplete', value=True), drops_incomplete),
+    'processor': (Parameter('features', value=['all']), lambda node: node._groups),
+    'grasp': (Parameter('gap', value=0.02), lambda node: node._opening.current(0.0).gap == 0.02)}
+
+
+@pytest.mark.parametrize('name', CHANGES)
+def test_a_change_that_another_callback_refuses_has_no_effect(name):
+    """ROS asks all callbacks before it sets a value: one that is asked after ours may still refuse it."""
+    refusing, (change, state) = [], CHANGES[name]
+
+    class Refusing(NODES[name]):
+        def add_on_set_parameters_callback(self, callback):
+            super().add_on_set_parameters_callback(self.answer)  # rclpy asks the last one first
+            super().add_on_set_parameters_callback(callback)
+
+        def answer(self, _parameters):
+            return SetParametersResult(successful=not refusing, reason='refused by another callback')
+    with rclpy.context.Context() as context:
+        node = Refusing(context=context)
+        before = state(node)
+        refusing.append(True)
+        assert not node.set_parameters([change])[0].successful
+        assert state(node) == before
+        refusing.clear()
+        assert node.set_parameters([change])[0].successful
+        assert state(node) != before
+        node.destroy_node()

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 
+from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.load import planned_load
 from tactile_node.errors import ConfigurationError
@@ -33,6 +34,21 @@ def test_a_pad_without_sync_sends_at_its_own_time_beside_one_with_sync():
     layouts = [load_layout('sim16x16.yaml'), load_layout('event8x8_16bit.yaml')]
     assert planned_load(layouts, 1_000_000, 0.01) == pytest.approx((100 * (SYNC + 32 * FRAME) + 20 * 16 * FRAME) / 1e6)
     assert planned_load(layouts[1:], 1_000_000, 0.01) == pytest.approx(20 * 16 * FRAME / 1e6)
+
+
+@pytest.mark.parametrize('allow', [False, True], ids=['checked', 'full bus allowed'])
+def test_a_bit_rate_that_no_device_has_is_named_before_the_load_that_follows_from_it(allow):
+    settings = BusSettings('virtual', 'nowhere', bitrate=123_456, allow_full_bus=allow)
+    with pytest.raises(ConfigurationError) as refused:
+        Supervisor(settings, placed_pads(1), lambda pad, frame: None)
+    assert refused.value.where == 'bitrate' and refused.value.got == '123456'
+    assert '125000' in refused.value.expected and 'sync_period' not in str(refused.value)
+
+
+@pytest.mark.parametrize('interface', ['virtual', 'slcan', 'socketcan'])
+def test_every_interface_refuses_a_bit_rate_that_no_device_has(interface):
+    with pytest.raises(ConfigurationError, match='^bitrate'):
+        open_bus(interface, '/nowhere', 123_456)
 
 
 def placed_pads(count):

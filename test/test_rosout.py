@@ -14,7 +14,9 @@ from ros_bench import RosBench
 from tactile_node.cli import replay
 from tactile_node.cli.main import main
 from tactile_node.nodes.driver_node import DriverNode
-from tactile_node.ros.rosout_handler import RosoutHandler
+from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.ros.rosout_handler import RosoutHandler, forward_logs_to, stop_forwarding_to
+from tactile_skin.msg import TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -110,6 +112,28 @@ def test_of_two_drivers_the_older_one_forwards_then_the_other(rosout):
     rosout.settle()
     assert [(heard.name, heard.msg) for heard in rosout.heard] == [('second.skin_driver', 'two')]
     second.destroy_node()
+
+
+def test_each_node_of_a_process_logs_under_its_own_name(rosout):
+    """What a node reports of itself; the records of the bus are the driver's."""
+    node, namespace = driver(), f'test{next(_numbers)}'
+    processor = rosout.add(ProcessorNode(namespace=namespace))
+    forward_logs_to(processor)
+    rosout.wait_for_driver()
+    publisher = rosout.node.create_publisher(TaxelArray, f'/{namespace}/taxels', 10)
+    rosout.until(publisher.get_subscription_count)
+    publisher.publish(TaxelArray())
+
+    def dropped():
+        return [heard for heard in rosout.heard if 'dropped' in heard.msg]
+    rosout.until(dropped, 'the processor has logged nothing')
+    CAN_SIDE.warning('of the bus')
+    rosout.settle()
+    line, = dropped()
+    assert line.name == processor.get_logger().name == f'{namespace}.processor' and namespace not in line.msg.split()[0]
+    assert [heard.name for heard in rosout.heard if heard.msg == 'of the bus'] == [node.get_logger().name]
+    stop_forwarding_to(processor)
+    node.destroy_node()
 
 
 def test_without_a_node_warnings_go_to_stderr(rosout, capfd, monkeypatch):

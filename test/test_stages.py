@@ -266,3 +266,44 @@ def test_counts_that_a_layout_takes_for_pascal_are_reported_once(pad):
         facts = log.error_facts
         assert pad.send(touch).contact.state == Contact.TOUCHED
     assert len(facts) == 1 and isinstance(facts[0], InputError) and 'layout' in facts[0].remedy
+
+
+LIVE = {'use_sim_time': False, 'features': ['all'], 'smallest_contact': 3, 'release_ratio': 0.5,
+        'press_threshold': 10e3}
+
+
+def test_setting_a_parameter_keeps_what_the_pad_has_learned(pad):
+    """Left-over taxels must not become a contact on a pad that is reported as seen, and a noisy taxel stays noisy."""
+    rng, noise = np.random.default_rng(3), np.full((16, 16), 100.0)
+    noise[2, 2] = 350.0
+    left_over = np.zeros((16, 16))
+    left_over[(4, 5, 6, 8, 9, 10), (4, 7, 9, 5, 10, 8)] = 50e3
+
+    def send(frame):
+        found = pad.send(frame + noise * rng.standard_normal((16, 16))).contact
+        return (found.state, found.pad_seen), found.noise_floor[2 * 16 + 2]
+    for frame in [np.zeros((16, 16))] * 40 + [block()] * 3 + [left_over] * 3:
+        state, learned = send(frame)
+    assert state == (Contact.NOT_SEEN, False)
+    assert learned > 150, 'the other taxels are at 100'
+    for name, value in LIVE.items():
+        assert pad.processor.set_parameters([Parameter(name, value=value)])[0].successful
+        for _ in range(3):
+            state, known = send(left_over)
+            assert state == (Contact.NOT_SEEN, False), name
+            assert known == pytest.approx(learned, rel=0.3), name
+
+
+def test_a_changed_threshold_finds_the_contact_in_progress_again(pad):
+    """Its outline changes with the threshold: the rest of it is no left-over of a larger contact."""
+    hill = np.zeros((16, 16))
+    hill[2:14, 2:14] = 20e3
+    hill[5:10, 5:10] = 50e3
+    for _ in range(3):
+        assert pad.send(hill).contact.contact_taxels[0] == 144
+    assert pad.processor.set_parameters([Parameter('press_threshold', value=30e3)])[0].successful
+    for _ in range(20):
+        found = pad.send(hill).contact
+        assert (found.state, list(found.contact_taxels), found.pad_seen) == (Contact.TOUCHED, [25], True)
+    assert pad.processor.set_parameters([Parameter('press_threshold', value=0.0)])[0].successful
+    assert pad.send(hill).contact.contact_taxels[0] == 144

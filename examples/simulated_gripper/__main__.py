@@ -1,7 +1,7 @@
 """A gripper with two tactile pads in physics, to try a grasp planner on without hardware.
 
     python -m examples.simulated_gripper --item square --seed 1 --link /tmp/skin
-    tactile bringup --interface slcan --channel /tmp/skin --pads left,right --node-id 32,64 \\
+    tactile bringup --interface slcan --channel /tmp/skin --pads left,right --node-ids 32,64 \\
         --gap-source joint_states --gap-joints hand_gap
 
 The item is off where the hand is sent by up to 8 mm and 15 degrees, as --seed draws it; without it, by nothing. The

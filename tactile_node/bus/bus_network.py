@@ -17,6 +17,7 @@ from tactile_node.assembly.health import BusFault
 from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.bus.reception import Batch, Reception
 from tactile_node.bus.slcan_bus import BulkSlcanBus
+from tactile_node.cia301.objects import BIT_RATES
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.logs.log_writer import CanLogWriter
 
@@ -31,8 +32,16 @@ _REMEDIES = {
     'slcan': 'Check the device path, end what else has it open, and see that you may open it (group dialout).'}
 
 
+def check_bit_rate(bitrate: int) -> None:
+    """Raise ConfigurationError for a bit rate that no CANopen device has."""
+    if bitrate not in BIT_RATES:
+        raise ConfigurationError('bitrate', expected=f'one of {", ".join(map(str, BIT_RATES))} bit/s', got=str(bitrate),
+                                 remedy='Give the bit rate that is set on the devices.')
+
+
 def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.BusABC:
-    """Open a python-can bus. Raises BusError; ConfigurationError for an interface that python-can has not."""
+    """Open a python-can bus. Raises BusError; ConfigurationError for an interface or bit rate that there is not."""
+    check_bit_rate(bitrate)
     if interface not in can.VALID_INTERFACES:
         close = get_close_matches(interface.lower(), can.VALID_INTERFACES, n=1)
         raise ConfigurationError('CAN interface', expected=f'one of {", ".join(sorted(can.VALID_INTERFACES))}',

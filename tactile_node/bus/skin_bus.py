@@ -14,7 +14,7 @@ from tactile_node.assembly.health import BusFault, Failure
 from tactile_node.assembly.router import Router
 from tactile_node.bus.bus_devices import BusDevices
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.bus_network import BusNetwork, check_bit_rate, open_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.load import refuse_full_bus
@@ -40,6 +40,7 @@ class SkinBus:
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
                  monitor: BusMonitor | None = None, on_failure: Callable[[Failure], None] | None = None):
         check_pads(pads)
+        check_bit_rate(settings.bitrate)  # first: the load depends on it
         if not settings.allow_full_bus:
             refuse_full_bus((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._settings = settings

@@ -8,6 +8,8 @@ from typing import NamedTuple
 MIN_NODE_ID = 1
 MAX_NODE_ID = 127
 ALL_NODES = 0  #: in an NMT command
+#: [bit/s], of CiA 301 (5.4); its earlier versions have 100,000 too
+BIT_RATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 
 
 DISABLED = 1 << 31  #: "PDO does not exist" in sub 1 of the PDO communication record (CiA 301)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
-from tactile_node.cli.options import add_number, live_pads_of, names, node_ids, switch
+from tactile_node.cli.options import add_number, names, node_ids, switch
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
 from tactile_node.node_graph import NodeDescription, ParameterValue, Role, Side, bus_nodes, roles_of
@@ -25,14 +25,17 @@ SETTINGS = {Role.DRIVER: DriverSettings, Role.PROCESSOR: ProcessorSettings, Role
             Role.GRASP: GraspNodeSettings}
 #: option -> parameter of the nodes of a role; of several, the first describes the option
 PARAMETERS: Mapping[Role, Mapping[str, str]] = {
-    Role.DRIVER: {'node_id': 'node_ids', 'layout': 'layouts', **{name: name for name in (
-        'interface', 'channel', 'bitrate', 'eds', 'record', 'replay', 'replay_channel', 'replay_pace', 'publish_clock',
-        'frame_ids', 'frame_prefix', 'autostart', 'wait_at_start')}},
+    Role.DRIVER: {name: name for name in (
+        'node_ids', 'layouts', 'interface', 'channel', 'bitrate', 'eds', 'record', 'replay', 'replay_channel',
+        'replay_pace', 'publish_clock', 'frame_ids', 'frame_prefix', 'autostart', 'wait_at_start')},
     Role.PROCESSOR: {},
     Role.CLASSIFIER: {'method': 'method', 'model': 'model'},
     Role.GRASP: {'grasp_frame': 'frame_id', 'frame_ids': 'pad_frames', **{name: name for name in (
         'frame_prefix', 'gap', 'gap_source', 'gap_joints', 'gap_frames', 'gap_scale', 'gap_offset',
         'publish_pad_frames')}}}
+
+#: option and launch argument -> its other spelling, which means the same
+OTHER_SPELLINGS = {'node_ids': 'node_id', 'layouts': 'layout'}
 
 
 class Option(NamedTuple):
@@ -128,7 +131,8 @@ def _parameters(args: argparse.Namespace, options: Mapping[str, str]) -> dict[st
 def add_options(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group()
     for name, option in OPTIONS.items():
-        words = [f'--{name.replace("_", "-")}', *(['--pace'] if name == 'replay_pace' else [])]
+        other = 'pace' if name == 'replay_pace' else OTHER_SPELLINGS.get(name)
+        words = [f'--{spelling.replace("_", "-")}' for spelling in (name, other) if spelling]
         more: dict[str, Any] = {'choices': option.choices, 'metavar': None if option.choices else 'VALUE'}
         if option.read is switch:
             more = {'metavar': 'BOOL', **({'nargs': '?', 'const': True} if name == 'simulate' else {})}
@@ -176,7 +180,9 @@ def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:
     """Put a simulated skin on a bus of this process."""
     from tactile_node.simulator.skin_simulator import SkinSimulator
     from tactile_node.simulator.touches import gripper_sources
-    pads = live_pads_of(args, pad_names_of(args))
+    from tactile_node.skin.pads import make_pads, with_dictionaries
+    pads = with_dictionaries(make_pads(args.layouts or DriverSettings.layouts, args.node_ids or DriverSettings.node_ids,
+                                       pad_names_of(args)), args.eds or DriverSettings.eds)
     simulator = SkinSimulator(pads, gripper_sources(pads))
     simulator.start('virtual', SIMULATED_CHANNEL)
     stack.callback(simulator.stop)

@@ -23,7 +23,7 @@ class LeftOver:
     """
 
     def __init__(self) -> None:
-        self._largest = self._recent = self._idle = self._since = np.zeros((0, 0))
+        self._largest = self._recent = self._idle = self._since = self._left = np.zeros((0, 0))
 
     def update(self, pressed: np.ndarray, is_one: bool = False) -> np.ndarray:
         """Return the taxels left over, bool (rows, cols), of successive frames ``pressed``.
@@ -31,13 +31,14 @@ class LeftOver:
         ``is_one``: they are known to be one group, which spares the search.
         """
         if self._largest.shape != pressed.shape:
-            self._largest, self._recent, self._idle, self._since = np.zeros((4, *pressed.shape))
+            self._largest, self._recent, self._idle, self._since, self._left = np.zeros((5, *pressed.shape))
         self._idle = np.where(pressed, 0, self._idle + 1)
         self._since += 1
         self._largest *= self._idle <= IDLE_FRAMES
         self._recent *= self._since <= RELEASE_FRAMES
         if not np.count_nonzero(pressed):
-            return read_only(np.zeros(pressed.shape, bool))
+            self._left = read_only(np.zeros(pressed.shape, bool))
+            return self._left
         groups = pressed.astype(int) if is_one else linked(pressed, PIECES_APART) * pressed
         sizes, ragged = _sizes(pressed, groups)
         size = sizes[groups]
@@ -47,7 +48,13 @@ class LeftOver:
         most = np.where(left, RETURN_GROWTH / REMAINING_SHARE * size, np.inf)
         self._recent = np.maximum(np.minimum(self._recent, most), size)
         self._since[left | (self._recent == size)] = 0
-        return read_only(left)
+        self._left = read_only(left)
+        return self._left
+
+    def keep_only_left_over(self) -> None:
+        """Forget all but the taxels left over now: a contact that new thresholds make smaller has not been let go."""
+        self._largest = self._largest * self._left
+        self._recent = self._recent * self._left
 
 
 def _sizes(pressed: np.ndarray, groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

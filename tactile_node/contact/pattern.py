@@ -81,17 +81,23 @@ class PatternExtractor:
     """
 
     def __init__(self, thresholds: PressThresholds | None = None, *, unit: str | None = None, largest: bool = True):
-        if thresholds is None and unit == ON_OFF_UNIT:
-            press = PRESS_BY_UNIT[unit]
-            thresholds = PressThresholds(press, RELEASE_RATIO * press)
-        self._thresholds = thresholds
+        self._unit = unit
         self._is_on_off = unit == ON_OFF_UNIT
         self._least = LEAST_BY_UNIT.get(unit or '', 0.0)
-        self._is_free = unit is None and thresholds is None
         self._floor = NoiseFloor(self._least or np.inf)
         self._largest = largest
         self._left_over = LeftOver()
+        self.set_thresholds(thresholds)
+
+    def set_thresholds(self, thresholds: PressThresholds | None) -> None:
+        """Find the contact in progress again by ``thresholds``; the noise floor and the left-over taxels stay."""
+        if thresholds is None and self._is_on_off:
+            press = PRESS_BY_UNIT[ON_OFF_UNIT]
+            thresholds = PressThresholds(press, RELEASE_RATIO * press)
+        self._thresholds = thresholds
+        self._is_free = self._unit is None and thresholds is None
         self._pressed: np.ndarray | None = None
+        self._left_over.keep_only_left_over()
 
     def extract(self, values: ArrayLike, *, saturated: ArrayLike | None = None,
                 unmapped: ArrayLike | None = None) -> ContactPattern:

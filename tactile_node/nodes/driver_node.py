@@ -19,15 +19,15 @@ from tactile_node.conditioning.tare import tare_limit
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.driver_services import TareService, Zeroing, serve_faults
-from tactile_node.nodes.driver_source import driver_pads, make_source, pad_frames
+from tactile_node.nodes.driver_source import check_heartbeat, driver_pads, make_source, pad_frames
 from tactile_node.nodes.hand_over import HandOver
 from tactile_node.nodes.lifecycle_steps import LifecycleSteps, reject_invalid_transitions
 from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.nodes.replay import ClockOutput
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.state_publisher import DriverState, StatePublisher
-from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, skin_responses
-from tactile_node.ros.parameters import changed, declare, read, table
+from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, masks_faulty, skin_responses
+from tactile_node.ros.parameters import declare, follow_changes, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import PrimaryState
@@ -54,7 +54,8 @@ class DriverNode(LifecycleNode):
         super().__init__(NODE_NAMES[Role.DRIVER], **options)
         reject_invalid_transitions(self)
         declare(self, DriverSettings, READ_AT_CONFIGURE)
-        self.add_on_set_parameters_callback(self._on_parameters)
+        follow_changes(self, DriverSettings, self._check, self._apply)
+        self.add_on_set_parameters_callback(self._refuse_fixed)  # rclpy asks the last one first
         self._settings: DriverSettings | None = None  # as configure has read them
         self.source: FrameSource | None = None  #: the bus or the log, None while unconfigured
         self._pads: dict[str, PadOutput] = {}
@@ -160,6 +161,7 @@ class DriverNode(LifecycleNode):
         self._owned += [lambda: self.destroy_service(saving), self._tare.end, source.close, self._hand_over.release]
         source.open()
         self.source = source
+        self._apply(read(self, DriverSettings))  # live ones may have been set since they were read
         source.configure()
 
     def _start(self) -> None:
@@ -183,21 +185,26 @@ class DriverNode(LifecycleNode):
         self._owned.append(clock.destroy)
         return clock.show
 
-    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Apply a change as a whole or not at all; what configure has read stays until cleanup."""
+    def _refuse_fixed(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Refuse to change what configure has read: it stays until cleanup."""
         fixed = [each.name for each in parameters if each.name in READ_AT_CONFIGURE]
         if self._settings is not None and fixed:
             return SetParametersResult(successful=False, reason=f'{", ".join(fixed)}: read at configure. Clean up the '
                                        'driver (ros2 lifecycle set), set it and configure again.')
-        settings = changed(read(self, DriverSettings), parameters)
-        try:
-            adjust({name: pad.conditioned for name, pad in self._pads.items()},
-                   {name: pad.unit for name, pad in self._pads.items()}, settings)
-        except ConfigurationError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _check(self, settings: DriverSettings) -> None:
+        """Raise ConfigurationError for live settings that cannot be applied."""
+        masks_faulty(settings.faulty_taxels)
+        if self._settings is not None:  # else heartbeat_period may still change, and configure checks both
+            check_heartbeat(settings)
+
+    def _apply(self, settings: DriverSettings) -> None:
+        """Apply the live settings."""
+        adjust({name: pad.conditioned for name, pad in self._pads.items()},
+               {name: pad.unit for name, pad in self._pads.items()}, settings)
         if self.source is not None:
             self.source.adjust(settings.drop_incomplete, settings.heartbeat_timeout)
-        return SetParametersResult(successful=True)
 
     def _driver_state(self) -> DriverState:
         return DriverState(self._lifecycle, self.source, self._steps.error,

@@ -28,6 +28,15 @@ def pad_frames(settings: DriverSettings, pads: Sequence[PadSettings]) -> list[st
     return [settings.frame_prefix + (frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)]
 
 
+def check_heartbeat(settings: DriverSettings) -> None:
+    """Raise ConfigurationError for a timeout in which too few heartbeats come; a log has its own heartbeats."""
+    if not settings.replay and settings.heartbeat_timeout < HEARTBEATS_LOST * settings.heartbeat_period:
+        raise ConfigurationError('parameters heartbeat_period and heartbeat_timeout',
+                                 expected=f'a timeout of {HEARTBEATS_LOST} periods or more',
+                                 got=f'{settings.heartbeat_period:g} and {settings.heartbeat_timeout:g} s',
+                                 remedy='Raise heartbeat_timeout.')
+
+
 def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
                 on_time: Callable[[float], None] | None = None) -> FrameSource:
     """Make the supervised bus, or the log of a replay, not yet open. Raises ConfigurationError for both at once.
@@ -42,11 +51,7 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
         return LogSource(settings.replay, pads, on_frame, pace=settings.replay_pace or None,
                          loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,
                          channel=settings.replay_channel, on_time=on_time, eds=settings.eds)
-    if settings.heartbeat_timeout < HEARTBEATS_LOST * settings.heartbeat_period:
-        raise ConfigurationError('parameters heartbeat_period and heartbeat_timeout',
-                                 expected=f'a timeout of {HEARTBEATS_LOST} periods or more',
-                                 got=f'{settings.heartbeat_period:g} and {settings.heartbeat_timeout:g} s',
-                                 remedy='Raise heartbeat_timeout.')
+    check_heartbeat(settings)
     bus = BusSettings(interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate,
                       sync_period=settings.sync_period, produce_sync=settings.produce_sync,
                       boot_timeout=settings.boot_timeout, drop_incomplete=settings.drop_incomplete,

@@ -37,6 +37,7 @@ from tactile_node.ros.gripper_messages import Command, GripperState, gripper_int
 from tactile_node.ros.gripper_settings import GripperSettings, limits_of
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.rosout_handler import of_node
 from tactile_skin.msg import Grasp, GripperOutcome
 
 LOOK_PERIOD = 0.01  #: s between two looks at a goal, beside those at each grasp
@@ -123,7 +124,7 @@ class GripperNode(Node):
         try:
             run = self._started(handle, self._interface.command(handle.request))
         except RefusedGoalError as error:
-            logger.error('%s: goal refused: %s', self.get_fully_qualified_name(), error)
+            logger.error('goal refused: %s', error, extra=of_node(self))
             self._finish(_Run(handle, math.nan, None, outcome=Outcome.REFUSED), str(error))
             return
         if self._run is not None:
@@ -280,8 +281,7 @@ class GripperNode(Node):
         self._outcomes.publish(message)
         is_usual = outcome in SUCCESSES or (run.holding is not None and outcome is Outcome.REPLACED)
         if not is_usual and not reason:
-            logger.warning('%s: %s ended: %s', self.get_fully_qualified_name(), 'hold' if run.holding else 'goal',
-                           outcome.name)
+            logger.warning('%s ended: %s', 'hold' if run.holding else 'goal', outcome.name, extra=of_node(self))
 
 
 def _is_cancel(stop_by: str) -> bool:

@@ -17,6 +17,7 @@ from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
 from tactile_node.ros.message_checks import Check, Message, RejectReason
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
 from tactile_node.ros.qos import is_lossless
+from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.source_guard import SourceGuard, StampGuard
 from tactile_node.ros.time_messages import seconds
 
@@ -205,8 +206,8 @@ class GuardedSubscription(Generic[Message]):
     def _drop(self, reason: RejectReason, error: Exception | None = None) -> None:
         self._dropped[reason] += 1
         if self._reminders[reason].is_due(reason.key, time.monotonic()):
-            logger.warning('%s: message on %s dropped: %s (%d so far)', self._node.get_fully_qualified_name(),
-                           self.topic, reason.key, self._dropped[reason], exc_info=error)
+            logger.warning('message on %s dropped: %s (%d so far)', self.topic, reason.key, self._dropped[reason],
+                           exc_info=error, extra=of_node(self._node))
 
 
 def frame_key(message: Any) -> FrameKey:

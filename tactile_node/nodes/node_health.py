@@ -14,6 +14,7 @@ from tactile_node.bus.message_pace import Reminder
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.message_age import use_stamps
 from tactile_node.ros.message_health import StreamFault, StreamHealth, health_status, several_text, topics_of_several
+from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.settings import ReceiverSettings
 
 logger = logging.getLogger(__name__)
@@ -46,8 +47,8 @@ class MessageHealth:
         """Once for each topic, until it has one publisher again."""
         found = topics_of_several(now)
         for topic in found.keys() - self._of_several:
-            logger.warning('%s: %s', self._node.get_fully_qualified_name(), several_text(topic, found[topic]),
-                           extra={'fact': StreamFault.SEVERAL_PUBLISHERS})
+            logger.warning('%s', several_text(topic, found[topic]),
+                           extra=of_node(self._node, fact=StreamFault.SEVERAL_PUBLISHERS))
         self._of_several = set(found)
 
 
@@ -83,5 +84,5 @@ def start_health_timer(node: Node, publish: Callable[[], None], period: float = 
             if not node.context.ok():  # nothing can be published: the process ends
                 raise
             if reminder.is_due('health', time.monotonic()):
-                logger.exception('%s: its health cannot be reported', node.get_fully_qualified_name())
+                logger.exception('the health of the node cannot be reported', extra=of_node(node))
     node.create_timer(period, report, clock=Clock(clock_type=ClockType.STEADY_TIME))

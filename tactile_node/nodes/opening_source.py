@@ -36,6 +36,7 @@ from tactile_node.ros.opening_messages import (
     why_not_known,
 )
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
+from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.settings import GraspNodeSettings, table
 from tactile_node.ros.time_messages import seconds
 
@@ -108,8 +109,8 @@ class MeasuredOpening:
         if not math.isnan(current.gap):
             self._reminder.reset()
         elif self._reminder.is_due('unknown', now):
-            logger.warning('%s: the opening of the gripper is not known: %s', name,
-                           why_not_known(current, self._remedy))
+            logger.warning('the opening of the gripper is not known: %s', why_not_known(current, self._remedy),
+                           extra=of_node(self._node))
         before, self._before = self._before, total(subscription.counts for subscription in self.subscriptions)
         return opening_status(name, current, self._before, before, self._remedy)
 
@@ -208,8 +209,8 @@ def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.nda
         return TfOpening(node, settings, law, closing)
     source = ParameterOpening(node)
     if math.isnan(source.current(time.monotonic()).gap):
-        logger.info('%s: the opening of the gripper is not known: widths and places in a grasp are NaN. Set gap, or '
-                    'gap_source to joint_states or tf', node.get_fully_qualified_name())
+        node.get_logger().info('the opening of the gripper is not known: widths and places in a grasp are NaN. Set '
+                               'gap, or gap_source to joint_states or tf')
     return source
 
 

@@ -13,6 +13,7 @@ from tactile_node.nodes.node_health import start_health_timer
 from tactile_node.nodes.opening_source import NONE, PARAMETER, OpeningSource
 from tactile_node.ros.opening_messages import frame_name, pad_transform, tf_message_type
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
+from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.settings import GraspNodeSettings
 
 logger = logging.getLogger(__name__)
@@ -84,4 +85,4 @@ def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper
     try:
         PadTransforms(node, settings, gripper, source)
     except ConfigurationError as error:
-        logger.warning('%s: the frames of the pads are not published: %s', node.get_fully_qualified_name(), error)
+        logger.warning('the frames of the pads are not published: %s', error, extra=of_node(node))

@@ -6,12 +6,9 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.parameter import Parameter
-
 from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.scale import UnitScale
-from tactile_node.errors import ConfigurationError, TactileError
+from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.hand_over import HandOver, StageInput, StageNode, StageOutput
@@ -29,8 +26,9 @@ from tactile_node.ros.contact_messages import (
 )
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_taxel_array
-from tactile_node.ros.parameters import changed, declare, read
+from tactile_node.ros.parameters import declare, follow_changes, read
 from tactile_node.ros.qos import is_wanted
+from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.settings import ProcessorSettings
 from tactile_node.taxel_frame import PRESS_BY_UNIT
 from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
@@ -49,7 +47,10 @@ class ProcessorNode(StageNode):
     def __init__(self, hand_over: HandOver | None = None, **options: Any):
         super().__init__(NODE_NAMES[Role.PROCESSOR], **options)
         declare(self, ProcessorSettings)
-        self._apply(read(self, ProcessorSettings))
+        self._settings = settings = read(self, ProcessorSettings)
+        self._groups = feature_groups(settings.features)
+        self._pipeline = ContactPipeline(thresholds=thresholds_of(settings), smallest_contact=settings.smallest_contact)
+        self._scales = scales_of(settings)
         hand_over = hand_over or HandOver()
         self._contacts = StageOutput(self, Contact, 'contact', self._settings, contact_message, hand_over)
         self._features = self.create_publisher(ContactFeatures, 'features', self._settings.qos)
@@ -59,30 +60,21 @@ class ProcessorNode(StageNode):
         self._taxels.sends_on = self._contacts.topic
         self.stages = self._taxels, self._contacts
         MessageHealth(self, [self._taxels], self._settings)
-        self.add_on_set_parameters_callback(self._on_parameters)
+        follow_changes(self, ProcessorSettings, check, self._apply)
 
     def _apply(self, settings: ProcessorSettings) -> None:
-        """Apply ``settings`` as a whole or not at all; the contact in progress is then found again."""
-        groups = feature_groups(settings.features)
-        press, ratio = settings.press_threshold, settings.release_ratio
-        thresholds = PressThresholds(press, press * ratio) if press else None
-        self._pipeline = ContactPipeline(thresholds=thresholds, smallest_contact=settings.smallest_contact)
-        self._settings = settings
-        self._groups = groups
-        self._scales = {} if press else {unit: UnitScale(unit, most=1.0) for unit in PRESS_BY_UNIT}
-
-    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        try:
-            self._apply(changed(read(self, ProcessorSettings), parameters))
-        except TactileError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        """Apply only what has changed, because the pipeline holds what it has learned of the pad."""
+        before, self._settings = self._settings, settings
+        self._groups = feature_groups(settings.features)
+        self._pipeline.set_contact_limits(thresholds_of(settings), settings.smallest_contact)
+        if settings.press_threshold != before.press_threshold:
+            self._scales = scales_of(settings)
 
     def accept(self, frame: PadFrame) -> None:
         """Find the contact in ``frame`` and send it on."""
         unit, values = frame.taxels.unit or '', frame.values
         if unit in self._scales and (error := self._scales[unit].doubt(values)):
-            logger.warning('%s: %s', self._taxels.topic, error, extra={'fact': error})
+            logger.warning('%s: %s', self._taxels.topic, error, extra=of_node(self, fact=error))
             self._scales = {}  # once
         contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
         self._contacts.send(contact, self._taxels.arrival.acquired)
@@ -91,6 +83,23 @@ class ProcessorNode(StageNode):
             features.age = age_message(self._taxels.arrival.age(time.monotonic()))
             self._features.publish(features)
         self._views.publish(contact)
+
+
+def check(settings: ProcessorSettings) -> None:
+    """Raise ConfigurationError for settings that cannot be applied."""
+    feature_groups(settings.features)
+    thresholds_of(settings)
+
+
+def thresholds_of(settings: ProcessorSettings) -> PressThresholds | None:
+    """Return the fixed thresholds, or None if the contact is what stands out of the noise."""
+    press = settings.press_threshold
+    return PressThresholds(press, press * settings.release_ratio) if press else None
+
+
+def scales_of(settings: ProcessorSettings) -> dict[str, UnitScale]:
+    """Return a check of the readings for each unit; none for fixed thresholds, which may be in any scale."""
+    return {} if settings.press_threshold else {unit: UnitScale(unit, most=1.0) for unit in PRESS_BY_UNIT}
 
 
 def feature_groups(names: Sequence[str]) -> Group:

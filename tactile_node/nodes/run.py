@@ -12,6 +12,7 @@ from rclpy.exceptions import (
     InvalidNamespaceException,
     InvalidNodeNameException,
     InvalidTopicNameException,
+    ParameterException,
 )
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -75,6 +76,9 @@ def translate_rclpy_errors() -> Iterator[None]:
     except NAME_ERRORS as error:
         raise ConfigurationError('namespace or pad name', expected='letters, digits and underscores',
                                  got=' '.join(str(error).split()), remedy='Rename it.') from None
+    except ParameterException as error:  # of the parameters that rclpy itself declares, as use_sim_time
+        raise ConfigurationError('parameter file or argument', expected='values of the type of each parameter',
+                                 got=str(error), remedy='Correct the value.') from None
     except rclpy_implementation.RCLError as error:
         if 'params file' not in str(error):
             raise

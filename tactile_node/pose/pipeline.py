@@ -140,6 +140,14 @@ class ContactPipeline:
         self._follower = FitFollower()
         self._motion = MotionFollower()
 
+    def set_contact_limits(self, thresholds: PressThresholds | None, smallest_contact: int) -> None:
+        """Use these limits from the next frame on; the noise floor and the left-over taxels stay."""
+        self._smallest_contact = smallest_contact
+        if thresholds != self._thresholds:
+            self._thresholds = thresholds
+            for extractor in self._extractors.values():
+                extractor.set_thresholds(thresholds)
+
     def find(self, values: np.ndarray, taxels: Taxels, *, saturated: ArrayLike | None = None,
              unmapped: ArrayLike | None = None) -> FoundContact:
         """Return what is pressed in the next frame, ``values`` (rows, cols), and what of the pad is seen."""

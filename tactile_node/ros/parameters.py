@@ -2,12 +2,12 @@
 
 import math
 from array import array
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import fields, replace
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
@@ -26,19 +26,62 @@ def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collect
     Those that a lifecycle node reads at configure are not: the node itself refuses a change while it is configured.
     """
     rows = table(settings)
+    overrides = getattr(node, '_parameter_overrides', {})
     for row in rows:
         default = list(row.default) if isinstance(row.default, tuple) else row.default
+        descriptor = _descriptor(row, row.name in read_at_configure)
         try:
-            node.declare_parameter(row.name, default, _descriptor(row, row.name in read_at_configure))
+            if row.name in overrides and overrides[row.name].value in (None, []):
+                _declare_without_values(node, row, descriptor)
+            else:
+                node.declare_parameter(row.name, default, descriptor)
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             raise ConfigurationError(f'parameter {row.name!r}', expected=row.properties.description, got=str(error),
                                      remedy='Correct the value, and its unit.') from None
     _warn_of_misspelt(node, [row.name for row in rows])
 
 
+def _declare_without_values(node: Node, row: Parameter, descriptor: ParameterDescriptor) -> None:
+    """Declare a parameter whose override is an empty list, of which ROS does not know the type.
+
+    An empty list means the default if that consists of empty strings, and a list without values otherwise.
+    """
+    if not isinstance(row.default, tuple):
+        raise ConfigurationError(f'parameter {row.name!r}', expected=row.properties.description, got='an empty list',
+                                 remedy='Give one value.')
+    default = list(row.default)
+    node.declare_parameter(row.name, default, ignore_override=True)
+    kind = RosParameter.Type.from_parameter_value(default)
+    descriptor.type = kind.value
+    if default[0] != '':
+        node.set_parameters([RosParameter(row.name, kind, [])])
+    node.set_descriptor(row.name, descriptor)  # only now, because a read-only parameter cannot be set
+
+
 def read(node: Node, settings: type[Settings]) -> Settings:
     """Return the present values of the parameters of ``settings``."""
     return settings(**{row.name: _immutable(node.get_parameter(row.name).value) for row in table(settings)})
+
+
+def follow_changes(node: Node, settings: type[Settings], check: Callable[[Settings], None],
+                   apply: Callable[[Settings], None]) -> None:
+    """Check every change of the parameters of ``settings``, and apply it only when no callback can refuse it any more.
+
+    Parameters
+    ----------
+    check
+        Raises ConfigurationError to refuse new values; it must change nothing.
+    apply
+        Applies the values of all parameters after any of the node was set; it must not raise.
+    """
+    def on_set(parameters: list[RosParameter]) -> SetParametersResult:
+        try:
+            check(changed(read(node, settings), parameters))
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+    node.add_on_set_parameters_callback(on_set)
+    node.add_post_set_parameters_callback(lambda _: apply(read(node, settings)))
 
 
 def changed(settings: Settings, parameters: Iterable[RosParameter]) -> Settings:

@@ -11,20 +11,28 @@ PACKAGE_LOGGER = 'tactile_node'
 class RosoutHandler(logging.Handler):
     """Forwards each record of level INFO and above once, from any thread, to ``node``.
 
-    A record names no node, so of several nodes in one process the oldest one publishes for all of them.
+    Of several nodes in one process, the node of the record publishes it (`of_node`); the oldest one if it names none.
     """
 
     def __init__(self, node: Node) -> None:
         super().__init__(logging.INFO)
         self.node, self._logger = node, node.get_logger()
+        self.node_name = self._logger.name
 
     def emit(self, record: logging.LogRecord) -> None:
-        if self is not next(iter(_handlers()), self):
+        handlers = _handlers()
+        named = [each for each in handlers if each.node_name == getattr(record, 'node', None)]
+        if self is not next(iter(named or handlers), self):
             return
         try:
             _log(self._logger, record.levelno, self.format(record))
         except Exception:
             self.handleError(record)
+
+
+def of_node(node: Node, **facts: object) -> dict[str, object]:
+    """Return the ``extra`` of a record that ``node`` reports, with ``facts``."""
+    return {'node': node.get_logger().name, **facts}
 
 
 def forward_logs_to(node: Node) -> None:
