@@ -8,6 +8,7 @@ Sources: `array` (Float32MultiArray), `image` (Image, 32FC1), `robotiq` (robotiq
 zero.
 """
 
+import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from types import MappingProxyType
@@ -16,9 +17,11 @@ from typing import Any
 import numpy as np
 import rclpy
 from builtin_interfaces.msg import Duration
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
+from tactile_node.errors import ConfigurationError, DeviceError, TactileError
 from tactile_skin.msg import TaxelArray
 
 ZERO_FRAMES = 20
@@ -51,10 +54,13 @@ class OtherSkin(Node):
         self._first: list[np.ndarray] = []
         self._sequence = 0
         self._publisher = self.create_publisher(TaxelArray, 'taxels', 10)
-        if self.settings['source'] != 'serial':
-            package, name, self._numbers = SOURCES[self.settings['source']]
-            self.create_subscription(getattr(import_module(f'{package}.msg'), name), 'raw', self._on_message,
-                                     qos_profile_sensor_data)
+        source = self.settings['source']
+        if source not in (*SOURCES, 'serial'):
+            raise ConfigurationError('parameter source', expected=f'one of {", ".join(SOURCES)}, serial',
+                                     got=repr(source), remedy='Name one of them.')
+        if source != 'serial':
+            package, name, self._numbers = SOURCES[source]
+            self.create_subscription(_message_type(package, name), 'raw', self._on_message, qos_profile_sensor_data)
 
     def _on_message(self, message: Any) -> None:
         self.take(self._numbers(message, self.settings['pad']))
@@ -82,13 +88,35 @@ class OtherSkin(Node):
         self._publisher.publish(message)
 
     def read_serial(self) -> None:
-        """Read lines until the node ends: numbers separated by blanks or commas."""
-        from serial import Serial
-        with Serial(self.settings['port'], self.settings['baud_rate'], timeout=1.0) as port:
+        """Read lines until the node ends: numbers separated by blanks or commas. Raises a TactileError."""
+        try:
+            from serial import Serial
+        except ModuleNotFoundError:
+            raise ConfigurationError('parameter source', expected='the Python module serial', got='none',
+                                     remedy='Install it: pip install pyserial.') from None
+        name = self.settings['port']
+        try:
+            port = Serial(name, self.settings['baud_rate'], timeout=1.0)
+        except (OSError, ValueError) as error:
+            raise ConfigurationError('parameter port', expected='a serial port that opens', got=f'{name}: {error}',
+                                     remedy='Check its path and baud_rate, and join the group dialout.') from None
+        with port:
             while rclpy.ok():
-                words = port.readline().replace(b',', b' ').split()
+                try:
+                    words = port.readline().replace(b',', b' ').split()
+                except OSError as error:
+                    raise DeviceError(f'serial port {name}', expected='to receive', got=str(error),
+                                      remedy='Check the cable, and start this again.') from None
                 if words:
                     self.take([_number(word) for word in words])
+
+
+def _message_type(package: str, name: str) -> Any:
+    try:
+        return getattr(import_module(f'{package}.msg'), name)
+    except ModuleNotFoundError:
+        raise ConfigurationError('parameter source', expected=f'the messages of {package}', got='no such package',
+                                 remedy='Source the workspace that holds it.') from None
 
 
 def _number(word: bytes) -> float:
@@ -98,14 +126,21 @@ def _number(word: bytes) -> float:
         return np.nan
 
 
-def main() -> None:
-    rclpy.init()
-    node = OtherSkin()
+def main() -> int:
+    """Publish until Ctrl-C; 2 where a parameter or the device cannot be used."""
     try:
+        rclpy.init()
+        node = OtherSkin()
         node.read_serial() if node.settings['source'] == 'serial' else rclpy.spin(node)
     except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
         pass
+    except (TactileError, ParameterException) as error:
+        print(f'other_skin: error: {error}', file=sys.stderr)
+        return 2
+    finally:
+        rclpy.try_shutdown()
+    return 0
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

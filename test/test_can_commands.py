@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from ctypes.util import find_library
 from pathlib import Path
 
 import can
@@ -12,9 +13,10 @@ import numpy as np
 import pytest
 from can_bench import Bench, wait_until
 
+from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.cli import record, replay, simulate
-from tactile_node.errors import ConfigurationError, LogError, TactileError
+from tactile_node.errors import BusError, ConfigurationError, LogError, TactileError
 from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.skin.pads import make_pad
 from tactile_node.sources.log_source import UNREAD_EXIT
@@ -175,6 +177,29 @@ def test_replay_without_a_sync_fails(tmp_path, capsys):
 def test_bad_input_is_one_of_our_errors(module, words, error):
     with pytest.raises(error):
         run(module, *words)
+
+
+@pytest.mark.parametrize(('interface', 'channel', 'library', 'linux_driver'), [
+    ('kvaser', '0', 'CANlib', 'kvaser_usb'), ('pcan', 'PCAN_USBBUS1', 'PCAN-Basic', 'peak_usb')])
+def test_a_library_of_the_adapters_maker_that_is_missing_is_named_with_the_driver_that_needs_none(
+        interface, channel, library, linux_driver):
+    """As python-can shows it is missing, which is another error for each."""
+    if find_library({'kvaser': 'canlib', 'pcan': 'pcanbasic'}[interface]):
+        pytest.skip('it is installed here')
+    with pytest.raises(BusError) as refused:
+        open_bus(interface, channel, 1_000_000)
+    assert refused.value.got == f'no library {library} of its maker'
+    assert all(word in refused.value.remedy for word in (linux_driver, 'socketcan', 'docs/adapters.md'))
+
+
+def test_where_the_makers_library_refuses_the_error_is_its_own_and_the_way_around_is_named(monkeypatch):
+    def refuses(**options):
+        raise can.CanOperationError('Function canIoCtl failed - Error in parameter.')
+    monkeypatch.setattr(can, 'Bus', refuses)
+    with pytest.raises(BusError) as refused:
+        open_bus('kvaser', '0', 1_000_000)
+    assert 'canIoCtl failed' in refused.value.got and 'kvaser_usb' in refused.value.remedy
+    assert '..' not in str(refused.value)
 
 
 def test_replay_takes_pace_0_and_reports_when_a_pad_has_no_tpdo(capsys):

@@ -63,6 +63,21 @@ def test_a_layout_and_an_eds_that_disagree_are_compared_to_their_end(capsys):
     assert code == 2 and len(json.loads(out)['errors']) > 32
 
 
+def test_one_wrong_count_gives_the_first_errors_of_a_kind_and_how_many_more_there_are(tmp_path, capsys):
+    """Eight TPDOs too many, in rows 16 to 19: each lacks two records and an object in the EDS, and lies outside."""
+    path = written(tmp_path, SIM.replace('count: 4, number: 8', 'count: 5, number: 8'))
+    code, out = check(capsys, path, CONFIG / 'sim16x16.eds')
+    lines = [line for line in out.splitlines() if line.startswith('ERROR')]
+    more = {line.split(': ', 2)[2]: int(line.split()[1])
+            for line in lines if 'more with this remedy' in line}
+    assert code == 2 and 'errors: 32,' in out
+    assert more == {'Correct the taxel, or rows and cols.': 5, 'Correct "map", or use the EDS that belongs to this '
+                    'skin.': 5, 'Correct the TPDO number, or use the EDS that belongs to this skin.': 13}
+    shown = [line for line in lines if 'more with' not in line]
+    assert len(shown) == 32 - 23 and 'TPDO 33' in shown[0] and 'TPDO 34' in shown[1] and 'TPDO 35' in shown[2]
+    assert len(json.loads(check(capsys, path, CONFIG / 'sim16x16.eds', '--json')[1])['errors']) == 32
+
+
 def test_facts_of_the_bus_are_those_of_can(capsys):
     """A frame of 8 bytes has 111 bits and up to 24 stuff bits (CiA 301 names neither: ISO 11898-1), SYNC 55 at most."""
     _, out = check(capsys, 'sim16x16.yaml', '--json', '--bitrate', '500000')

@@ -1,5 +1,7 @@
 """The driver node over an outage: same node, still active, /diagnostics true to what the bus does."""
 
+import subprocess
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -274,6 +276,45 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
     assert done.tared == ['pad32'] and done.frames_used[0] == 5
     assert done.largest_offset[0] == pytest.approx(OFFSET, abs=0.01) and done.noise[0] == pytest.approx(0, abs=0.01)
     wait_for_values(chain, 0)
+
+
+def command(chain, printed, *words):
+    """Start `tactile tare` for 5 frames, its output in the file ``printed``."""
+    with printed.open('w') as output:
+        process = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', 'tare', '--frames', '5', *words],
+                                   stdout=output, stderr=subprocess.STDOUT)
+    chain.stack.callback(process.wait)
+    chain.stack.callback(process.kill)
+    return process
+
+
+def exit_code(chain, process):
+    chain.until(lambda: process.poll() is not None, 'the command has not ended')
+    return process.returncode
+
+
+def test_the_command_tries_again_while_something_presses_and_tares_all_pads_of_the_driver(chain, tmp_path):
+    printed = tmp_path / 'printed.txt'
+    chain.start()
+    assert exit_code(chain, command(chain, printed, '--wait', '0')) == 1
+    refusal, = printed.read_text().splitlines()
+    assert refusal.startswith('tactile: error: pad32: tare: expected nothing on the pad: all taxels below 0.03 N')
+    process = command(chain, printed, '--wait', '600')
+    chain.until(lambda: 'trying again for 600 s' in printed.read_text(), 'it does not try again')
+    chain.load[0] = 0.02  # N, below the limit
+    assert exit_code(chain, process) == 0
+    assert printed.read_text().splitlines()[-1].startswith('pad32: tared over 5 frames, noise ')
+    wait_for_values(chain, 0)
+
+
+def test_without_a_driver_the_command_says_what_to_start_and_which_drivers_run(chain, tmp_path):
+    printed = tmp_path / 'printed.txt'
+    assert exit_code(chain, command(chain, printed, '--namespace', 'hand')) == 2
+    error, = printed.read_text().splitlines()
+    assert '/hand/skin_driver: expected a running driver, got none, but /skin_driver.' in error
+    assert '`tactile bringup`' in error and '--namespace' in error
+    assert exit_code(chain, command(chain, printed, '--namespace', '1hand')) == 2
+    assert 'namespace' in printed.read_text()
 
 
 def refusal_of(answer):

@@ -35,6 +35,7 @@ def test_the_help_lists_each_command_once_and_marks_those_whose_modules_are_miss
     first, more = ([line for line in part.splitlines() if line.startswith('    ')]
                    for part in capsys.readouterr().out.split('More:'))
     names = [line.split()[0] for line in first + more]
-    assert len(first) == 10 and sorted(names) == sorted([name for name, _ in COMMANDS] + ['--version'])
+    assert len(first) == 11 and sorted(names) == sorted([name for name, _ in COMMANDS] + ['--version'])
     missing = {line.split()[0]: re.findall('rclpy|viser', line) for line in first + more}
-    assert {name: found for name, found in missing.items() if found} == {'bringup': ['rclpy'], 'view': ['viser']}
+    assert {name: found for name, found in missing.items() if found} == {'bringup': ['rclpy'], 'view': ['viser'],
+                                                                               'tare': ['rclpy']}

@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from contextlib import ExitStack
+from itertools import chain
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -180,6 +181,43 @@ def test_two_serial_devices_started_as_on_the_page_give_a_view_and_a_grasp(monke
         send_until(lambda: doubt(grasps[-1], 0.0) is Doubt.NONE and grasps[-1].class_name == 'square', 1200)
         shown = view.store.shown().pads
         assert {pad: state.contact.shape for pad, state in shown.items()} == {'left': 'square', 'right': 'square'}
+
+
+def ended(monkeypatch, capfd, *parameters):
+    """Run the example as a program; return its exit code and what it prints last."""
+    rclpy.try_shutdown()  # the example has its own context
+    monkeypatch.setattr(sys, 'argv', ['other_skin.py', '--ros-args', *chain(*(('-p', each) for each in parameters))])
+    code = example.main()
+    printed = capfd.readouterr().err
+    assert 'Traceback' not in printed
+    return code, printed.splitlines()[-1]
+
+
+@pytest.mark.parametrize(('parameters', 'parts'), [
+    (['source:=telepathy'], ['parameter source: expected one of ', 'serial', "got 'telepathy'"]),
+    (['source:=robotiq'], ['parameter source: expected the messages of robotiq_tsf', 'Source the workspace']),
+    (['source:=serial', 'port:=/nowhere/skin'], ['parameter port: expected a serial port that opens', '/nowhere/skin']),
+    (['source:=serial', 'port:=/dev/null', 'baud_rate:=-1'], ['parameter port: expected a serial port that opens']),
+    (['rows:=many'], ['parameter', 'rows', 'integer'])])
+def test_what_the_example_cannot_use_is_one_sentence_and_exit_code_2(parameters, parts, monkeypatch, capfd):
+    code, error = ended(monkeypatch, capfd, *parameters)
+    assert code == 2 and error.startswith('other_skin: error: ') and all(part in error.lower() for part in map(
+        str.lower, parts)), error
+
+
+def test_a_serial_device_that_is_pulled_out_ends_the_example_with_one_sentence(monkeypatch, capfd):
+    keyboard, port = os.openpty()
+    name, came = os.ttyname(port), threading.Event()
+    monkeypatch.setattr(example.OtherSkin, 'take', lambda self, numbers: came.set())
+
+    def send_until_it_comes_and_pull_out():
+        while not came.wait(0.01):
+            os.write(keyboard, b'1 2 3\n')
+        os.close(port)
+        os.close(keyboard)
+    threading.Thread(target=send_until_it_comes_and_pull_out, daemon=True).start()
+    code, error = ended(monkeypatch, capfd, 'source:=serial', f'port:={name}')
+    assert code == 2 and f'serial port {name}: expected to receive' in error
 
 
 def test_lines_of_a_serial_port_are_frames_and_a_word_that_is_no_number_is_nan():

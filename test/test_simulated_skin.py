@@ -6,6 +6,7 @@ import select
 import struct
 import time
 from contextlib import ExitStack
+from pathlib import Path
 from types import SimpleNamespace
 
 import can
@@ -18,12 +19,15 @@ from tactile_node.bus import slcan_bus
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.cia301.frame_bits import Frame
 from tactile_node.cli.main import main
-from tactile_node.errors import BusError
+from tactile_node.cli.tare import DEFAULT_WAIT
+from tactile_node.conditioning.tare import ContactGuard, measure, tare_limit
+from tactile_node.errors import BusError, TareRefusedError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
-from tactile_node.simulator.touches import gripper_sources, touch_program
+from tactile_node.simulator.touches import RAMP, TOUCH_HOLD, TOUCH_PAUSE, gripper_sources, touch_program
 from tactile_node.skin.layout_file import load_layout
-from tactile_node.skin.pads import make_pad
+from tactile_node.skin.pads import make_pad, make_pads
+from tactile_node.skin.taxel_codec import TaxelCodec
 
 pytestmark = pytest.mark.bus
 
@@ -154,6 +158,7 @@ def test_touches_press_and_let_go():
     assert set(np.unique(on_off)) == {0, 1} and abs(on_off.sum() - 400) < 25
 
 
+CONFIG = Path(__file__).parents[1] / 'config'
 GRIPPER = [make_pad('left', 32, 'sim16x16.yaml'), make_pad('right', 64, 'sim16x16.yaml')]
 FULL_SCALE, PITCH = 100e3, 0.002  # Pa, m, of sim16x16
 TIMES = np.arange(0, 8, 0.02)  # s
@@ -173,8 +178,36 @@ def test_taxels_have_noise_that_the_seed_repeats():
     assert on_off(1.0).dtype == bool
 
 
+TARE_TIME = 1.0  # s: 50 frames at 50 Hz
+#: of the pads in pascal or newton, and the numbers of their nodes
+LAYOUTS = [(path.name, [32, 35] if path.stem.startswith('nodes2') else [32]) for path in sorted(CONFIG.glob('*.yaml'))
+           if path.with_suffix('.eds').exists() and load_layout(path.name).value.unit != '1']
+
+
+@pytest.mark.parametrize(('layout', 'nodes'), LAYOUTS)
+def test_a_tare_that_is_tried_again_passes_between_two_touches_and_never_during_one(layout, nodes):
+    pad, = make_pads([layout], nodes)
+    codec, unit, period = TaxelCodec(pad.layout), pad.layout.value.unit, pad.layout.frame_period(0.02)
+    source, fresh = gripper_sources([pad], ('square',))[pad.name], np.ones(len(pad.layout.carriers), bool)
+    program = touch_program(pad.layout, ('square',), hold=TOUCH_HOLD, pause=TOUCH_PAUSE)
+    times = np.arange(0, 5 * TOUCH_HOLD, period)
+    frames = np.array([codec.decode(codec.encode(source(time)), fresh)[0] for time in times])
+    is_pressed = np.array([program(time).any() for time in times])
+    count = round(TARE_TIME / period)
+
+    def passes(first):
+        try:
+            measure(frames[first:first + count], tare_limit(0.0, unit), ContactGuard.of_unit(unit))
+        except TareRefusedError:
+            return False
+        assert is_pressed[first:first + count].sum() * period <= 2 * RAMP  # its edges read less than the limit
+        return True
+    for begin in range(count):  # attempts follow one another without a gap
+        assert any(passes(first) for first in range(begin, begin + round(DEFAULT_WAIT / period), count)), times[begin]
+
+
 def test_contacts_are_held_and_slide_there_and_back():
-    still, sliding = (gripper_sources(GRIPPER, ('circle',), areas=(40.0,), hold=6.0, slide=slide, noise=0.0)
+    still, sliding = (gripper_sources(GRIPPER, ('circle',), areas=(40.0,), hold=6.0, pause=0.5, slide=slide, noise=0.0)
                       for slide in (0.0, 0.003))
     rows, cols = np.indices((16, 16))
 

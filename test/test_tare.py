@@ -27,7 +27,7 @@ def test_offsets_and_noise_are_found():
     offset = np.linspace(-3, 3, 48).reshape(6, 8)
     found = measure(frames(offset, 0.5), LIMIT, GUARD)
     np.testing.assert_allclose(found.offset, offset, atol=5 * 0.5 / 200 ** 0.5)
-    assert found.noise == pytest.approx(0.5, rel=0.03) and found.frames == 200
+    assert found.noise == pytest.approx(0.5, rel=0.03) and found.frames == 200 and found.unit == 'Pa'
     assert abs(found.largest) == pytest.approx(3, abs=0.2)
 
 
@@ -39,6 +39,22 @@ def test_refused_while_something_presses(press):
     with pytest.raises(TareRefusedError, match='row 2, column 3') as refused:
         measure(values, LIMIT, GUARD)
     assert refused.value.refusal is TareRefusal.PRESSED
+
+
+@pytest.mark.parametrize(('unit', 'limit', 'reading'), [('Pa', 10e3, 12e3), ('N', 0.03, 0.05)])
+def test_every_reading_and_limit_of_a_refusal_has_the_unit_of_the_taxels(unit, limit, reading):
+    values = np.full((5, 2, 2), reading)
+    pressed, contact = refused_with(values, limit, unit), refused_with(20 * values, 1e9, unit)
+    assert (pressed.refusal, contact.refusal) == (TareRefusal.PRESSED, TareRefusal.CONTACT)
+    assert f'below {limit:g} {unit},' in pressed.expected
+    assert f'mean {reading:g} {unit}, varying by 0 {unit}' in pressed.got
+    assert f'{20 * reading:g} {unit} above zero' in contact.got
+
+
+def refused_with(values, limit, unit):
+    with pytest.raises(TareRefusedError) as refused:
+        measure(values, limit, ContactGuard.of_unit(unit))
+    return refused.value
 
 
 def test_a_taxel_without_a_valid_value_keeps_its_zero():

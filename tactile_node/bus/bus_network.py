@@ -29,7 +29,12 @@ OnFailure = Callable[[BusFault, Exception], None]
 
 _REMEDIES = {
     'socketcan': 'Is it up? "ip link set {channel} up type can bitrate {bitrate}"; "ip link" lists them.',
-    'slcan': 'Check the device path, end what else has it open, and see that you may open it (group dialout).'}
+    'slcan': 'Check the device path, end what else has it open, and see that you may open it (group dialout).',
+    'kvaser': 'Use the interface socketcan with the Linux driver kvaser_usb: on Linux, python-can 4.6 opens no adapter '
+              'through CANlib (docs/adapters.md).',
+    'pcan': 'Use the interface socketcan with the Linux driver peak_usb, or install PCAN-Basic (docs/adapters.md).'}
+#: of the adapter's maker, which python-can loads
+_LIBRARIES = {'kvaser': 'CANlib', 'pcan': 'PCAN-Basic'}
 
 
 def check_bit_rate(bitrate: int) -> None:
@@ -52,16 +57,17 @@ def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.
             return BulkSlcanBus(channel, bitrate=bitrate, **options)
         return can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **options)
     except Exception as error:
-        # Each backend of python-can raises its own: CanError, OSError, ValueError, ImportError
-        missing = isinstance(error, (can.CanInterfaceNotImplementedError, ImportError))
-        remedy = ('Check the name, and install what this interface needs (slcan: pyserial).' if missing
-                  else _remedy(interface, channel, error))
+        # Each backend of python-can raises its own: CanError, OSError, ValueError, ImportError, NameError
+        is_without_library = interface in _LIBRARIES and isinstance(error, (NameError, OSError))
         raise BusError(f'CAN bus {interface} {channel}', expected=f'a bus that opens at {bitrate} bit/s',
-                       got=f'{type(error).__name__}: {error}',
-                       remedy=remedy.format(channel=channel, bitrate=bitrate)) from error
+                       got=f'no library {_LIBRARIES[interface]} of its maker' if is_without_library
+                       else f'{type(error).__name__}: {error}'.rstrip('.'),
+                       remedy=_remedy(interface, channel, error).format(channel=channel, bitrate=bitrate)) from error
 
 
 def _remedy(interface: str, channel: str, error: Exception) -> str:
+    if isinstance(error, (can.CanInterfaceNotImplementedError, ImportError)):
+        return 'Check the name, and install what this interface needs (slcan: pyserial).'
     if getattr(error, 'errno', None) == errno.EAFNOSUPPORT:
         return 'This kernel has no SocketCAN: load its modules (modprobe can can_raw), or use another interface.'
     if interface == 'socketcan' and channel.startswith('vcan'):

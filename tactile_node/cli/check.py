@@ -3,6 +3,7 @@
 import argparse
 import json
 import re
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ from tactile_node.yaml_section import line_of
 
 EDS_NODE_ID = 32           #: that the EDS is read for
 SYNC_PERIODS = (0.02, 0.01, 0.005)  #: between two SYNCs, of which the load is given [s]
+MOST_ALIKE = 3             #: errors with the same remedy that the text has
 WIDEST_MAP = 120           #: columns of a map that a terminal shows
 MAPPED_SIGN, UNMAPPED_SIGN, DEAD_SIGN = '#', '.', 'x'
 
@@ -142,9 +144,20 @@ def _map(layout: SkinLayout) -> np.ndarray:
 
 def _text(found: CheckedLayout, use: Use) -> list[str]:
     lines = [] if found.layout is None else _description(found.layout, use)
-    lines += [f'ERROR{f" in line {line}" if line else ""}: {error}' for error, line in found.errors]
+    lines += _error_lines(found.errors)
     lines += [f'WARNING: {text}.' for text in found.warnings]
     return [*lines, f'errors: {len(found.errors)}, warnings: {len(found.warnings)}']
+
+
+def _error_lines(errors: list[tuple[ConfigurationError, int | None]]) -> list[str]:
+    """Return the first errors of each remedy, then how many more have it: one wrong count repeats in each TPDO."""
+    lines, alike = [], Counter[str]()
+    for error, line in errors:
+        alike[error.remedy] += 1
+        if alike[error.remedy] <= MOST_ALIKE:
+            lines.append(f'ERROR{f" in line {line}" if line else ""}: {error}')
+    return lines + [f'ERROR: {count - MOST_ALIKE} more with this remedy (--json has all): {remedy}'
+                    for remedy, count in alike.items() if count > MOST_ALIKE]
 
 
 def _description(layout: SkinLayout, use: Use) -> list[str]:

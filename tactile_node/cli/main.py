@@ -23,6 +23,7 @@ COMMANDS = (
     ('check', 'check a skin layout and its EDS, and show the pad'),
     ('bringup', 'run all ROS 2 nodes of one bus in this process'),
     ('view', 'show the pads in a browser or on a terminal'),
+    ('tare', 'set the zero of the pads of a running driver'),
     ('record', 'record a CAN log from a live bus'),
     ('replay', 'play a CAN log without ROS: taxel frames to a file'),
     ('classify', 'the recognised shape, of frames in files: JSON lines or CSV'),
@@ -33,14 +34,14 @@ COMMANDS = (
     ('sdo', 'read or write one object of a device'),
     ('completion', 'print what makes your shell complete `tactile`'),
 )
-FIRST_COMMANDS = 10
+FIRST_COMMANDS = 11
 
 #: It runs nodes, whose handler forwards the log to /rosout and stderr.
 RUNS_NODES = 'bringup'
 
 #: by command, what its help would promise in vain without
 NEEDED = {'simulate': ('termios',), 'bringup': ('rclpy', 'tactile_skin'), 'view': ('viser',),
-          'completion': ('argcomplete',)}
+          'tare': ('rclpy', 'tactile_skin'), 'completion': ('argcomplete',)}
 _ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make setup` once.'
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',

@@ -22,7 +22,7 @@ from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.figures import MOST_SIDE, NAMED, Silhouette, named_silhouette, silhouette_of
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.simulator.slcan_pty import SlcanPty
-from tactile_node.simulator.touches import TAXEL_NOISE, TOUCH_AREAS, TOUCH_HOLD, gripper_sources
+from tactile_node.simulator.touches import TAXEL_NOISE, TOUCH_AREAS, TOUCH_HOLD, TOUCH_PAUSE, gripper_sources
 from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import PadSettings
 
@@ -87,10 +87,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_number(parser, '--rounds', int, limits={'least': 1}, default=1, metavar='N', help='N touches of each shape and '
                'area, each at another place and angle, before the programme repeats (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='of the touches (default: %(default)s)')
-    add_number(parser, '--noise', limits={'most': 1}, default=TAXEL_NOISE, metavar='SD', help='standard deviation of '
-               'each taxel, as a share of the full scale (default: %(default)s)')
+    add_number(parser, '--noise', limits={'most': 1}, metavar='SD', help='standard deviation of each taxel, as a share '
+               f'of the full scale (default: {TAXEL_NOISE}, or less where a quiet pad would seem pressed)')
     add_number(parser, '--hold', limits={'above': 0, 'unit': 's'}, default=TOUCH_HOLD, metavar='SECONDS',
                help='for which each contact is held (default: %(default)s)')
+    add_number(parser, '--pause', limits={'unit': 's'}, default=TOUCH_PAUSE, metavar='SECONDS',
+               help='between two contacts (default: %(default)s, long enough for `tactile tare`)')
     add_number(parser, '--slide', limits={'most': MOST_SLIDE, 'unit': 'm/s'}, default=0.0, metavar='SPEED', help='of a '
                'contact, there and back, while it is held, in metres a second, as 0.002 (default: it rests)')
     parser.add_argument('--duration', type=float, help='end after so many seconds (default: at Ctrl-C)')
@@ -163,4 +165,5 @@ def _open(args: argparse.Namespace) -> tuple[can.BusABC, str]:
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:
     return gripper_sources(pads, [read_shape(shape) for shape in args.shapes], args.seed,
-                           tuple(args.areas) * args.rounds, hold=args.hold, slide=args.slide, noise=args.noise)
+                           tuple(args.areas) * args.rounds, hold=args.hold, pause=args.pause, slide=args.slide,
+                           noise=args.noise)

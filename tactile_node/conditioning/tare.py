@@ -60,12 +60,13 @@ class ContactGuard(NamedTuple):
 
     press: float
     raised: float
+    unit: str  #: of the taxels
     gains: np.ndarray | float = 1.0  #: (rows, cols) or one for all
 
     @classmethod
     def of_unit(cls, unit: str, gains: np.ndarray | float = 1.0) -> 'ContactGuard':
         """``unit``: of the taxels, one of PRESS_BY_UNIT."""
-        return cls(PRESS_BY_UNIT[unit], TARE_LIMIT_BY_UNIT.get(unit, np.inf), gains)
+        return cls(PRESS_BY_UNIT[unit], TARE_LIMIT_BY_UNIT.get(unit, np.inf), unit, gains)
 
     def pressed(self, readings: np.ndarray, zero: np.ndarray | float) -> np.ndarray:
         """Return the pressed taxels, bool (rows, cols), of successive readings (K, rows, cols), NaN where invalid.
@@ -94,8 +95,6 @@ class ContactGuard(NamedTuple):
         return (sizes >= RAISED_TAXELS)[groups]
 
 
-
-
 class ZeroState(PhrasedCode):
     """Whether the zero of a pad is valid: subtracted here, or as the device sends it; if not, why."""
 
@@ -108,12 +107,13 @@ class ZeroState(PhrasedCode):
 
 
 class Tare(NamedTuple):
-    """Zero of a pad; in the taxels' unit."""
+    """Zero of a pad."""
 
     offset: np.ndarray  #: float32, (rows, cols), read-only; 0 for a taxel that had no valid value
     frames: int         #: averaged
     noise: float        #: standard deviation of a taxel around its zero, root mean square over the pad
     known: np.ndarray   #: bool, (rows, cols): where the offset was measured
+    unit: str           #: of offset and noise
 
     @property
     def largest(self) -> float:
@@ -137,12 +137,14 @@ def measure(values: np.ndarray, limit: float, guard: ContactGuard, zero: np.ndar
     if (worst >= limit).any():
         row, col = np.unravel_index(worst.argmax(), worst.shape)
         raise TareRefusedError(
-            'tare', TareRefusal.PRESSED, expected=f'nothing on the pad: all taxels below {limit:g}, and steady',
+            'tare', TareRefusal.PRESSED,
+            expected=f'nothing on the pad: all taxels below {limit:g} {guard.unit}, and steady',
             got=f'{np.count_nonzero(worst >= limit)} taxels above, most at row {row}, column {col}: mean '
-                f'{mean[row, col]:g}, varying by {varies[row, col]:g}',
+                f'{mean[row, col]:g} {guard.unit}, varying by {varies[row, col]:g} {guard.unit}',
             remedy='Open the gripper. If nothing presses: set "offset" in the layout, or raise tare_limit.')
     _refuse_contact(values, guard, zero)
-    return Tare(read_only(mean.astype(np.float32)), len(values), float(np.sqrt(values.var(0)[known].mean())), known)
+    noise = float(np.sqrt(values.var(0)[known].mean()))
+    return Tare(read_only(mean.astype(np.float32)), len(values), noise, known, guard.unit)
 
 
 def _refuse_contact(values: np.ndarray, guard: ContactGuard, zero: np.ndarray | float) -> None:
@@ -154,7 +156,7 @@ def _refuse_contact(values: np.ndarray, guard: ContactGuard, zero: np.ndarray | 
         raise TareRefusedError(
             'tare', TareRefusal.CONTACT, expected='no contact on the pad, whatever tare_limit is',
             got=f'{np.count_nonzero(pressed)} pressed taxels, most at row {row}, column {col}: {loads[row, col]:g} '
-                'above zero',
+                f'{guard.unit} above zero',
             remedy='Open the gripper. If nothing presses: set "offset" in the layout, or take out faulty taxels.')
 
 

@@ -150,8 +150,8 @@ def _noted(name: str, found: Measured, response: Tare.Response, on_device: str =
     response.frames_used.append(found.frames)
     response.noise.append(found.noise)
     response.largest_offset.append(found.largest)
-    return (f'{name}: {on_device}tared over {found.frames} frames, noise {found.noise:.3g}, '
-            f'largest offset {found.largest:.3g}.')
+    return (f'{name}: {on_device}tared over {found.frames} frames, noise {found.noise:g} {found.unit}, '
+            f'largest offset {found.largest:g} {found.unit}.')
 
 
 def serve_faults(node: Node, path: str, faults: Callable[[], Mapping[str, FaultyTaxels]]) -> Service:

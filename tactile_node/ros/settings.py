@@ -88,7 +88,7 @@ def table(settings: type[NodeSettings]) -> tuple[Parameter, ...]:
 
 @dataclass(frozen=True)
 class DriverSettings(NodeSettings):
-    interface: str = parameter(DEFAULT_INTERFACE, 'python-can interface: socketcan, slcan, virtual, pcan, kvaser, ...')
+    interface: str = parameter(DEFAULT_INTERFACE, 'python-can interface: socketcan, slcan, virtual, pcan, ...')
     channel: str = parameter(DEFAULT_CHANNEL, 'channel of the interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ...')
     bitrate: int = parameter(DEFAULT_BITRATE, 'bit rate of the bus [bit/s]', 10_000, 1_000_000)
     replay: str = parameter('', 'recorded CAN log to play in place of the bus; empty: use the bus')

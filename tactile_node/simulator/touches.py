@@ -12,6 +12,7 @@ from tactile_node.simulator.figures import Figure, Silhouette, Skin, Touching, p
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings
+from tactile_node.taxel_frame import PRESS_BY_UNIT
 
 RAMP = 0.1  # s of pressing and of letting go
 TOUCH_AREAS = (40.0, 60.0, 80.0)  # taxels
@@ -80,27 +81,32 @@ def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Genera
 
 
 TOUCH_HOLD = 3.0  #: s for which a contact is held: long enough for a grasp to become stable
-TAXEL_NOISE = 0.005  #: standard deviation of a taxel [fraction of full scale]
+TOUCH_PAUSE = 2.5  #: s between two contacts: of tares of 1 s that follow one another, one meets no contact
+TAXEL_NOISE = 0.005  #: standard deviation of a taxel [fraction of full scale], unless a quiet pad would seem pressed
+MOST_NOISE = 1 / 60  #: [fraction of the reading from which on a taxel is pressed]
 SLIDE_WAY = 2.0  #: pitches that a contact slides to either side
 
 
 def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouette] = CLASSES,
                     seed: int = 0, areas: tuple[float, ...] = TOUCH_AREAS, *, hold: float = TOUCH_HOLD,
-                    slide: float = 0.0, noise: float = TAXEL_NOISE) -> dict[str, TaxelSource]:
+                    pause: float = TOUCH_PAUSE, slide: float = 0.0,
+                    noise: float | None = None) -> dict[str, TaxelSource]:
     """One source a pad, by its name; every second pad sees the touch from behind.
 
-    ``areas`` [taxels], ``hold`` [s] and ``slide`` [m/s] of each touch; ``noise`` of each taxel, as TAXEL_NOISE.
+    ``areas`` [taxels], ``hold``, ``pause`` [s] and ``slide`` [m/s] of each touch; ``noise`` of each taxel [fraction of
+    full scale], None: TAXEL_NOISE, limited by MOST_NOISE.
     """
-    return {pad.name: _felt(pad, touch_program(pad.layout, shapes, areas, seed, hold), -1 if i % 2 else 1, slide, noise,
-                            np.random.default_rng((seed, i))) for i, pad in enumerate(pads)}
+    return {pad.name: _felt(pad, touch_program(pad.layout, shapes, areas, seed, hold, pause), -1 if i % 2 else 1, slide,
+                            noise, np.random.default_rng((seed, i))) for i, pad in enumerate(pads)}
 
 
-def _felt(pad: PadSettings, program: TouchProgram, step: int, slide: float, noise: float,
+def _felt(pad: PadSettings, program: TouchProgram, step: int, slide: float, noise: float | None,
           rng: np.random.Generator) -> TaxelSource:
     """Return what the taxels read, with columns in the sense of ``step``; on/off taxels have no noise."""
     value, is_on_off = pad.layout.value, pad.layout.value.bits == 1
     lowest, full_scale = sorted(value.to_value(np.array(value.raw_range)).tolist())
-    deviation = 0.0 if is_on_off else noise * full_scale
+    most = np.inf if noise is not None else MOST_NOISE * PRESS_BY_UNIT[value.unit]
+    deviation = 0.0 if is_on_off else min(most, (TAXEL_NOISE if noise is None else noise) * full_scale)
     rest = max(0.0, lowest + 3 * deviation) if deviation else 0.0  # or the lowest value would cut off its noise
 
     def source(time: float) -> np.ndarray:
