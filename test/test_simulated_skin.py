@@ -276,6 +276,17 @@ def test_slcan_client_reads_through_noise_on_the_line():
         client.shutdown()
 
 
+def test_slcan_lines_may_end_with_cr_lf():
+    with serial_line() as (adapter, port):
+        client = open_bus('slcan', port, 500_000, sleep_after_open=0.0)
+        os.write(adapter, b'\r\nz\r\nt1A02AABB\r\nV1013\r\nt1A01CC\r')
+        os.write(adapter, b'\nt1A00\r\n')
+        came = [(m.is_error_frame, bytes(m.data)) for m in (client.recv(60) for _ in range(3))]
+        assert came == [(False, b'\xAA\xBB'), (False, b'\xCC'), (False, b'')]
+        assert client.recv(0.1) is None
+        client.shutdown()
+
+
 def test_an_slcan_port_is_for_one_process_and_can_be_opened_again():
     with SlcanPty() as adapter, ExitStack() as cleanup:
         cleanup.callback(can.Notifier(adapter, [], 0.01).stop)

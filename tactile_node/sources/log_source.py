@@ -157,7 +157,7 @@ class LogSource:
                 self._check(message)
                 if self._on_message is not None:
                     self._on_message(message)
-                self.heard.feed(message.arbitration_id)
+                self.heard.feed(message)
                 self._router.feed_message(message)
                 if stopping.is_set():
                     return
