@@ -310,7 +310,7 @@ def test_frames_after_a_complete_one_are_surplus(assembler):
 
 
 @pytest.mark.parametrize(('data', 'reason'), [('', LossReason.SHORT), ('0A', LossReason.SHORT),
-                                              ('0A0A00', LossReason.OVER_LONG)])
+                                              ('0A0A' + 7 * '00', LossReason.OVER_LONG)])
 def test_wrong_length_makes_its_taxels_stale(assembler, data, reason):
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0A'), (ROW_2, data)) == Loss(reason)
@@ -318,6 +318,19 @@ def test_wrong_length_makes_its_taxels_stale(assembler, data, reason):
     check(frame, [[0, 0], [NAN, NAN], [0, 0]], missing=1)
     assert frame.status[1].tolist() == [STALE, STALE]
     assert assembler.statistics().incomplete == 1 and is_balanced(assembler)
+
+
+def test_the_first_bytes_of_a_padded_tpdo_are_used_and_the_padding_is_reported_once(assembler, caplog):
+    """CiA 301: of a PDO that is longer than its mapping the first bytes count. Some devices always send 8 bytes."""
+    for number, padding in enumerate(('00' * 6, 'FF' * 6, 'FF')):
+        assembler.sync(number)
+        send(assembler, (ROW_1, '0A0B' + padding), (ROW_2, '0A0A'), at=number + 0.5)
+        check(send(assembler, (ROW_3, '0C0C' + padding), at=number + 0.5), [[0, 2], [0, 0], [4, 4]], sequence=number)
+    counts = assembler.statistics()
+    assert (counts.complete, counts.used, counts.padded, sum(counts.losses.values())) == (3, 9, 6, 0)
+    assert is_balanced(assembler)
+    report, = caplog.records
+    assert report.fact == (1, ROW_1) and all(part in report.getMessage() for part in ('0x181', '8 bytes', 'first 2'))
 
 
 def test_before_the_first_sync_nothing_is_taken(assembler):

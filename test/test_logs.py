@@ -336,6 +336,17 @@ def two_skins(tmp_path, heartbeat):
     return path
 
 
+@pytest.mark.parametrize(('node_id', 'got', 'remedy'), [
+    (1, '3 TPDOs', '"map"'), (2, 'no TPDO', '--node-id')])
+def test_a_pad_without_taxels_is_told_from_one_that_is_not_in_the_log(tmp_path, node_id, got, remedy, capsys):
+    short = [row[:-2] for row in ROWS]
+    tiny_layout(tmp_path)
+    log, words = str(tiny_log(tmp_path, SYNC, *short)), ['--layout', str(tmp_path / 'layout.yaml'), '--node-id']
+    assert main(['replay', log, *words, str(node_id)]) == 1
+    said = capsys.readouterr().err
+    assert f"pad 'pad{node_id}'" in said and got in said and remedy in said
+
+
 @pytest.mark.parametrize('node_id, heartbeat, code', [
     (36, (32, 40), 1), (32, (32, 40), 0), (36, (), 0), (32, (50,), 0)])
 def test_a_pad_put_together_from_two_others_is_reported(tmp_path, node_id, heartbeat, code, caplog):

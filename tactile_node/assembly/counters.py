@@ -56,6 +56,8 @@ PAD_COUNTERS: tuple[Counter[PadStatistics], ...] = (
     Counter('tpdos_expected', 'more than received: the rest was lost on the bus or not sent',
             lambda pad: pad.expected),
     Counter('tpdos_received', 'good or not', lambda pad: pad.received),
+    Counter('tpdos_padded', 'longer than the layout maps, up to 8 bytes: their first bytes are used',
+            lambda pad: pad.padded, is_field=False),
     Counter('tpdos_used', 'whose taxels were published as valid', lambda pad: pad.used))
 
 NODE_COUNTERS: tuple[Counter[NodeHealth], ...] = (

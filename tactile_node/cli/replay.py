@@ -56,9 +56,9 @@ def run(args: argparse.Namespace) -> int:
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
     if statistics.unread:
         print(f'{args.log}: {played.source.reader.summary}', file=sys.stderr)
-    if not played.used:
-        print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
-    return 0 if played.has_ended and played.used and not played.source.heard.strangers() else 1
+    for error in played.unused:
+        print(error, file=sys.stderr)
+    return 0 if played.has_ended and not played.unused and not played.source.heard.strangers() else 1
 
 
 def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archive: bool) -> bytes:
