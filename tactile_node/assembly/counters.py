@@ -64,7 +64,8 @@ NODE_COUNTERS: tuple[Counter[NodeHealth], ...] = (
     Counter('boots', 'boot-up messages', lambda node: node.boots),
     Counter('emcy_count', "the device's own error messages", lambda node: node.emergencies),
     Counter('outages', 'times without taxels of this node', lambda node: node.outages.count),
-    Counter('frames_distrusted', 'taxel frames without values: the node had restarted and was not configured yet',
+    Counter('frames_distrusted',
+            'taxel frames without values: the node has restarted and is not configured yet, or it refuses the set-up',
             lambda node: node.distrusted))
 
 

@@ -107,6 +107,10 @@ class NodeMonitor:
         self._heartbeat_writes = self._monitor.heartbeat_writes[self.node.node_id]
         self.refuses_while_it_sends = False
 
+    def distrust(self) -> None:
+        """What it sends is not what the layout says, or may be something else: none of it is used until it is."""
+        self._configured = None
+
     def commanded(self, now: float, pad: PadStatistics) -> None:
         """It was started, or its taxels are expected from now on for another reason."""
         self._commanded = now
