@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from tactile_node.assembly.health import BusHealth
+from tactile_node.assembly.health import BusHealth, TpdoOrder
 from tactile_node.code_names import PhrasedCode
 from tactile_node.taxel_frame import TaxelFrame
 
@@ -43,6 +43,7 @@ class PadStatistics(NamedTuple):
     syncs: int = 0  #: SYNCs that began a period
     distinct_by_tpdo: tuple[tuple[int, ...], ...] = ()  #: TPDOs seen but DUPLICATEs, by node and its part of the layout
     fresh_by_tpdo: tuple[tuple[int, ...], ...] = ()  #: TPDOs good for a taxel frame, given or withheld; likewise
+    orders: tuple[TpdoOrder | None, ...] = ()  #: by node; None where none was seen but the layout's
 
     @property
     def published(self) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import can
 
-from tactile_node.assembly.fault_text import failure_text, node_label
+from tactile_node.assembly.fault_text import failure_text, node_label, order_text
 from tactile_node.assembly.frame_source import BusStatistics, OnFrame
 from tactile_node.assembly.health import BusFault, BusHealth, Failure
 from tactile_node.assembly.router import Router, non_data_kind
@@ -167,6 +167,10 @@ class LogSource:
             self._fail(BusFault.INTERNAL_ERROR, f'{self._path}: {type(error).__name__}: {error}')
             logger.exception('playing %s', self._path)
         self._router.end()
+        for pad, statistics in self._router.statistics().pads.items():
+            for order in filter(None, statistics.orders):
+                logger.warning('%s, %s: %s.', self._path, node_label(pad, order.node_id), order_text(order),
+                               extra={'fact': order})
         for pad, strangers in self.heard.strangers().items():
             logger.warning('%s: no heartbeat of pad %s, but those of node %s, which sends some of the same COB-IDs. '
                            'Check the node-IDs: the taxels may be of other pads.', self._path, pad,

@@ -172,7 +172,8 @@ class NodeMonitor:
             heartbeat_age=None if heard is None else now - heard, fault=fault, boots=self.boots,
             emergencies=emergencies.count, last_emergency=emergencies.last, outages=outages,
             distrusted=self.distrusted, active_emergency=emergencies.active,
-            missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, device_errors=self.device_errors)
+            missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, tpdo_order=self.traffic.order,
+            device_errors=self.device_errors)
 
     def _excuse_silence(self, ran_again: float) -> None:
         """What was sent until this process ran again may not have been read; many stalls in a row are no excuse."""
