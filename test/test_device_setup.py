@@ -4,7 +4,7 @@ import pytest
 from canopen import SdoAbortedError, SdoCommunicationError
 
 from tactile_node.assembly.frame_source import PadStatistics
-from tactile_node.assembly.health import NodeFault
+from tactile_node.assembly.health import NodeFault, TpdoOrder
 from tactile_node.bus.bus_devices import read_errors
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.device_setup import DeviceSetup
@@ -192,6 +192,15 @@ def test_a_heartbeat_time_that_cannot_be_read_is_measured(monkeypatch):
         bus.feed(0x720, b'\x05')
     assert node.detect(104.7, False, pad, BusSeen(0)) is NodeFault.NONE
     assert node.detect(105.1, False, pad, BusSeen(0)) is NodeFault.SILENT
+
+
+def test_the_order_of_its_tpdos_is_reported_with_the_node():
+    node, _, pad = monitored(0.1)
+    order = TpdoOrder(32, ('1', '2', '3'), ('3', '1', '2'))
+    node.detect(0.0, True, pad._replace(orders=(order,)), BusSeen(0))
+    assert node.health(0.0).tpdo_order == order
+    node.detect(0.1, True, pad._replace(orders=(None,)), BusSeen(0))
+    assert node.health(0.1).tpdo_order is None
 
 
 def test_a_silence_while_this_process_is_overloaded_is_no_fault_at_once():

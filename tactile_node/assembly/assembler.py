@@ -152,9 +152,12 @@ class FrameAssembler(PadAssembler):
         sweep can be late (OUT_OF_ORDER, or with several nodes a discarded period). While it stays, none is taken for
         late.
         """
-        for node, run in enumerate(() if self._period is None else self._period.runs):
+        period = self._period
+        if period is None:
+            return
+        for node, run in enumerate(period.runs):
             order, own = run.received, self._ranks_of_nodes[node].tolist()
-            is_proved = order == own or self._changed_order == self._sequence or self._period.is_discarded
+            is_proved = order == own or self._changed_order == self._sequence or period.is_discarded
             if sorted(order) == own and is_proved:
                 self._orders[node] = order
             elif order == self._orders[node]:

@@ -37,15 +37,6 @@ class DeviceAsSet(NamedTuple):
     heartbeat_ms: int | None = None  #: its heartbeat time; 0: it sends none, None: not known
 
 
-class Replaced(NamedTuple):
-    """A value of an object that another one has replaced."""
-
-    index: int
-    sub: int
-    value: int
-    size: int  #: bytes
-
-
 class DeviceSetup:
     """The steps of one node's device; a request without an answer is repeated ``retries`` times.
 
@@ -61,7 +52,7 @@ class DeviceSetup:
         self._tries = 1 + retries
         self._is_interrupted = is_interrupted
         self._heartbeats = heartbeats
-        self._replaced: list[Replaced] = []
+        self._replaced: list[tuple[int, int, int, int]] = []  # index, sub-index, the value before, its bytes
 
     def run(self, boot_timeout: float, heartbeat_ms: int) -> DeviceAsSet:
         """Find the device within ``boot_timeout`` [s], check and configure it; a failure leaves its TPDOs as before."""
@@ -264,7 +255,7 @@ class DeviceSetup:
         with explain_refusal(self._where(index, sub), f'be set to 0x{value:X}'):
             self._download(index, sub, value.to_bytes(size, 'little'))
         if was is not None:
-            self._replaced.append(Replaced(index, sub, was, size))
+            self._replaced.append((index, sub, was, size))
 
     def _restore(self) -> None:
         """Write back what was replaced, the last first, so that each write meets the state that CiA 301 wants."""

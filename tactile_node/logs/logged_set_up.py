@@ -170,7 +170,7 @@ class HeardNodes:
     def feed(self, message: can.Message) -> None:
         """Take the next CAN frame; a request of node guarding is of the master."""
         node_id = objects.node_of(message.arbitration_id, objects.HEARTBEAT)
-        if node_id is not None and non_data_kind(message) is None and nmt_state(message.data) is not None:
+        if node_id is not None and non_data_kind(message) is None and message.data:
             self._heard.add(node_id)
 
     def strangers(self) -> dict[str, list[int]]:
