@@ -41,6 +41,10 @@ class DeviceAbsentError(DeviceError):
     """The CANopen device does not answer."""
 
 
+class UnverifiedDeviceError(DeviceError):
+    """The CANopen device, or the mapping of one of its TPDOs, is another one than EDS and layout say."""
+
+
 class TwoDevicesError(DeviceError):
     """Two CANopen devices answer as one node."""
 

@@ -172,8 +172,8 @@ class Bench:
     """A simulated skin and a driver on their own virtual bus; use with ``with``. ``wire``: see SkinSimulator."""
 
     def __init__(self, channel: str, layout: str = 'sim16x16.yaml', nodes: tuple[int, ...] = (32,),
-                 source=None, wire: WireSettings | None = None, **settings: Any):
-        self.pads = with_dictionaries(make_pads([layout], nodes))
+                 source=None, wire: WireSettings | None = None, eds: str = '', **settings: Any):
+        self.pads = with_dictionaries(make_pads([layout], nodes), [eds])
         rows, cols = self.pads[0].layout.rows, self.pads[0].layout.cols
         still = np.zeros((rows, cols))
         self.simulator = SkinSimulator(self.pads,

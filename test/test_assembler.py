@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from can_bench import Loss, is_balanced, only, taxel_frames, telling, tiny_layout
+from can_bench import TINY, Loss, is_balanced, only, taxel_frames, telling, tiny_layout
 
 from tactile_node.assembly.assembler import ORDER_MEMORY, FrameAssembler
 from tactile_node.assembly.frame_source import LossReason
 from tactile_node.assembly.free_bus import FreeBus
+from tactile_node.assembly.health import TpdoOrder
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 VALID, STALE, DEAD, SATURATED = TaxelStatus.VALID, TaxelStatus.STALE, TaxelStatus.DEAD, TaxelStatus.SATURATED
@@ -310,7 +311,7 @@ def test_frames_after_a_complete_one_are_surplus(assembler):
 
 
 @pytest.mark.parametrize(('data', 'reason'), [('', LossReason.SHORT), ('0A', LossReason.SHORT),
-                                              ('0A0A00', LossReason.OVER_LONG)])
+                                              ('0A0A' + 7 * '00', LossReason.OVER_LONG)])
 def test_wrong_length_makes_its_taxels_stale(assembler, data, reason):
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0A'), (ROW_2, data)) == Loss(reason)
@@ -318,6 +319,19 @@ def test_wrong_length_makes_its_taxels_stale(assembler, data, reason):
     check(frame, [[0, 0], [NAN, NAN], [0, 0]], missing=1)
     assert frame.status[1].tolist() == [STALE, STALE]
     assert assembler.statistics().incomplete == 1 and is_balanced(assembler)
+
+
+def test_the_first_bytes_of_a_padded_tpdo_are_used_and_the_padding_is_reported_once(assembler, caplog):
+    """CiA 301: of a PDO that is longer than its mapping the first bytes count. Some devices always send 8 bytes."""
+    for number, padding in enumerate(('00' * 6, 'FF' * 6, 'FF')):
+        assembler.sync(number)
+        send(assembler, (ROW_1, '0A0B' + padding), (ROW_2, '0A0A'), at=number + 0.5)
+        check(send(assembler, (ROW_3, '0C0C' + padding), at=number + 0.5), [[0, 2], [0, 0], [4, 4]], sequence=number)
+    counts = assembler.statistics()
+    assert (counts.complete, counts.used, counts.padded, sum(counts.losses.values())) == (3, 9, 6, 0)
+    assert is_balanced(assembler)
+    report, = caplog.records
+    assert report.fact == (1, ROW_1) and all(part in report.getMessage() for part in ('0x181', '8 bytes', 'first 2'))
 
 
 def test_before_the_first_sync_nothing_is_taken(assembler):
@@ -441,3 +455,46 @@ def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost,
         values = frame.values[np.isfinite(frame.values)]
         assert (values == 2 * (frame.sequence // 2)).all(), (frame.sequence, values)
     assert np.isfinite(frames[-1].values).all() and is_balanced(assembler)
+
+
+UNSORTED = TINY.replace('number: 1,', 'number: 8,')  # TPDOs 8, 2, 3
+
+
+@pytest.mark.parametrize('order', [(1, 0, 2), (0, 2, 1), (2, 1, 0), (1, 2, 0), (2, 0, 1)])
+def test_the_order_in_which_a_device_sends_is_named_and_no_two_periods_are_mixed(tmp_path, order):
+    """Two of these are also the end of a late sweep and the beginning of the next one, for ever."""
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path, UNSORTED), (1,)))
+    frames = []
+    for number in range(3 * ORDER_MEMORY):
+        frames += taxel_frames(assembler.sync(number))
+        for place in order:
+            word = bytes([10 + number % 100] * 2)
+            frames += taxel_frames(assembler.feed((ROW_1, ROW_2, ROW_3)[place], word, number + 0.2))
+    seen = [np.unique(frame.values[np.isfinite(frame.values)]) for frame in frames]
+    assert frames and all(len(values) <= 1 for values in seen)
+    names = '8', '2', '3'
+    assert assembler.statistics().orders == (TpdoOrder(1, tuple(names[place] for place in order), names),)
+    for number in range(3 * ORDER_MEMORY, 3 * ORDER_MEMORY + 3):  # the device is corrected
+        assembler.sync(number)
+        send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=number + 0.2)
+    assembler.sync(number + 1)
+    assert assembler.statistics().orders == (None,) and is_balanced(assembler)
+
+
+def test_a_device_that_is_late_by_part_of_a_sweep_has_the_order_of_the_layout(assembler):
+    assembler.sync(0)
+    send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'))
+    for number in range(1, 10):
+        assembler.sync(number)
+        send(assembler, (ROW_3, '0A0A'), (ROW_1, '0A0A'), (ROW_2, '0A0A'), at=number + 0.2)
+    assert assembler.statistics().orders == (None,)
+
+
+def test_of_two_nodes_each_has_its_own_order(tmp_path):
+    text = 'nodes: 2\n' + TINY.replace('{number: 3, ', '{node: 1, number: 3, ')
+    assembler = telling(FrameAssembler(tiny_layout(tmp_path, text), (1, 2)))
+    for number in range(3):
+        assembler.sync(number)
+        send(assembler, (ROW_2, '0A0A'), (0x382, '0A0A'), (ROW_1, '0A0A'), at=number + 0.2)
+    assembler.end_period()
+    assert assembler.statistics().orders == (TpdoOrder(1, ('2', '1'), ('1', '2')), None)

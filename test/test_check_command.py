@@ -133,6 +133,27 @@ def test_without_sync_the_load_is_that_of_the_event_timer(capsys):
     assert found['load'] == {'20 Hz': pytest.approx(16 * 135 / 1e6 / 0.05)}
 
 
+ENTRY = ('- {{number: {0}, cob_id: {1}, rows: {{first: 0, count: 2, step: [1, 0]}}, '
+         'map: {{object: 0x{2:X}, sub: 1, bits: 8, count: 8}},\n'
+         '   taxels: {{first: [{3}, 0], step: [0, 1], count: 7, start_bit: 8, bit_step: 8}}}}\n')
+
+
+@pytest.mark.parametrize(('numbers', 'more', 'warnings'), [
+    ((1, 2, 3, 4), '', 0), ((1, 3, 4, 9), '', 0), ((3, 1, 4, 2), '', 1), ((1, 2, 4, 3), '', 1),
+    ((3, 1, 4, 2), 'event_driven: {transmission_type: 254, event_timer: 0.05, frames: sweeps}\n', 1),
+    ((3, 1, 4, 2), 'event_driven: {transmission_type: 254, event_timer: 0.05, frames: snapshots}\n', 0)])
+def test_tpdos_that_are_not_in_ascending_order_are_a_warning(tmp_path, capsys, numbers, more, warnings):
+    """Most devices send by number. Snapshots have no order."""
+    path = tmp_path / 'order.yaml'
+    entries = [ENTRY.format(number, 0x190 + number, 0x2100 + number, 2 * place) for place, number in enumerate(numbers)]
+    path.write_text(f'rows: 8\ncols: 7\npitch: 0.004\nvalue: {{unit: Pa, scale: 1.0, bits: 8}}\n{more}tpdos:\n'
+                    + ''.join(entries))
+    code = main(['check', str(path), 'sim16x16.eds', '--json'])
+    found = json.loads(capsys.readouterr().out)
+    assert not found['errors'] and code == bool(warnings) and len(found['warnings']) == warnings
+    assert all(', '.join(map(str, numbers)) in text for text in found['warnings'])
+
+
 def test_a_sweep_without_sync_must_fit_into_its_time(capsys):
     """At 125 kbit/s 12 frames of 135 bits take 13 ms of the 20 ms between two sweeps."""
     code, out = check(capsys, 'event12x8_8bit.yaml', '--bitrate', '125000')

@@ -1,22 +1,22 @@
 """Devices that deviate in SYNC and heartbeat: they are left as they are where that is right, else refused by name."""
 
 import pytest
-from canopen import SdoAbortedError
+from canopen import SdoAbortedError, SdoCommunicationError
 
 from tactile_node.assembly.frame_source import PadStatistics
-from tactile_node.assembly.health import NodeFault
+from tactile_node.assembly.health import NodeFault, TpdoOrder
 from tactile_node.bus.bus_devices import read_errors
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.device_setup import DeviceSetup
 from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.errors import DeviceError
+from tactile_node.errors import DeviceError, InterruptedSetupError, UnverifiedDeviceError
 from tactile_node.skin.pads import make_pad
 from tactile_node.sources.node_monitor import NodeMonitor
 from tactile_node.sources.node_traffic import BusSeen
 
 NODE = make_pad('pad', 32, 'sim16x16.yaml').nodes[0]
-READ_ONLY, UNKNOWN = 0x0601_0002, 0x0602_0000  # abort codes of CiA 301
+READ_ONLY, UNKNOWN, WRONG_STATE = 0x0601_0002, 0x0602_0000, 0x0800_0022  # abort codes of CiA 301
 SYNC, HEARTBEAT = (0x1005, 0), (0x1017, 0)
 
 
@@ -50,14 +50,80 @@ class Device:
     def download(self, index, sub, data):
         if (index, sub) in self.fixed or self.objects.get((index, sub)) is None:
             raise SdoAbortedError(READ_ONLY)
+        if index >= 0x1A00 and (not self.objects[index - 0x200, 1] >> 31 or sub and self.objects[index, 0]):
+            raise SdoAbortedError(WRONG_STATE)  # CiA 301: the TPDO must be disabled and count no objects meanwhile
         self.written[index, sub] = int.from_bytes(data, 'little')
         if (index, sub) not in self.kept:
             self.objects[index, sub] = self.written[index, sub]
 
 
-def set_up(device: Device):
+def set_up(device: Device, is_interrupted=lambda: False):
     device.objects[0x1018, 2] = NODE.dictionary[0x1018][2].default
-    return DeviceSetup(device, NODE, Heartbeats(), retries=0).run(1.0, 100)
+    return DeviceSetup(device, NODE, Heartbeats(), 0, is_interrupted).run(1.0, 100)
+
+
+def of_another_layout(**options) -> Device:
+    """A device whose first two TPDOs map eight taxels of another row, on request, under other COB-IDs."""
+    device = Device(**options).having(SYNC, 0x81)
+    for i in (0, 1):
+        device.having((0x1800 + i, 1), 0x4000_01D0 + i).having((0x1800 + i, 2), 255).having((0x1A00 + i, 0), 2)
+        device.having((0x1A00 + i, 1), 0x210F_0108).having((0x1A00 + i, 2), 0x210F_0208)
+    return device
+
+
+def records(device: Device) -> dict:
+    """All that decides what it sends and when."""
+    return {place: value for place, value in device.objects.items() if place == SYNC or place[0] >= 0x1800}
+
+
+def test_a_device_of_another_layout_is_set_up():
+    device = of_another_layout()
+    set_up(device)
+    assert records(device) == records(Device()) | {  # with the NO_RTR bit that it had
+        (0x1800 + i, 1): 0x4000_0000 + NODE.layout.tpdos[i].cob_id.of(32) for i in (0, 1)}
+
+
+@pytest.mark.parametrize('options', [
+    {'fixed': [(0x1A00, 0)]}, {'fixed': [(0x1A01, 0)]}, {'fixed': [(0x1A01, 2)]}, {'kept': [(0x1A01, 1)]},
+    {'fixed': [(0x1801, 2)]}, {'kept': [(0x1801, 2)]}], ids=str)
+def test_a_device_that_refuses_its_set_up_is_left_as_it_was(options):
+    """It was left with TPDOs that are disabled, or half written."""
+    device = of_another_layout(**options)
+    before = records(device)
+    with pytest.raises(UnverifiedDeviceError):
+        set_up(device)
+    after = records(device)
+    assert device.written and {place: after[place] for place in before if after[place] != before[place]
+                               and place[1] <= 2} == {}
+
+
+def test_a_set_up_that_is_interrupted_is_taken_back():
+    device = of_another_layout()
+    before = records(device)
+    with pytest.raises(InterruptedSetupError):
+        set_up(device, is_interrupted=lambda: (0x1A01, 0) in device.written)
+    assert (0x1A01, 0) in device.written and all(records(device)[place] == before[place] for place in before
+                                                 if place[1] <= 2)
+
+
+def test_a_device_that_cannot_be_restored_is_reported(caplog):
+    """It takes the first write to 0x1800 and no second one."""
+    device = of_another_layout(fixed=[(0x1A00, 0)])
+    download = device.download
+
+    def once(index, sub, data):
+        if (index, sub) in device.written:
+            raise SdoCommunicationError('no answer')
+        download(index, sub, data)
+    device.download = once
+    with pytest.raises(UnverifiedDeviceError, match='0x1A00'):
+        set_up(device)
+    assert [record.fact for record in caplog.records if hasattr(record, 'fact')] == [(0x1800, 2)]
+
+
+def test_another_device_is_not_trusted():
+    with pytest.raises(UnverifiedDeviceError, match='0x1018'):
+        set_up(Device().having((0x1018, 1), 0x99))
 
 
 @pytest.mark.parametrize('now', [0x80, 0x8000_0080, 0x4000_0080, 0xC000_0080])
@@ -126,6 +192,15 @@ def test_a_heartbeat_time_that_cannot_be_read_is_measured(monkeypatch):
         bus.feed(0x720, b'\x05')
     assert node.detect(104.7, False, pad, BusSeen(0)) is NodeFault.NONE
     assert node.detect(105.1, False, pad, BusSeen(0)) is NodeFault.SILENT
+
+
+def test_the_order_of_its_tpdos_is_reported_with_the_node():
+    node, _, pad = monitored(0.1)
+    order = TpdoOrder(32, ('1', '2', '3'), ('3', '1', '2'))
+    node.detect(0.0, True, pad._replace(orders=(order,)), BusSeen(0))
+    assert node.health(0.0).tpdo_order == order
+    node.detect(0.1, True, pad._replace(orders=(None,)), BusSeen(0))
+    assert node.health(0.1).tpdo_order is None
 
 
 def test_a_silence_while_this_process_is_overloaded_is_no_fault_at_once():

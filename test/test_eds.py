@@ -73,6 +73,29 @@ def test_bad_eds_is_refused_with_a_sentence(tmp_path, text, says):
     assert says in str(refused.value) and 'device.eds' in str(refused.value) and refused.value.remedy
 
 
+OCTAL = SMALL.replace('VendorName', 'VendorNumber=001\nBaudRate_1000=01\nVendorName').replace('=0x9', '=011').replace(
+    'DataType=0x0007', 'DataType=0007').replace('=0x12 ;', '=0022 ;')
+
+
+TEXT = '[1008]\nParameterName=x\nDataType=0011\nAccessType=ro\nDefaultValue=007\n'
+
+
+def test_a_number_with_a_leading_0_is_octal(tmp_path):
+    """CiA 306: as in C. A text stays as it is."""
+    text = OCTAL + TPDO.format('$NODEID+0600') + TEXT
+    dictionary = load_eds(write(tmp_path, text), 5)
+    assert identity_of(dictionary, 'device.eds').vendor == 0o22
+    assert dictionary.device_information.vendor_number == 1
+    assert dictionary.device_information.allowed_baudrates == {1_000_000}
+    assert dictionary[0x1800][1].default == 0x185 and dictionary[0x1008].default == '007'
+
+
+@pytest.mark.parametrize('number', ['08', '019', '0x'])
+def test_what_is_no_number_in_any_base_is_refused(tmp_path, number):
+    with pytest.raises(ConfigurationError, match='VendorNumber'):
+        load_eds(write(tmp_path, OCTAL.replace('VendorNumber=001', f'VendorNumber={number}')), 5)
+
+
 @pytest.mark.parametrize(('change', 'says'), [
     (('number: 1', 'number: 500'), '0x19F3'),
     (('0x2000, 1, 16', '0x2100, 1, 16'), '8 bits'),
@@ -170,7 +193,7 @@ DefaultValue=0x12
     (IDENTITY_AS_VAR.replace('ObjectType=0x7\n', ''), 'section [1018]'),
     (IDENTITY_AS_VAR.replace('0x7\n', '0x6\n'), 'section [1018]'),  # DEFSTRUCT, which canopen leaves out
     (SMALL.replace('0x12 ;', '0x12G4 ;'), 'section [1018sub1], key "DefaultValue"'),  # canopen: no value at all
-    (SMALL.replace('0x12 ;', '012 ;'), 'section [1018sub1], key "DefaultValue"'),
+    (SMALL.replace('0x12 ;', '018 ;'), 'section [1018sub1], key "DefaultValue"'),
     (SMALL.replace('DataType=0x0007', 'DataType=0x0009'), 'section [1018sub1]'),  # VISIBLE_STRING
     (SMALL.replace('DataType=0x0007', 'DataType=0x0008').replace('0x12 ;', '18 ;'), 'section [1018sub1]'),  # REAL32
     (SMALL.replace('1018sub1', '1018SUB01').replace('0x12 ;', 'ACME ;'), 'section [1018sub01], key "DefaultValue"')])
@@ -238,7 +261,8 @@ def check_taxels(folder, taxels):
 
 
 @pytest.mark.parametrize('taxels', [
-    ARRAY + ELEMENTS, COMPACT, ARRAY + ELEMENTS.replace('PDOMapping=1\n', ''), ARRAY.replace('0x8', '0x9') + ELEMENTS,
+    ARRAY + ELEMENTS, COMPACT, COMPACT.replace('=3', '=03').replace('Mapping=1', 'Mapping=01'),
+    ARRAY + ELEMENTS.replace('PDOMapping=1\n', ''), ARRAY.replace('0x8', '0x9') + ELEMENTS,
     *(ARRAY + ELEMENTS.replace('=ro', f'={access}') for access in ('rw', 'rwr', 'const', 'RO'))])
 def test_taxels_that_a_tpdo_may_map_are_accepted(tmp_path, taxels):
     check_taxels(tmp_path, taxels)

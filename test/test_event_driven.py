@@ -159,7 +159,7 @@ def test_sweeps_that_an_adapter_has_held_back_are_late(sweeps):
     assert sweeps.statistics().losses[LossReason.LATE] == 15 and is_balanced(sweeps)
 
 
-@pytest.mark.parametrize('data', ['0A', '0A0A0A'])
+@pytest.mark.parametrize('data', ['0A', '0A0A' + 7 * '00'])
 def test_a_wrong_length_is_a_loss_and_its_taxels_are_stale(sweeps, snapshots, data):
     reason = LossReason.SHORT if len(data) == 2 else LossReason.OVER_LONG
     send(sweeps, 0, 5.0)
@@ -168,6 +168,13 @@ def test_a_wrong_length_is_a_loss_and_its_taxels_are_stale(sweeps, snapshots, da
     send(snapshots, 0, 5.0)
     assert snapshots.feed(0x281, bytes.fromhex(data), 5.001) == (Loss(reason),)
     assert rows(only(snapshots.end_period())) == [10, None, None] and is_balanced(snapshots)
+
+
+def test_a_padded_tpdo_is_used(sweeps, snapshots):
+    for assembler in (sweeps, snapshots):
+        given = [only(assembler.feed(can_id, bytes.fromhex('0A0A' + 6 * '00'), 5.0)) for can_id in RANKS]
+        assert rows(given[2]) == [10, 10, 10] and is_balanced(assembler)
+        assert assembler.statistics().padded == 3 and not sum(assembler.statistics().losses.values())
 
 
 def test_rows_of_a_multiplexed_tpdo_are_a_sweep(tmp_path):

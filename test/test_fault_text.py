@@ -22,6 +22,7 @@ from tactile_node.assembly.health import (
     Overload,
     SentTpdo,
     SyncFault,
+    TpdoOrder,
 )
 from tactile_node.cia301.emergency import DeviceErrors, decode_emergency
 from tactile_node.cia301.objects import NmtState
@@ -115,3 +116,11 @@ def test_an_emergency_is_decoded_and_counted():
     assert emergency_text('left', node) == (
         "Node 32 (pad 'left') sends EMCY 0x4210 (device temperature), error register: generic, temperature; "
         '7 EMCY in all.')
+
+
+@pytest.mark.parametrize('fault', [NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS])
+def test_both_orders_are_named_where_a_device_sends_in_another_one(fault):
+    order = TpdoOrder(32, ('1', '2', '3'), ('3', '1', '2'))
+    node = NodeHealth(32, NmtState.OPERATIONAL, True, 0.1, fault, missing_tpdos=(SentTpdo(3, 0x1A2),), tpdo_order=order)
+    text = node_text('left', node)
+    assert 'TPDO 3 (COB-ID 0x1A2); it sends its TPDOs in the order 1, 2, 3, and the layout has 3, 1, 2' in text

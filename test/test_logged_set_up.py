@@ -57,7 +57,7 @@ def outcome(tmp_path, *lines, **options):
     (), RIGHT, mapped(1, 0x20000110, by=download),
     (*mapped(2, 0x20000310), *mapped(2, 0x20000210, by=download)),                   # found otherwise, then written
     (*mapped(2, 0x20000310), download(0x1A01, 1, 0x20000210)[0]),                    # the answer is not in the log
-    (*mapped(2, 0x20000310), '(0.2) can0 701#00'),                                   # booted: it may have saved another
+    *((*mapped(2, 0x20000310), f'(0.2) can0 701#{boot}') for boot in ('00', '0000', '80')),  # it may have saved another
     mapped(2, 0x20000310)[1::2],                                                     # answers without requests
     (*mapped(2, 0x20000210), *download(0x1A01, 1, 0x20000310, answer='80')),         # refused
     (*RIGHT, *download(0x1801, 1, 0x80000281)),                                      # in the device's queue still
@@ -118,3 +118,12 @@ def test_of_several_nodes_each_is_judged_by_its_own_part_of_the_layout(tmp_path)
     lines = (*mapped(1, 0x20000110), *second, SYNC, *ROWS[:2], '(1.3) can0 382#0A0A')
     frames, source = play(tiny_log(tmp_path, *lines), (pad,))
     assert source.failure is None and [frame.missing_can_frames for _, frame in frames] == [0]
+
+
+@pytest.mark.parametrize(('own', 'strangers'), [
+    ('#05', {}), ('#0500', {}), ('#', {'pad': [17]}), ('#R', {'pad': [17]})])
+def test_a_request_to_a_node_is_not_heard_as_the_node(tmp_path, own, strangers):
+    """A guarding master asks node 1; only node 17 is there, and one of its TPDOs has a COB-ID of the pad."""
+    pad = PadSettings('pad', (1,), tiny_layout(tmp_path, TINY.replace('0x280', '0x190')))
+    _, source = play(tiny_log(tmp_path, '(0.1) can0 711#05', f'(0.2) can0 701{own}', *SWEEP), (pad,))
+    assert source.heard.strangers() == strangers

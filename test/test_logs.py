@@ -14,7 +14,7 @@ import pytest
 from can_bench import tiny_layout
 
 from tactile_node.assembly.frame_source import LossReason
-from tactile_node.assembly.health import BusFault
+from tactile_node.assembly.health import BusFault, TpdoOrder
 from tactile_node.cli.main import main
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import McapCanWriter
@@ -334,6 +334,26 @@ def two_skins(tmp_path, heartbeat):
     path = tmp_path / 'two.log'
     path.write_text('\n'.join(lines) + '\n')
     return path
+
+
+@pytest.mark.parametrize(('node_id', 'got', 'remedy'), [
+    (1, '3 TPDOs', '"map"'), (2, 'no TPDO', '--node-id')])
+def test_a_pad_without_taxels_is_told_from_one_that_is_not_in_the_log(tmp_path, node_id, got, remedy, capsys):
+    short = [row[:-2] for row in ROWS]
+    tiny_layout(tmp_path)
+    log, words = str(tiny_log(tmp_path, SYNC, *short)), ['--layout', str(tmp_path / 'layout.yaml'), '--node-id']
+    assert main(['replay', log, *words, str(node_id)]) == 1
+    said = capsys.readouterr().err
+    assert f"pad 'pad{node_id}'" in said and got in said and remedy in said
+
+
+def test_a_replay_names_the_order_of_a_device_that_is_not_the_layout_s(tmp_path, caplog):
+    sweeps = [line for number in range(3) for line in (SYNC, ROWS[1], ROWS[0], ROWS[2])]
+    frames, source = play(tiny_log(tmp_path, *sweeps), tiny_pads(tmp_path))
+    assert [frame.missing_can_frames for _, frame in frames] and source.statistics().pads['pad'].complete == 0
+    order = TpdoOrder(1, ('2', '1', '3'), ('1', '2', '3'))
+    said, = [record for record in caplog.records if getattr(record, 'fact', None) == order]
+    assert 'order 2, 1, 3' in said.getMessage() and '1, 2, 3' in said.getMessage() and 'Node 1' in said.getMessage()
 
 
 @pytest.mark.parametrize('node_id, heartbeat, code', [

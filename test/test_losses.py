@@ -12,9 +12,9 @@ def test_codes_and_names_of_the_reasons_are_stable():
 
 def test_summary_names_every_loss():
     losses = dict.fromkeys(LossReason, 0) | {LossReason.LATE: 2, LossReason.OVER_LONG: 1}
-    pad = PadStatistics(3, 1, expected=8, received=9, used=6, pending=0, losses=losses)
+    pad = PadStatistics(3, 1, expected=8, received=9, used=6, pending=0, losses=losses, padded=5)
     text = summary(BusStatistics({'left': pad}, {'tpdo': 9, 'sync': 4}))
     assert text.splitlines() == [
         'left: 4 taxel frames, 3 complete, 1 incomplete; TPDOs: 8 expected, 2 brought no taxels; 9 received: 6 used, '
-        '2 late, 1 over_long',
+        '2 late, 1 over_long; 5 padded',
         'CAN frames: 13 (4 sync, 9 tpdo); lines unread: 0']

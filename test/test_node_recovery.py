@@ -5,7 +5,7 @@ import threading
 
 import numpy as np
 import pytest
-from can_bench import Bench
+from can_bench import Bench, wait_until
 from canopen import SdoAbortedError
 from fault_bench import TIMEOUT, FaultBench
 
@@ -141,3 +141,23 @@ def test_a_device_that_refuses_is_not_used(tmp_path):
         with pytest.raises(DeviceError) as refused:
             bench.driver.configure()
     assert '0x1800 sub 1' in refused.value.where and '0x06010002' in refused.value.got
+
+
+def test_a_node_whose_mapping_is_another_one_gives_no_value_and_is_left_as_it_was():
+    """It has changed its mapping without a boot-up message, and takes no other. The driver finds that out by chance."""
+    def refuse(index, subindex, **_):
+        if index == 0x1A00:
+            raise SdoAbortedError(0x06010002)
+    with Bench('other mapping', 'sim8x8_16bit.yaml', source=lambda t: ROWS, sync_period=0.05) as bench:
+        bench.supervise()
+        bench.run()
+        bench.take_whole(1)
+        device = bench.simulator.devices[32]
+        device._node.add_write_callback(refuse)
+        device.lie(0x1A00, 1, (0x7130_3D10).to_bytes(4, 'little'))  # a taxel of the last row for the first one
+        device._node.nmt.stop_heartbeat()  # so the driver looks at it
+        bench.take_until(lambda frame: np.isnan(frame.values).all())
+        assert wait_until(lambda: cob_id(bench, 1) == 0x1A0)
+        after = bench.take(20)
+        health, = bench.driver.health().nodes['pad32']
+    assert all(np.isnan(frame.values).all() for _, frame in after) and health.distrusted >= 20

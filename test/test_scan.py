@@ -1,11 +1,14 @@
 """`tactile scan`, against devices written here by hand from CiA 301, without canopen."""
 
 import json
+import os
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import can
 import pytest
-from can_bench import INTERFACE, Served, channel_of
+from can_bench import INTERFACE, Served, channel_of, serial_line
 from eds_text import record
 
 from tactile_node.cli.main import main
@@ -18,7 +21,7 @@ ABORT = bytes.fromhex('00000206')  # no such object
 class Device(Served):
     """A server of expedited and segmented uploads, with a heartbeat; it notes every frame that it receives."""
 
-    def __init__(self, channel, node_id, objects, heartbeat=True):
+    def __init__(self, channel, node_id, objects, heartbeat: bytes | None = b'\x05'):
         super().__init__(channel)
         self._node_id, self._objects, self._heartbeat = node_id, objects, heartbeat
         self._rest, self._toggle = b'', 0
@@ -30,8 +33,8 @@ class Device(Served):
     def _serve(self):
         due = 0.0
         while not self._ends.is_set():
-            if self._heartbeat and time.monotonic() >= due:
-                self._send(0x700, b'\x05')
+            if self._heartbeat is not None and time.monotonic() >= due:
+                self._send(0x700, self._heartbeat)
                 due = time.monotonic() + 0.1
             message = self._bus.recv(0.02)
             if message is None:
@@ -71,7 +74,7 @@ def scan(capsys, channel, *words):
 
 def test_nodes_are_found_with_identity_state_and_layout(capsys):
     channel = channel_of('scanned')
-    with Device(channel, 5, SKIN) as skin, Device(channel, 100, {(0x1000, 0): u32(0)}, heartbeat=False), \
+    with Device(channel, 5, SKIN) as skin, Device(channel, 100, {(0x1000, 0): u32(0)}, heartbeat=None), \
             Device(channel, 127, {}):
         code, out, _ = scan(capsys, channel, '--json')
         requests = {message.data[0] & 0xE0 for message in skin.received if message.arbitration_id == 0x605}
@@ -93,9 +96,17 @@ def test_a_passive_scan_sends_nothing(capsys):
         assert code == 0 and 'node 5' in out and 'not asked' in out and not skin.received
 
 
+def test_a_heartbeat_of_more_than_one_byte_is_heard_and_an_empty_one_is_not(capsys):
+    channel = channel_of('long heartbeat')
+    with Device(channel, 5, SKIN, heartbeat=b'\x85\x00'), Device(channel, 6, SKIN, heartbeat=b''):
+        code, out, _ = scan(capsys, channel, '--passive', '--json')
+    found, = map(json.loads, out.splitlines())
+    assert code == 0 and (found['node_id'], found['state']) == (5, 'OPERATIONAL')
+
+
 def test_only_the_nodes_that_were_named_are_asked(capsys):
     channel = channel_of('named')
-    with Device(channel, 5, SKIN, heartbeat=False) as skin, Device(channel, 6, SKIN, heartbeat=False):
+    with Device(channel, 5, SKIN, heartbeat=None) as skin, Device(channel, 6, SKIN, heartbeat=None):
         code, out, _ = scan(capsys, channel, '--node-id', '5')
         asked = {message.arbitration_id for message in skin.received if message.arbitration_id > 0x600}
     assert code == 0 and 'node 5' in out and 'node 6' not in out and asked == {0x605}
@@ -115,3 +126,21 @@ def test_a_folder_of_eds_files_is_compared_too(tmp_path, capsys):
     with Device(channel, 5, {(0x1000, 0): u32(0), (0x1018, 1): u32(0x77), (0x1018, 2): u32(0x88)}):
         code, out, err = scan(capsys, channel, '--json', '--eds', str(tmp_path), '--node-id', '5')
     assert code == 0 and json.loads(out)['eds'] == [str(eds)] and 'broken.eds' in err
+
+
+def test_frames_that_were_all_damaged_are_not_silence(capsys):
+    """A wrong bit rate, or an adapter that writes its lines in another way."""
+    with serial_line() as (adapter, port), ThreadPoolExecutor() as pool:
+        ends = threading.Event()
+
+        def serve():
+            while not ends.wait(0.02):
+                os.write(adapter, b'nonsense\r')
+        served = pool.submit(serve)
+        try:
+            code = main(['scan', '--interface', 'slcan', '--channel', port, '--listen', '0.6', '--passive'])
+        finally:
+            ends.set()
+        served.result(60)
+    out = capsys.readouterr()
+    assert code == 1 and not out.out and 'damaged' in out.err and 'Nothing was received' not in out.err

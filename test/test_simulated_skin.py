@@ -12,9 +12,10 @@ from types import SimpleNamespace
 import can
 import numpy as np
 import pytest
-from can_bench import SkinMaster, serial_line, wait_until
+from can_bench import Bench, SkinMaster, serial_line, wait_until
 from faulty_bus import Adapter
 
+from tactile_node.assembly.frame_source import LossReason
 from tactile_node.bus import slcan_bus
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.cia301.frame_bits import Frame
@@ -76,6 +77,27 @@ def test_enabled_tpdos_follow_sync_only_while_operational(wire):
     wire.send(0x000, '0200')  # all nodes: stop
     wire.send(*SYNC)
     assert wire.silent()
+
+
+#: of sim16x16.eds, listed in the order in which the device sends
+UNSORTED = 'rows: 8\ncols: 7\npitch: 0.004\nvalue: {unit: Pa, scale: 1.0, bits: 8}\ntpdos:\n' + ''.join(
+    f'- {{number: {number}, cob_id: $NODEID+0x{0x180 + number:X}, rows: {{first: 3, count: 2, step: [1, 0]}},\n'
+    f'   map: {{object: 0x{0x2100 + number:X}, sub: 1, bits: 8, count: 8}},\n'
+    f'   taxels: {{first: [{2 * place}, 0], step: [0, 1], count: 7, start_bit: 8, bit_step: 8}}}}\n'
+    for place, number in enumerate((3, 1, 4, 2)))
+
+
+def test_the_tpdos_are_sent_in_the_order_of_the_layout(tmp_path):
+    """Also the frames of multiplexed ones: a layout that lists them as the device sends them must work everywhere."""
+    path = tmp_path / 'unsorted.yaml'
+    path.write_text(UNSORTED)
+    still = np.repeat(np.arange(8.0)[:, None], 7, axis=1)
+    with Bench('unsorted', str(path), eds='sim16x16.eds', source=lambda t: still, sync_period=0.05) as bench:
+        bench.run()
+        (_, frame), *_ = bench.take_whole(3)
+        losses = bench.driver.statistics().pads['pad32'].losses
+        assert np.array_equal(frame.values, still) and not losses[LossReason.OUT_OF_ORDER]
+        assert bench.driver.statistics().pads['pad32'].orders == (None,)
 
 
 def test_written_mapping_transmission_type_and_cob_id_are_obeyed(wire):
@@ -305,6 +327,17 @@ def test_slcan_client_reads_through_noise_on_the_line():
         came = [(m.is_error_frame, bytes(m.data)) for m in received]
         damaged = (True, bytes(8))
         assert came == [(False, b'\xAA\xBB'), damaged, damaged, damaged, (False, b'\xCC')]  # t1A0, tXYZ0, \xff\xfe
+        assert client.recv(0.1) is None
+        client.shutdown()
+
+
+def test_slcan_lines_may_end_with_cr_lf():
+    with serial_line() as (adapter, port):
+        client = open_bus('slcan', port, 500_000, sleep_after_open=0.0)
+        os.write(adapter, b'\r\nz\r\nt1A02AABB\r\nV1013\r\nt1A01CC\r')
+        os.write(adapter, b'\nt1A00\r\n')
+        came = [(m.is_error_frame, bytes(m.data)) for m in (client.recv(60) for _ in range(3))]
+        assert came == [(False, b'\xAA\xBB'), (False, b'\xCC'), (False, b'')]
         assert client.recv(0.1) is None
         client.shutdown()
 

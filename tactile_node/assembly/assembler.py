@@ -48,6 +48,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_node.assembly.frame_source import LossReason, PadStatistics
+from tactile_node.assembly.health import TpdoOrder
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.assembly.sweep_period import SweepPeriod
 from tactile_node.cia301.objects import MAX_PDO_BYTES
@@ -67,6 +68,8 @@ class FrameAssembler(PadAssembler):
         self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
         self._ranks_of_nodes = [np.array([rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node])
                                 for node in range(len(node_ids))]
+        self._names = [tpdo.name for tpdo in layout.tpdos]  # by rank
+        self._orders: list[list[int]] = [own.tolist() for own in self._ranks_of_nodes]  # in which their TPDOs came
         self._syncs = 0
         self._distinct = [0] * len(layout.tpdos)  # by rank
         self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
@@ -98,6 +101,7 @@ class FrameAssembler(PadAssembler):
     def sync(self, timestamp: float, late: float = 0.0) -> Frames:
         """A SYNC was on the bus: end the period and begin the next one; the frames to which nothing more can come."""
         frames, period = self._close_before(), self._period
+        self._note_orders()
         if period is not None and not period.is_emitted:
             self._lose(LossReason.LATE, sum(run.end() for run in period.runs))
             if period.may_be_continued:
@@ -121,6 +125,7 @@ class FrameAssembler(PadAssembler):
 
     def end_period(self) -> Frames:
         frames, period = self._close_before(), self._period
+        self._note_orders()
         if period is not None and not period.is_emitted:
             self._lose(LossReason.LATE, sum(run.end() for run in period.runs))
             frames += self._emit(period)
@@ -130,8 +135,33 @@ class FrameAssembler(PadAssembler):
     def statistics(self) -> PadStatistics:
         return super().statistics()._replace(
             distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in own) for own in self._ranks_of_nodes),
+            orders=tuple(map(self._order, self._node_ids, self._orders, self._ranks_of_nodes)),
             fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
             syncs=self._syncs)  # after what they have caused, for another thread counts on meanwhile
+
+    def _order(self, node_id: int, order: list[int], own: np.ndarray) -> TpdoOrder | None:
+        ranks = own.tolist()
+        if order == ranks:
+            return None
+        return TpdoOrder(node_id, *(tuple(self._names[rank] for rank in each) for each in (order, ranks)))
+
+    def _note_orders(self) -> None:
+        """Note in which order each node's TPDOs came, where the period has brought each of them once.
+
+        The end of a late sweep and the beginning of the next one look like another order. So that is one only if no
+        sweep can be late (OUT_OF_ORDER, or with several nodes a discarded period). While it stays, none is taken for
+        late.
+        """
+        period = self._period
+        if period is None:
+            return
+        for node, run in enumerate(period.runs):
+            order, own = run.received, self._ranks_of_nodes[node].tolist()
+            is_proved = order == own or self._changed_order == self._sequence or period.is_discarded
+            if sorted(order) == own and is_proved:
+                self._orders[node] = order
+            elif order == self._orders[node]:
+                self._changed_order = self._sequence
 
     def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:
         period = self._period

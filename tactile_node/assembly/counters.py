@@ -56,13 +56,16 @@ PAD_COUNTERS: tuple[Counter[PadStatistics], ...] = (
     Counter('tpdos_expected', 'more than received: the rest was lost on the bus or not sent',
             lambda pad: pad.expected),
     Counter('tpdos_received', 'good or not', lambda pad: pad.received),
+    Counter('tpdos_padded', 'longer than the layout maps, up to 8 bytes: their first bytes are used',
+            lambda pad: pad.padded, is_field=False),
     Counter('tpdos_used', 'whose taxels were published as valid', lambda pad: pad.used))
 
 NODE_COUNTERS: tuple[Counter[NodeHealth], ...] = (
     Counter('boots', 'boot-up messages', lambda node: node.boots),
     Counter('emcy_count', "the device's own error messages", lambda node: node.emergencies),
     Counter('outages', 'times without taxels of this node', lambda node: node.outages.count),
-    Counter('frames_distrusted', 'taxel frames without values: the node had restarted and was not configured yet',
+    Counter('frames_distrusted',
+            'taxel frames without values: the node has restarted and is not configured yet, or it refuses the set-up',
             lambda node: node.distrusted))
 
 

@@ -1,6 +1,15 @@
 """Makes the sentences of logs, /diagnostics and status messages from the facts of ``health``."""
 
-from tactile_node.assembly.health import BusFault, Failure, ForeignCommand, NodeFault, NodeHealth, SentTpdo, SyncState
+from tactile_node.assembly.health import (
+    BusFault,
+    Failure,
+    ForeignCommand,
+    NodeFault,
+    NodeHealth,
+    SentTpdo,
+    SyncState,
+    TpdoOrder,
+)
 from tactile_node.cia301.objects import command_name, state_name
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError, TactileError
 
@@ -53,8 +62,9 @@ def node_text(pad: str, node: NodeHealth) -> str:
 
 def _details(node: NodeHealth) -> str:
     """What else is known of the fault."""
-    if node.fault in (NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS) and node.missing_tpdos:
-        return f': {_tpdos(node.missing_tpdos)}'
+    if node.fault in (NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS):
+        facts = [_tpdos(node.missing_tpdos), '' if node.tpdo_order is None else order_text(node.tpdo_order)]
+        return ': ' * any(facts) + '; '.join(filter(None, facts))
     if node.fault is NodeFault.TWO_SENDERS and node.surplus_tpdos:
         return f': more than SYNC asks for of {_tpdos(node.surplus_tpdos)}'
     if node.fault is NodeFault.NOT_OPERATIONAL and node.device_errors is not None:
@@ -69,6 +79,15 @@ def _tpdos(tpdos: tuple[SentTpdo, ...]) -> str:
     'TPDO 1 (COB-ID 0x1A0), TPDO 3 (COB-ID 0x3A0)'
     """
     return ', '.join(f'TPDO {number} (COB-ID 0x{can_id:03X})' for number, can_id in dict.fromkeys(tpdos))
+
+
+def order_text(order: TpdoOrder) -> str:
+    """Without a full stop.
+
+    >>> order_text(TpdoOrder(32, ('1', '2', '3'), ('3', '1', '2')))
+    'it sends its TPDOs in the order 1, 2, 3, and the layout has 3, 1, 2'
+    """
+    return f'it sends its TPDOs in the order {", ".join(order.sent)}, and the layout has {", ".join(order.layout)}'
 
 
 def sync_text(sync: SyncState) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from tactile_node.assembly.health import BusHealth
+from tactile_node.assembly.health import BusHealth, TpdoOrder
 from tactile_node.code_names import PhrasedCode
 from tactile_node.taxel_frame import TaxelFrame
 
@@ -18,7 +18,7 @@ class LossReason(PhrasedCode):
     SURPLUS = 5, "after the period's frame was complete"
     SHORT = 6, 'fewer bytes than mapped'
     UNKNOWN_ROW = 7, 'a row number, or an MPDO, that is not in the layout'
-    OVER_LONG = 8, 'more bytes than mapped: the device maps something else'
+    OVER_LONG = 8, 'more bytes than a CAN frame can have, or than the layout gives the DOMAIN'
     BROKEN = 9, 'an SDO upload that was aborted, lacks frames or has a wrong CRC'
     INCOMPLETE = 10, 'good, but of an incomplete taxel frame, which is withheld (drop_incomplete)'
     UNFINISHED = 11, 'the driver stopped within the period'
@@ -38,10 +38,12 @@ class PadStatistics(NamedTuple):
     pending: int  #: TPDOs that may still be used or lost
     losses: dict[LossReason, int]  #: TPDOs lost, of every reason; read only
     withheld: int = 0  #: incomplete taxel frames not given, because of ``drop_incomplete``
+    padded: int = 0  #: TPDOs longer than mapped, up to 8 bytes: their first bytes were taken
     used_by_node: tuple[int, ...] = ()  #: ``used``, by the pad's nodes
     syncs: int = 0  #: SYNCs that began a period
     distinct_by_tpdo: tuple[tuple[int, ...], ...] = ()  #: TPDOs seen but DUPLICATEs, by node and its part of the layout
     fresh_by_tpdo: tuple[tuple[int, ...], ...] = ()  #: TPDOs good for a taxel frame, given or withheld; likewise
+    orders: tuple[TpdoOrder | None, ...] = ()  #: by node; None where none was seen but the layout's
 
     @property
     def published(self) -> int:

@@ -88,6 +88,14 @@ class SentTpdo(NamedTuple):
     can_id: int
 
 
+class TpdoOrder(NamedTuple):
+    """A node sends its TPDOs in another order than the layout says. TPDOs by name: see ``TpdoLayout.name``."""
+
+    node_id: int
+    sent: tuple[str, ...]
+    layout: tuple[str, ...]
+
+
 class Failure(NamedTuple):
     """The fault of a bus or a log, and what the adapter, device or system reported."""
 
@@ -125,6 +133,7 @@ class NodeHealth(NamedTuple):
     active_emergency: Emergency | None = None  #: the last error that it has not reset
     missing_tpdos: tuple[SentTpdo, ...] = ()  #: that bring no taxels, while others do
     surplus_tpdos: tuple[SentTpdo, ...] = ()  #: that are received more often than SYNC
+    tpdo_order: TpdoOrder | None = None  #: where it is another one than the layout's
     device_errors: DeviceErrors | None = None  #: that it listed when it refused to become OPERATIONAL
 
 

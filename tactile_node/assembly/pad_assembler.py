@@ -1,13 +1,18 @@
 """What the assemblers of pads have in common: which TPDO a CAN frame is, the counts, and how a taxel frame is given."""
 
+import logging
 from collections.abc import Sequence
 
 import numpy as np
 
 from tactile_node.assembly.frame_source import LossReason, PadStatistics
+from tactile_node.assembly.health import SentTpdo
+from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.taxel_codec import TaxelCodec
 from tactile_node.taxel_frame import TaxelFrame, TpdoAges
+
+logger = logging.getLogger(__name__)
 
 #: What comes of a CAN frame or a SYNC: the taxel frames that are finished, in order; often none
 Frames = tuple[TaxelFrame, ...]
@@ -31,6 +36,8 @@ class PadAssembler:
             self._ranks.setdefault(tpdo.cob_id.of(node_id), {})[tpdo.prefix(node_id)] = rank
         self._prefix_lengths = {can_id: len(next(iter(ranks))) for can_id, ranks in self._ranks.items()}
         self._lengths = [tpdo.length for tpdo in layout.tpdos]
+        self._numbers = [tpdo.number for tpdo in layout.tpdos]
+        self._padded = 0
         self.can_ids = frozenset(self._ranks)  #: COB-IDs of its CAN frames
         self._senders = np.array([tpdo.node for tpdo in layout.tpdos] or [0], np.intp)  # by rank
         self._used = np.zeros(layout.nodes, np.int64)
@@ -61,6 +68,10 @@ class PadAssembler:
         rank = self._ranks[can_id].get(data[:length])
         if rank is None:
             return self._lose(LossReason.SHORT if len(data) < length else LossReason.UNKNOWN_ROW)
+        mapped = self._lengths[rank]
+        if mapped < len(data) <= MAX_PDO_BYTES:
+            self._note_padded(SentTpdo(self._numbers[rank], can_id), len(data), mapped)
+            data = data[:mapped]
         return self._feed_tpdo(rank, data, timestamp)
 
     def end_period(self) -> Frames:
@@ -72,7 +83,7 @@ class PadAssembler:
         return PadStatistics(
             complete=self._complete, incomplete=self._incomplete,
             expected=used + self._missing + self._losses[LossReason.INCOMPLETE], received=self._received, used=used,
-            pending=pending, losses=dict(self._losses), withheld=self._withheld,
+            pending=pending, losses=dict(self._losses), withheld=self._withheld, padded=self._padded,
             used_by_node=tuple(self._used.tolist()))
 
     def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:
@@ -85,8 +96,16 @@ class PadAssembler:
         """TPDOs that may still be used or lost."""
         return 0
 
+    def _note_padded(self, tpdo: SentTpdo, size: int, mapped: int) -> None:
+        """Count a TPDO of ``size`` bytes, of which the layout maps the first ones (CiA 301), and report the first."""
+        if not self._padded:
+            logger.warning('TPDO %d (COB-ID 0x%03X) has %d bytes, and the layout maps %d: the first %d are used. If '
+                           'others hold the taxels, correct the layout.', *tpdo, size, mapped, mapped,
+                           extra={'fact': tpdo})
+        self._padded += 1
+
     def _wrong_length(self, rank: int, data: bytes) -> LossReason | None:
-        """Why these bytes are not what the layout maps to the TPDO ``rank``; None if they are."""
+        """Why these bytes are not those of the TPDO ``rank``; None if they are. Padding is off already."""
         wanted = self._lengths[rank]
         if len(data) == wanted:
             return None

@@ -8,7 +8,7 @@ from tactile_node.assembly.health import ErrorCounters, ForeignCommand
 from tactile_node.cia301 import objects
 from tactile_node.cia301.emergency import EmergencyLog
 from tactile_node.cia301.frame_bits import Frame, worst_case_bits
-from tactile_node.cia301.heartbeat import Heartbeats
+from tactile_node.cia301.heartbeat import Heartbeats, nmt_state
 from tactile_node.cia301.sdo import written_object
 
 #: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
@@ -83,7 +83,7 @@ class BusMonitor:
 
     def _heartbeat(self, can_id: int, data: bytes) -> None:
         if self.heartbeats.feed(can_id, data):
-            if data[0] == objects.NmtState.BOOT_UP:
+            if nmt_state(data) == objects.NmtState.BOOT_UP:
                 self.emergencies[can_id - objects.HEARTBEAT].booted()
             self._on_news()
 

@@ -15,7 +15,7 @@ from tactile_node.bus.message_pace import Reminder
 from tactile_node.bus.own_sdo import explain_refusal
 from tactile_node.cia301 import objects
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.errors import DeviceAbsentError, DeviceError, InterruptedSetupError
+from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, InterruptedSetupError, UnverifiedDeviceError
 from tactile_node.skin.eds_rules import Identity, identity_of
 from tactile_node.skin.layout import TpdoLayout
 from tactile_node.skin.pads import CanopenNode
@@ -52,9 +52,17 @@ class DeviceSetup:
         self._tries = 1 + retries
         self._is_interrupted = is_interrupted
         self._heartbeats = heartbeats
+        self._replaced: list[tuple[int, int, int, int]] = []  # index, sub-index, the value before, its bytes
 
     def run(self, boot_timeout: float, heartbeat_ms: int) -> DeviceAsSet:
-        """Find the device within ``boot_timeout`` [s], check and configure it."""
+        """Find the device within ``boot_timeout`` [s], check and configure it; a failure leaves its TPDOs as before."""
+        try:
+            return self._run(boot_timeout, heartbeat_ms)
+        except (DeviceError, InterruptedSetupError):
+            self._restore()
+            raise
+
+    def _run(self, boot_timeout: float, heartbeat_ms: int) -> DeviceAsSet:
         self._wait_for_device(boot_timeout)
         self._check_identity()
         if self._node.layout.needs_sync:
@@ -101,9 +109,9 @@ class DeviceSetup:
         ours = identity_of(self._node.dictionary, self._node.eds)
         theirs = Identity(*(self._read_if_any(objects.IDENTITY, sub) for sub in (1, 2, 3)))
         if not ours.accepts(theirs):
-            raise DeviceError(f'{self._label}, object 0x{objects.IDENTITY:04X}', got=str(theirs),
-                              expected=f'{ours} as in {self._node.eds}',
-                              remedy='Check the node-ID, or give the EDS and layout of this device.')
+            raise UnverifiedDeviceError(f'{self._label}, object 0x{objects.IDENTITY:04X}', got=str(theirs),
+                                        expected=f'{ours} as in {self._node.eds}',
+                                        remedy='Check the node-ID, or give the EDS and layout of this device.')
         if ours.not_given:
             logger.warning('%s: its EDS %s gives no %s in object 0x%04X, so that any is accepted.', self._label,
                            self._node.eds, ', '.join(ours.not_given), objects.IDENTITY)
@@ -122,7 +130,7 @@ class DeviceSetup:
                               expected=f'SYNC COB-ID 0x{wanted:03X}',
                               got=f'0x{now & objects.SYNC_ID_MASK:03X}, on which this device itself produces SYNC',
                               remedy='Give this one as sync_cob_id in the layout, or let the device produce none.')
-        self._write(objects.COB_ID_SYNC, 0, (now or 0) & ~objects.SYNC_ID_MASK | wanted, 4)
+        self._write(objects.COB_ID_SYNC, 0, (now or 0) & ~objects.SYNC_ID_MASK | wanted, 4, was=now)
 
     def _set_heartbeat(self, wanted: int) -> int | None:
         """Set the heartbeat time [ms]; the one that the device has now, if that is known."""
@@ -150,7 +158,7 @@ class DeviceSetup:
             if current is None or current & ~objects.NO_RTR not in cob_ids:
                 continue
             number = index - objects.TPDO_COMMUNICATION + 1
-            self._write(index, 1, current | objects.DISABLED, 4)
+            self._write(index, 1, current | objects.DISABLED, 4, was=current)
             if not (now := self._read(index, 1)) & objects.DISABLED:
                 self._refuse_other_value(f'0x{index:04X} sub 1 (COB-ID of TPDO {number})',
                                          f'0x{current | objects.DISABLED:08X}', f'0x{now:08X}')
@@ -162,19 +170,25 @@ class DeviceSetup:
         communication, mapping = objects.TPDO_COMMUNICATION + tpdo.number - 1, objects.TPDO_MAPPING + tpdo.number - 1
         entries = None if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
         transmission = self._transmission(tpdo, communication)
-        current = self._read(communication, 1)
+        current, mapped = self._read(communication, 1), self._mapping(mapping)
         wanted = tpdo.cob_id.of(self._node.node_id) | current & objects.NO_RTR
-        same_mapping = self._mapping(mapping) == entries
-        if current == wanted and same_mapping and all(self._read(communication, sub) == value
-                                                      for sub, value in transmission.items()):
+        times = {sub: self._read(communication, sub) for sub in transmission}
+        if (current, mapped, times) == (wanted, entries, transmission):
             return False
-        self._write(communication, 1, current | objects.DISABLED, 4)  # CiA 301: no change while the PDO exists
-        for sub, value in transmission.items():
-            self._write(communication, sub, value, SENDING_TIMES[sub][0])
-        if not same_mapping:
-            self._write_mapping(mapping, entries)
-        self._write(communication, 1, wanted, 4)
-        self._verify(tpdo, communication, wanted, transmission)
+        disabled = current | objects.DISABLED  # CiA 301: no change while the PDO exists
+        try:
+            self._write(communication, 1, disabled, 4, was=current)
+            for sub, value in transmission.items():
+                self._write(communication, sub, value, SENDING_TIMES[sub][0], was=times[sub])
+            if mapped != entries:
+                self._write_mapping(mapping, entries, was=mapped)
+            self._write(communication, 1, wanted, 4, was=disabled)
+            self._verify(tpdo, communication, wanted, transmission)
+        except DeviceError as error:
+            if mapped == entries or isinstance(error, DeviceAbsentError):
+                raise
+            raise UnverifiedDeviceError(error.where, expected=error.expected, got=error.got,
+                                        remedy=error.remedy) from error
         return True
 
     def _transmission(self, tpdo: TpdoLayout, index: int) -> dict[int, int]:
@@ -202,11 +216,11 @@ class DeviceSetup:
         count = self._read(index, 0)
         return None if count == objects.SAM_MPDO else [self._read(index, sub) for sub in range(1, count + 1)]
 
-    def _write_mapping(self, index: int, entries: MappingEntries) -> None:
-        self._write(index, 0, 0, 1)
+    def _write_mapping(self, index: int, entries: MappingEntries, was: MappingEntries) -> None:
+        self._write(index, 0, 0, 1, was=_count(was))
         for sub, entry in enumerate(entries or [], 1):
-            self._write(index, sub, entry, 4)
-        self._write(index, 0, objects.SAM_MPDO if entries is None else len(entries), 1)
+            self._write(index, sub, entry, 4, was=dict(enumerate(was or [], 1)).get(sub))
+        self._write(index, 0, _count(entries), 1, was=0)
         if (now := self._mapping(index)) != entries:
             self._refuse_other_value(f'0x{index:04X}', _mapping_text(entries), _mapping_text(now))
 
@@ -236,9 +250,22 @@ class DeviceSetup:
             return self._upload(index, sub)
         return None
 
-    def _write(self, index: int, sub: int, value: int, size: int) -> None:
+    def _write(self, index: int, sub: int, value: int, size: int, was: int | None) -> None:
+        """Write a number in place of ``was``; None where that is not known."""
         with explain_refusal(self._where(index, sub), f'be set to 0x{value:X}'):
             self._download(index, sub, value.to_bytes(size, 'little'))
+        if was is not None:
+            self._replaced.append((index, sub, was, size))
+
+    def _restore(self) -> None:
+        """Write back what was replaced, the last first, so that each write meets the state that CiA 301 wants."""
+        for index, sub, value, size in reversed(self._replaced):
+            try:
+                self._sdo.download(index, sub, value.to_bytes(size, 'little'))
+            except (SdoAbortedError, SdoCommunicationError, BusError) as error:
+                logger.error('%s cannot be set back to 0x%X: %s. Cycle the power of the device.',
+                             self._where(index, sub), value, error, extra={'fact': (index, sub)})
+                return
 
     def _upload(self, index: int, sub: int) -> int:
         return int.from_bytes(self._retried('read', index, sub, lambda: self._sdo.upload(index, sub)), 'little')
@@ -268,6 +295,11 @@ class DeviceSetup:
 
     def _where(self, index: int, sub: int) -> str:
         return f'{self._label}, object 0x{index:04X} sub {sub}'
+
+
+def _count(entries: MappingEntries) -> int:
+    """Return sub 0 of a mapping record."""
+    return objects.SAM_MPDO if entries is None else len(entries)
 
 
 def _mapping_text(entries: MappingEntries) -> str:

@@ -13,7 +13,7 @@ from tactile_node.assembly.router import non_data_kind
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.reception import Batch
 from tactile_node.cia301 import objects
-from tactile_node.cia301.heartbeat import TOGGLE
+from tactile_node.cia301.heartbeat import nmt_state
 from tactile_node.cia301.sdo import SDO_BYTES
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.skin.eds_rules import Identity
@@ -40,6 +40,7 @@ class NodeScan:
 
     def __init__(self) -> None:
         self.can_frames = 0
+        self.error_frames = 0  #: also one for each damaged line of an slcan adapter
         self.answered: set[int] = set()
         self._states: dict[int, int] = {}
         self._heard: dict[int, list[float]] = {}
@@ -48,11 +49,13 @@ class NodeScan:
     def received(self, batch: Batch) -> None:
         """Note heartbeats and answers to the first request."""
         with self._lock:
+            self.error_frames += sum(message.is_error_frame for message in batch.messages)
             for message in (one for one in batch.messages if non_data_kind(one) is None):
                 can_id, data = message.arbitration_id, bytes(message.data)
                 self.can_frames += 1
-                if (alive := objects.node_of(can_id, objects.HEARTBEAT)) is not None and len(data) == 1:
-                    self._states[alive] = data[0] & ~TOGGLE
+                alive, state = objects.node_of(can_id, objects.HEARTBEAT), nmt_state(data)
+                if alive is not None and state is not None:
+                    self._states[alive] = state
                     self._heard.setdefault(alive, []).append(time.monotonic())
                 elif (server := objects.node_of(can_id, objects.SDO_RESPONSE)) is not None and len(data) == SDO_BYTES:
                     self.answered.add(server)

@@ -17,7 +17,8 @@ from can.util import CAN_FD_DLC
 
 from tactile_node.bus.reception import Batch
 
-ENDS = b'\r\a'  # what ends a line: done, refused
+END = b'\r'
+ENDS = bytes.maketrans(b'\a\n', 2 * END)  # what else ends a line: refused; some firmware writes CR LF
 
 LONGEST_LINE = 160  # characters: more than a CAN FD frame takes, so the end of a line is missing
 HEXADECIMAL = frozenset('0123456789abcdefABCDEF')
@@ -105,7 +106,7 @@ class BulkSlcanBus(slcanBus):
                 if not waiting and not self._buffer:  # so the next line is not here yet
                     self._came_after = self._asked
                 self._buffer += self.serialPortOrig.read(max(1, waiting))
-            *lines, rest = self._buffer.replace(ENDS[1:], ENDS[:1]).split(ENDS[:1])
+            *lines, rest = self._buffer.translate(ENDS).split(END)
             self._buffer = bytearray(rest)
             if len(rest) > LONGEST_LINE:
                 self._buffer.clear()

@@ -10,6 +10,14 @@ from tactile_node.cia301.objects import HEARTBEAT, NmtState
 TOGGLE = 0x80  # bit 7 toggles in answers to node guarding
 
 
+def nmt_state(data: bytes) -> int | None:
+    """Return the NMT state in a heartbeat, a boot-up message or an answer to node guarding; None if it has no byte.
+
+    CiA 301 gives these frames one byte. Some devices send more: their first byte is the state.
+    """
+    return data[0] & ~TOGGLE if data else None
+
+
 @dataclass
 class HeardNode:
     """What was received of one node. Times are of the monotonic clock [s]."""
@@ -36,9 +44,9 @@ class Heartbeats:
 
     def feed(self, can_id: int, data: bytes) -> bool:
         """Take a frame on 0x700 + node-ID; True for a boot-up or a new state. An empty frame is ignored."""
-        if not data:
+        state, now = nmt_state(data), time.monotonic()
+        if state is None:
             return False
-        state, now = data[0] & ~TOGGLE, time.monotonic()
         is_boot = state == NmtState.BOOT_UP
         with self._changed:
             node = self._nodes[can_id - HEARTBEAT]

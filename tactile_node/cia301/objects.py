@@ -18,6 +18,18 @@ PRODUCES_SYNC = 1 << 30  #: in 0x1005: the device produces SYNC
 SYNC_ID_MASK = (1 << 30) - 1  #: in 0x1005: the identifier and bit 29, which says that it has 29 bits
 ID_MASK = 0x7FF  #: the identifier, also its greatest value: 11 bits
 
+_OCTAL = re.compile(r'(?<![\w.])0+([0-7]+)(?![\w.])')
+
+
+def read_octal(written: str) -> str:
+    """Return a number, or a sum of them, with the octal ones of CiA 306 (a leading 0, as in C) as Python writes them.
+
+    >>> read_octal('$NODEID+0600'), read_octal('0x080'), read_octal('0')
+    ('$NODEID+0o600', '0x080', '0')
+    """
+    return _OCTAL.sub(r'0o\1', written)
+
+
 _TERM = re.compile(r'\$NODEID|0X[0-9A-F]+|[0-9]+')
 
 
@@ -45,7 +57,7 @@ def parse_cob_id(written: int | str) -> CobId:
     terms = str(written).replace(' ', '').upper().split('+')
     if not all(_TERM.fullmatch(term) for term in terms) or terms.count('$NODEID') > 1:
         raise ValueError(written)
-    base = sum(int(term, 0) for term in terms if term != '$NODEID')
+    base = sum(int(read_octal(term), 0) for term in terms if term != '$NODEID')
     if not 0 <= base <= ID_MASK:
         raise ValueError(written)
     return CobId(base, '$NODEID' in terms)

@@ -4,6 +4,7 @@ import argparse
 import json
 import re
 from collections import Counter
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,6 +28,8 @@ EDS_NODE_ID = 32           #: that the EDS is read for
 SYNC_PERIODS = (0.02, 0.01, 0.005)  #: between two SYNCs, of which the load is given [s]
 MOST_ALIKE = 3             #: errors with the same remedy that the text has
 WIDEST_MAP = 120           #: columns of a map that a terminal shows
+UNSORTED = ('the TPDOs {} are not in ascending order: list them in the order in which the device sends them, by number '
+            'for most devices')
 MAPPED_SIGN, UNMAPPED_SIGN, DEAD_SIGN = '#', '.', 'x'
 
 
@@ -121,6 +124,10 @@ def _warnings(layout: SkinLayout, use: Use) -> list[str]:
     if unfilled := [number for number, line in enumerate(written, 1) if f'# {FILL_IN}' in line]:
         found.append(f'marked {FILL_IN} are the lines {", ".join(map(str, unfilled))}')
     event, period = layout.event_driven, sweep_period(layout, use.sync_period)
+    if event is None or event.is_sweeps:
+        orders = [[tpdo.number for tpdo in layout.of_node(node).tpdos] for node in range(layout.nodes)]
+        found += [UNSORTED.format(', '.join(str(number) for number, _ in groupby(numbers)))
+                  for numbers in orders if numbers != sorted(numbers)]
     load = planned_load([layout] * use.pads, use.bitrate, use.sync_period)
     if load > MOST_LOAD:
         found.append(f'at {1 / period:.4g} sweeps a second {load_text(load, use.pads)}')

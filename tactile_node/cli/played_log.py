@@ -13,6 +13,9 @@ from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
 
+UNUSABLE_REMEDY = ('`tactile replay` counts the reasons. Compare "map" of the layout with 0x1A00... of the device, and '
+                   'check that the log has SYNC.')
+
 
 class PlayedLog(NamedTuple):
     """What a log held."""
@@ -22,9 +25,12 @@ class PlayedLog(NamedTuple):
     has_ended: bool                      #: False: interrupted
 
     @property
-    def used(self) -> bool:
-        """Whether every pad has a TPDO in it."""
-        return all(pad.used for pad in self.source.statistics().pads.values())
+    def unused(self) -> list[InputError]:
+        """An error for each pad that has no taxels in the log: none of its TPDOs is there, or none can be used."""
+        return [InputError(f'log, pad {name!r}', expected='TPDOs with taxels',
+                           got=f'{pad.received} TPDOs, none of which can be used' if pad.received else 'no TPDO',
+                           remedy=UNUSABLE_REMEDY if pad.received else 'Check --node-id and --layout.')
+                for name, pad in self.source.statistics().pads.items() if not pad.used]
 
 
 def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '',
@@ -61,7 +67,6 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
     played = PlayedLog(frames, source, source.finished.is_set())
     if must_be_used and not played.has_ended:
         raise KeyboardInterrupt
-    if must_be_used and not played.used:
-        raise InputError(f'log {path}', expected='taxel frames of this pad', got='none',
-                         remedy='Check --node-id and --layout.')
+    for error in played.unused if must_be_used else ():
+        raise error
     return played

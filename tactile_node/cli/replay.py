@@ -61,9 +61,9 @@ def run(args: argparse.Namespace) -> int:
             stream.write(_as_file(played.frames[name], name, pads[0].layout, is_archive=_is_archive(args.output)))
     statistics = played.source.statistics()
     print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
-    if not played.used:
-        print('A pad has no TPDO in this log: check --node-id and --layout.', file=sys.stderr)
-    if not played.has_ended or not played.used or played.source.heard.strangers():
+    for error in played.unused:
+        print(error, file=sys.stderr)
+    if not played.has_ended or played.unused or played.source.heard.strangers():
         return 1
     return UNREAD_EXIT if statistics.unread else 0
 

@@ -22,6 +22,8 @@ LONGEST_LISTENING = 86_400.0  #: [s]
 LISTENING_TIME = 1.5  #: s: most heartbeats are sent once a second or more often
 SILENT_HINT = 'Nothing was received, and no node has answered. Check power, termination, bit rate and cable.'
 SILENT_PASSIVE_HINT = 'Nothing was received. Nodes without a heartbeat are found only without --passive.'
+DAMAGED_HINT = ('Only damaged CAN frames were received: {} error frames. Check the bit rate, the termination, and that '
+                'the adapter speaks slcan.')
 UNHEARD_HINT = 'CAN frames were received, but no node was heard: check the bit rate, or the node-IDs that were asked.'
 
 
@@ -60,7 +62,8 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(facts) if args.json else _text(node, matching, is_asked))
     if not found:
         silent = SILENT_PASSIVE_HINT if args.passive else SILENT_HINT
-        print(UNHEARD_HINT if scan.can_frames else silent, file=sys.stderr)
+        damaged = DAMAGED_HINT.format(scan.error_frames) if scan.error_frames else silent
+        print(UNHEARD_HINT if scan.can_frames else damaged, file=sys.stderr)
     return 0 if found else 1
 
 

@@ -7,9 +7,12 @@ are not known. Values are taken from expedited transfers, as these objects have 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+import can
 from canopen.sdo import constants
 
+from tactile_node.assembly.router import non_data_kind
 from tactile_node.cia301 import objects
+from tactile_node.cia301.heartbeat import nmt_state
 from tactile_node.cia301.sdo import COMMAND, SDO_BYTES
 from tactile_node.skin.eds_rules import Identity
 from tactile_node.skin.layout import TpdoLayout
@@ -87,7 +90,7 @@ class _LoggedNode:
         return None
 
     def heartbeat(self, _can_id: int, data: bytes) -> None:
-        if data[:1] == bytes([objects.NmtState.BOOT_UP]):  # it has what it has saved
+        if nmt_state(data) == objects.NmtState.BOOT_UP:  # it has what it has saved
             self._values.clear()
             self._requested.clear()
 
@@ -164,9 +167,10 @@ class HeardNodes:
         self._own = {pad.name: set(pad.node_ids) for pad in pads}
         self._heard: set[int] = set()
 
-    def feed(self, can_id: int) -> None:
-        node_id = objects.node_of(can_id, objects.HEARTBEAT)
-        if node_id is not None:
+    def feed(self, message: can.Message) -> None:
+        """Take the next CAN frame; a request of node guarding is of the master."""
+        node_id = objects.node_of(message.arbitration_id, objects.HEARTBEAT)
+        if node_id is not None and non_data_kind(message) is None and message.data:
             self._heard.add(node_id)
 
     def strangers(self) -> dict[str, list[int]]:

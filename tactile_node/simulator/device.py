@@ -207,7 +207,7 @@ class SimulatedDevice:
         """What the TPDO sends at this SYNC."""
         if tpdo.every and self._syncs % tpdo.every:
             return
-        if not tpdo.heads:
+        if not tpdo.head:
             data = self._data(tpdo)
             if not tpdo.every and self._sent.get(tpdo.can_id) == data:
                 return
@@ -216,14 +216,12 @@ class SimulatedDevice:
 
     def _frames(self, tpdo: ConfiguredTpdo) -> Iterator[tuple[int, bytes]]:
         """What it sends now."""
-        for rank, head in tpdo.heads:
-            self.frames_sent += 1
-            yield tpdo.can_id, head + self._words[rank][len(head):tpdo.length]
-        if not tpdo.heads:
-            self.frames_sent += 1
-            yield tpdo.can_id, self._data(tpdo)
+        self.frames_sent += 1
+        yield tpdo.can_id, self._data(tpdo)
 
     def _data(self, tpdo: ConfiguredTpdo) -> bytes:
+        if tpdo.head:
+            return tpdo.head + self._words[tpdo.rank][len(tpdo.head):tpdo.length]
         if tpdo.whole is not None:
             return self._words[tpdo.whole][:tpdo.length]
         word = sum(self._bits(piece) << piece.to for piece in tpdo.pieces)
@@ -238,8 +236,7 @@ class SimulatedDevice:
         """Compile the TPDOs as their records stand now, and schedule what is due without SYNC from now on."""
         known = self._node.object_dictionary
         numbers = [i for i in range(objects.MAX_TPDOS) if objects.TPDO_COMMUNICATION + i in known]
-        compiled = (self._records.compile(number) for number in numbers)
-        self._tpdos = [tpdo for tpdo in compiled if tpdo is not None]
+        self._tpdos = self._records.compile(numbers)
         self._schedule = EventSchedule(self._tpdos, now)
         return self._tpdos
 

@@ -1,7 +1,6 @@
 """The TPDOs of a simulated device, by its communication and mapping records (CiA 301, 7.5.2.37 on); their events."""
 
-import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 from canopen.objectdictionary import ODRecord
@@ -24,14 +23,15 @@ class Piece(NamedTuple):
 
 
 class ConfiguredTpdo(NamedTuple):
-    """A TPDO as the master has configured it."""
+    """A TPDO as the master has configured it, or one frame of a multiplexed one."""
 
     can_id: int
     every: int  #: sent at each so many SYNCs; 0: when its bytes have changed
     length: int
     pieces: tuple[Piece, ...]
     whole: int | None  #: the rank of the layout's TPDO that it equals
-    heads: tuple[tuple[int, bytes], ...] = ()  #: multiplexed: rank and first bytes of each frame
+    rank: int = 0  #: its place in the layout; those that are not in it come last
+    head: bytes = b''  #: the first bytes of the frame of a multiplexed one
     event_timer: float = 0.0  #: > 0: not sent at a SYNC, but at least so often [s]
     inhibit_time: float = 0.0  #: at most so often [s]
     is_on_change: bool = False  #: without SYNC: also when its bytes have changed
@@ -49,19 +49,27 @@ class TpdoRecords:
     def has_event_timers(self) -> bool:
         return any(self._has(number, objects.EVENT_TIMER) for number in range(objects.MAX_TPDOS))
 
-    def compile(self, number: int) -> ConfiguredTpdo | None:
-        """TPDO ``number`` (from 0) as its records stand now; None when it is not sent."""
+    def compile(self, numbers: Iterable[int]) -> list[ConfiguredTpdo]:
+        """Return the TPDOs ``numbers`` (from 0) that are sent, as their records stand now, in the layout's order."""
+        found = []
+        for number in numbers:
+            tpdo = self._compile(number)
+            if tpdo is not None:
+                found += [tpdo._replace(rank=rank, head=head) for rank, head in self._frames(number + 1)]
+        return sorted(found, key=lambda tpdo: tpdo.rank)
+
+    def _compile(self, number: int) -> ConfiguredTpdo | None:
         cob_id = self._number(objects.TPDO_COMMUNICATION + number, 1)
         kind = self._number(objects.TPDO_COMMUNICATION + number, objects.TRANSMISSION_TYPE)
         has_timer = kind >= objects.MANUFACTURER_EVENT
         timer = self._time(number, objects.EVENT_TIMER, objects.EVENT_TIMER_UNIT) if has_timer else 0.0
         count = self._number(objects.TPDO_MAPPING + number, 0)
-        heads = tuple(self._heads(number + 1))
+        is_multiplexed = any(head for _, head in self._frames(number + 1))
         if cob_id & objects.DISABLED:
             return None
         if count == objects.SAM_MPDO and (kind == objects.MANUFACTURER_EVENT or timer):
             return ConfiguredTpdo(can_id=cob_id & objects.ID_MASK, every=objects.EVERY_SYNC,
-                                  length=objects.MAX_PDO_BYTES, pieces=(), whole=None, heads=heads,
+                                  length=objects.MAX_PDO_BYTES, pieces=(), whole=None,
                                   event_timer=timer)  # without it: a scan for each SYNC
         if count in (0, objects.SAM_MPDO) or kind > objects.MAX_SYNCHRONOUS and not timer:
             return None
@@ -71,11 +79,11 @@ class TpdoRecords:
             rank, start, _ = self.places.get(entry >> 8, (None, 0, 0))
             pieces.append(Piece(rank, start, entry & 0xFF, bits))
             bits += entry & 0xFF
-        is_whole = not heads and all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
+        is_whole = not is_multiplexed and all(p.rank == pieces[0].rank is not None and p.start == p.to for p in pieces)
         return ConfiguredTpdo(can_id=cob_id & objects.ID_MASK, every=kind, length=(bits + 7) // 8, pieces=tuple(pieces),
-                              whole=pieces[0].rank if is_whole else None, heads=heads, event_timer=timer,
+                              whole=pieces[0].rank if is_whole else None, event_timer=timer,
                               inhibit_time=self._time(number, objects.INHIBIT_TIME, objects.INHIBIT_UNIT),
-                              is_on_change=kind == objects.PROFILE_EVENT and not heads)
+                              is_on_change=kind == objects.PROFILE_EVENT and not is_multiplexed)
 
     def _time(self, number: int, sub: int, unit: float) -> float:
         """A time of TPDO ``number`` [s]; 0 where the device does not have it."""
@@ -85,12 +93,11 @@ class TpdoRecords:
         record = self._node.dictionary.get(objects.TPDO_COMMUNICATION + number)
         return isinstance(record, ODRecord) and sub in record.subindices
 
-    def _heads(self, number: int) -> Iterator[tuple[int, bytes]]:
-        for rank, tpdo in enumerate(self._node.layout.tpdos):
-            if tpdo.number == number and tpdo.is_mpdo:
-                yield rank, struct.pack('<BHB', self._node.node_id, tpdo.mapping[0].index, tpdo.mapping[0].subindex)
-            elif tpdo.number == number and tpdo.row is not None:
-                yield rank, struct.pack('B', tpdo.row)
+    def _frames(self, number: int) -> list[tuple[int, bytes]]:
+        """Return the rank and the first bytes of each CAN frame of TPDO ``number``."""
+        tpdos = self._node.layout.tpdos
+        frames = [(rank, tpdo.prefix(self._node.node_id)) for rank, tpdo in enumerate(tpdos) if tpdo.number == number]
+        return frames or [(len(tpdos) + number, b'')]
 
 
 def _object_places(layout: SkinLayout) -> Places:
@@ -116,7 +123,7 @@ class EventSchedule:
 
     def __init__(self, tpdos: Sequence[ConfiguredTpdo], now: float):
         self._tpdos = [tpdo for tpdo in tpdos if tpdo.event_timer]
-        self._due = {tpdo.can_id: now for tpdo in self._tpdos}
+        self._due = {tpdo: now for tpdo in self._tpdos}
         self._sent: dict[int, tuple[float, bytes]] = {}  # when and what, by COB-ID
 
     def due(self, now: float, data: Callable[[ConfiguredTpdo], bytes]) -> list[ConfiguredTpdo]:
@@ -127,13 +134,13 @@ class EventSchedule:
     def next(self, now: float) -> float:
         """When something may be due again."""
         scans = [now + SCAN for tpdo in self._tpdos if tpdo.is_on_change]
-        return min([*scans, *(self._due[tpdo.can_id] for tpdo in self._tpdos if not tpdo.is_on_change)],
+        return min([*scans, *(self._due[tpdo] for tpdo in self._tpdos if not tpdo.is_on_change)],
                    default=now + SCAN)
 
     def _is_timed(self, tpdo: ConfiguredTpdo, now: float) -> bool:
-        if now < self._due[tpdo.can_id]:
+        if now < self._due[tpdo]:
             return False
-        self._due[tpdo.can_id] = now + tpdo.event_timer  # CiA 301: the timer begins again with each transmission
+        self._due[tpdo] = now + tpdo.event_timer  # CiA 301: the timer begins again with each transmission
         return True
 
     def _is_changed(self, tpdo: ConfiguredTpdo, now: float, data: bytes) -> bool:

@@ -3,16 +3,18 @@
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable
-from configparser import DuplicateOptionError, DuplicateSectionError, RawConfigParser
+from configparser import DuplicateOptionError, DuplicateSectionError, RawConfigParser, SectionProxy
 from configparser import Error as ParserError
+from contextlib import suppress
 from io import StringIO
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from canopen import ObjectDictionary
+from canopen.objectdictionary.datatypes import BOOLEAN, INTEGER_TYPES
 from canopen.objectdictionary.eds import import_eds
 
-from tactile_node.cia301.objects import IDENTITY
+from tactile_node.cia301.objects import IDENTITY, read_octal
 from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
 
@@ -21,12 +23,13 @@ _SUBOBJECT = re.compile(r'([0-9A-Fa-f]{4})[Ss][Uu][Bb]([0-9A-Fa-f]+)')
 _INFO_NUMBERS = ('VendorNumber', 'ProductNumber', 'RevisionNumber', 'Granularity', 'NrOfRXPDO', 'NrOfTXPDO',
                  'SimpleBootUpMaster', 'SimpleBootUpSlave', 'DynamicChannelsSupported', 'GroupMessaging',
                  'LSS_Supported')
+_NUMBERS = (*_INFO_NUMBERS, 'ObjectType', 'DataType', 'PDOMapping', 'SubNumber', 'CompactSubObj',
+            *(f'BaudRate_{rate}' for rate in (10, 20, 50, 125, 250, 500, 800, 1000)))
+_VALUES = 'DefaultValue', 'ParameterValue', 'LowLimit', 'HighLimit'  # numbers where the DataType is one
 #: as canopen looks for them; CiA 306 leaves the case open
 _KEYS = {key.lower(): key for key in (
-    *_INFO_NUMBERS, 'VendorName', 'ProductName', 'OrderCode', 'ParameterName', 'ObjectType', 'DataType', 'AccessType',
-    'DefaultValue', 'ParameterValue', 'PDOMapping', 'SubNumber', 'LowLimit', 'HighLimit', 'CompactSubObj',
-    'StorageLocation', 'Denotation', 'Factor', 'Unit', 'Description', 'SupportedObjects', 'NrOfEntries',
-    *(f'BaudRate_{rate}' for rate in (10, 20, 50, 125, 250, 500, 800, 1000)))}
+    *_NUMBERS, *_VALUES, 'VendorName', 'ProductName', 'OrderCode', 'ParameterName', 'AccessType', 'StorageLocation',
+    'Denotation', 'Factor', 'Unit', 'Description', 'SupportedObjects', 'NrOfEntries')}
 _TITLES = {'deviceinfo': 'DeviceInfo', 'fileinfo': 'FileInfo'}
 _PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN: these carry the value themselves
 _REMEDY = "Use the device maker's EDS, or correct this one (CiA 306)."
@@ -110,7 +113,16 @@ def _tidy(path: Path, parser: _Parser) -> _Parser:
         if tidied.has_section(title):
             _refuse(path, 'every section once', f'section [{title}] again as [{name}]')
         tidied[title] = {key: value for key, value in parser.items(name) if value}
+        _tidy_numbers(tidied[title])
     return tidied
+
+
+def _tidy_numbers(section: SectionProxy) -> None:
+    """Write octal numbers as canopen reads them."""
+    section.update({key: read_octal(section[key]) for key in _NUMBERS if key in section})
+    with suppress(ValueError):  # a DataType that is no number is refused later
+        if int(section.get('DataType', '0'), 0) in (BOOLEAN, *INTEGER_TYPES):
+            section.update({key: read_octal(section[key]) for key in _VALUES if key in section})
 
 
 def _check_object(path: Path, parser: RawConfigParser, name: str) -> None:
@@ -186,7 +198,7 @@ class EdsText:
     def number(self, section: str, key: str) -> int | None:
         """Return the value of ``key`` as a number; None where it is not given, or empty."""
         entry = self.entry(section, key)
-        return int(entry.value, 0) if entry is not None and entry.value else None
+        return int(read_octal(entry.value), 0) if entry is not None and entry.value else None
 
     def place(self, section: str, key: str = '') -> str:
         """Name a section or key with its line, for messages; by the section alone where there is no such key."""

@@ -156,6 +156,13 @@ class TpdoLayout:
         return self.is_mpdo or self.row is not None
 
     @property
+    def name(self) -> str:
+        """Its number; of a multiplexed one also what distinguishes the frame."""
+        if self.is_mpdo:
+            return f'{self.number} object {objects.ObjectAddress(self.mapping[0].index, self.mapping[0].subindex)}'
+        return str(self.number) if self.row is None else f'{self.number} row {self.row}'
+
+    @property
     def bits(self) -> int:
         """Bits of the CAN frame, node-ID, index and sub-index of an MPDO included."""
         return objects.MAX_PDO_BITS if self.is_mpdo else sum(mapped.bits for mapped in self.mapping)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import can
 
-from tactile_node.assembly.fault_text import failure_text, node_label
+from tactile_node.assembly.fault_text import failure_text, node_label, order_text
 from tactile_node.assembly.frame_source import BusStatistics, OnFrame
 from tactile_node.assembly.health import BusFault, BusHealth, Failure
 from tactile_node.assembly.router import Router, non_data_kind
@@ -157,7 +157,7 @@ class LogSource:
                 self._check(message)
                 if self._on_message is not None:
                     self._on_message(message)
-                self.heard.feed(message.arbitration_id)
+                self.heard.feed(message)
                 self._router.feed_message(message)
                 if stopping.is_set():
                     return
@@ -167,6 +167,10 @@ class LogSource:
             self._fail(BusFault.INTERNAL_ERROR, f'{self._path}: {type(error).__name__}: {error}')
             logger.exception('playing %s', self._path)
         self._router.end()
+        for pad, statistics in self._router.statistics().pads.items():
+            for order in filter(None, statistics.orders):
+                logger.warning('%s, %s: %s.', self._path, node_label(pad, order.node_id), order_text(order),
+                               extra={'fact': order})
         for pad, strangers in self.heard.strangers().items():
             logger.warning('%s: no heartbeat of pad %s, but those of node %s, which sends some of the same COB-IDs. '
                            'Check the node-IDs: the taxels may be of other pads.', self._path, pad,
@@ -210,7 +214,8 @@ def summary(statistics: BusStatistics) -> str:
         fates = {'used': pad.used} | {reason.key: count for reason, count in pad.losses.items() if count}
         lines.append(f'{name}: {pad.published} taxel frames, {pad.complete} complete, {pad.incomplete} incomplete; '
                      f'TPDOs: {pad.expected} expected, {pad.missing} brought no taxels; {pad.received} received: ' +
-                     ', '.join(f'{count} {fate}' for fate, count in fates.items()))
+                     ', '.join(f'{count} {fate}' for fate, count in fates.items()) +
+                     (f'; {pad.padded} padded' if pad.padded else ''))
     services = ', '.join(f'{count} {service}' for service, count in sorted(statistics.can_frames.items()))
     lines.append(f'CAN frames: {sum(statistics.can_frames.values())} ({services}); lines unread: {statistics.unread}')
     return '\n'.join(lines)

@@ -107,6 +107,10 @@ class NodeMonitor:
         self._heartbeat_writes = self._monitor.heartbeat_writes[self.node.node_id]
         self.refuses_while_it_sends = False
 
+    def distrust(self) -> None:
+        """What it sends is not what the layout says, or may be something else: none of it is used until it is."""
+        self._configured = None
+
     def commanded(self, now: float, pad: PadStatistics) -> None:
         """It was started, or its taxels are expected from now on for another reason."""
         self._commanded = now
@@ -168,7 +172,8 @@ class NodeMonitor:
             heartbeat_age=None if heard is None else now - heard, fault=fault, boots=self.boots,
             emergencies=emergencies.count, last_emergency=emergencies.last, outages=outages,
             distrusted=self.distrusted, active_emergency=emergencies.active,
-            missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, device_errors=self.device_errors)
+            missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, tpdo_order=self.traffic.order,
+            device_errors=self.device_errors)
 
     def _excuse_silence(self, ran_again: float) -> None:
         """What was sent until this process ran again may not have been read; many stalls in a row are no excuse."""

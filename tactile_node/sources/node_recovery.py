@@ -10,7 +10,14 @@ from tactile_node.assembly.fault_text import emergency_text, failure_text, node_
 from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
 from tactile_node.assembly.health import NodeFault
 from tactile_node.bus.skin_bus import SkinBus
-from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, InterruptedSetupError, TwoDevicesError
+from tactile_node.errors import (
+    BusError,
+    DeviceAbsentError,
+    DeviceError,
+    InterruptedSetupError,
+    TwoDevicesError,
+    UnverifiedDeviceError,
+)
 from tactile_node.sources.node_monitor import NodeMonitor
 from tactile_node.sources.node_traffic import BusSeen
 
@@ -104,6 +111,8 @@ class NodeRecovery:
             if monitor.retry_reminder.is_due(type(error).__name__, time.monotonic()):
                 logger.error('%s', error, extra={'fact': error})
         except (DeviceError, BusError) as error:
+            if isinstance(error, UnverifiedDeviceError):
+                monitor.distrust()
             monitor.refuses_while_it_sends = isinstance(error, DeviceError) and not pause
             if fault is not NodeFault.SILENT and monitor.retry_reminder.is_due(str(error), time.monotonic()):
                 logger.error('Waiting for node %d: %s', monitor.node.node_id, error, extra={'fact': error})

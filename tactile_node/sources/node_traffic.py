@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from tactile_node.assembly.frame_source import PadStatistics
-from tactile_node.assembly.health import SentTpdo
+from tactile_node.assembly.health import SentTpdo, TpdoOrder
 from tactile_node.cia301.heartbeat import HeardNode
 from tactile_node.skin.pads import CanopenNode
 
@@ -123,6 +123,7 @@ class NodeTraffic:
         self._measured_from = 0.0  # what comes earlier may be a backlog
         self.missing: tuple[SentTpdo, ...] = ()  #: that bring no taxels, while others do
         self.surplus: tuple[SentTpdo, ...] = ()  #: that are received more often than SYNC
+        self.order: TpdoOrder | None = None  #: in which it sends, where that is not the layout's
 
     @property
     def are_two(self) -> bool:
@@ -143,6 +144,7 @@ class NodeTraffic:
         sends = is_active and self._node.layout.needs_sync
         missing = self.tpdos.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
         received = pad.distinct_by_tpdo[self._node.position] if self._node.layout.needs_sync else ()
+        self.order = pad.orders[self._node.position] if pad.orders else None
         counts = self._heard.heartbeats, self._heard.guarded
         is_measure = not bus.is_overloaded and not self._is_backlog(
             now, counts[0] + sum(received), delay + 2 * (heartbeat_time or 0.0))

@@ -12,7 +12,7 @@ import numpy as np
 
 from tactile_node.cia301.emergency import decode_emergency
 from tactile_node.cia301.frame_bits import Frame, worst_case_bits
-from tactile_node.cia301.heartbeat import TOGGLE
+from tactile_node.cia301.heartbeat import nmt_state
 from tactile_node.cia301.objects import (
     DEVICE_NAME,
     DEVICE_TYPE,
@@ -147,9 +147,9 @@ class _HeardNode:
             self._transfer(base == SDO_REQUEST, data)
 
     def _heartbeat(self, data: bytes, stamp: float) -> None:
-        if not data:
+        report, state = self.report, nmt_state(data)
+        if state is None:
             return
-        report, state = self.report, data[0] & ~TOGGLE
         if state == NmtState.BOOT_UP or state != self._state:
             report.nmt.add(NmtChange(stamp, state))
         if state == NmtState.BOOT_UP:
