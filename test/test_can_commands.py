@@ -206,7 +206,7 @@ def test_replay_takes_pace_0_and_reports_when_a_pad_has_no_tpdo(capsys):
     log = DATA / 'sim16x16_two_pads.log.gz'
     assert run(replay, log, '--pace', 0) == 0
     assert run(replay, log, '--pace', 0, '--node-id', 5) == 1
-    assert 'check --node-id' in capsys.readouterr().err
+    assert 'no TPDO. Check --node-id' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('words', [('--pace', '-1'), ('--pace', 'fast'), ('--node-id', '32,64', '--output', '-'),
