@@ -7,7 +7,6 @@ latest message made such a claim.
 
 import gc
 import json
-import os
 import subprocess
 import sys
 import threading
