@@ -14,7 +14,7 @@ os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_call(item):
-    """A test of the whole chain in real time is skipped where the machine does not keep up; see misled_bench.py."""
+    """A test in real time is skipped where the machine does not keep up: TooSlowError of can_bench.py."""
     outcome = yield
     error = outcome.excinfo[1] if outcome.excinfo else None
     if type(error).__name__ == 'TooSlowError':

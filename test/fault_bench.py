@@ -1,21 +1,27 @@
 """Where the faults of the catalogue are injected: a supervised driver, a skin, another participant on the bus."""
 
+import itertools
+import logging
+import math
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import can
 import numpy as np
-from can_bench import Bench, wait_until
+from can_bench import Bench, TooSlowError, wait_until
 from faulty_bus import Adapter
 
-from tactile_node.assembly.health import NodeFault
+from tactile_node.assembly.health import NodeFault, Overload
 from tactile_node.bus import skin_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.cia301.emergency import Emergency
-from tactile_node.simulator.skin_simulator import WireSettings
+from tactile_node.cia301.frame_bits import Frame
+from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
+from tactile_node.simulator.wire import Carried
+from tactile_node.skin.pads import LivePad
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
@@ -23,31 +29,96 @@ LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
 #: what the skin sends takes its time on a wire of 1 Mbit/s; TACTILE_TEST_WIRE=off: it is sent at once
 WIRE = WireSettings() if os.environ.get('TACTILE_TEST_WIRE') != 'off' else None
 TIMEOUT = 60.0  # s; a busy machine may be slow, a wrong one never gets there
+SYNC = 0x80
+PERIOD = 0.02  # s
+HELD_UP = 0.25  # s, half of the driver's default heartbeat_timeout
+PUNCTUAL = PERIOD / 2  # s after a SYNC: a device has answered by then, as the driver assumes
 
 
 class Coded:
-    """Taxels whose values show their place and sampling time: 1 N, 0.2 N a taxel, 1 mN a sample (mod CYCLE)."""
+    """Taxels whose values show their place and which SYNC they answer: 1 N, 0.2 N a taxel, 1 mN a SYNC."""
 
-    CYCLE, TAXEL, SAMPLE = 100, 0.2, 0.001
+    TAXEL = 0.2
+    SYNC = 0.001
+    MOST = 10_000  #: SYNCs that fit into the range of a taxel
     place = 1 + TAXEL * np.arange(SIDE * SIDE).reshape(SIDE, SIDE)
 
     def __init__(self):
-        self.sampled: list[float] = []  #: when each sample was taken [s, Unix epoch]
+        self.syncs = 0  #: that the devices have received
 
     def __call__(self, _t: float) -> np.ndarray:
-        self.sampled.append(time.time())
-        return self.place + self.SAMPLE * ((len(self.sampled) - 1) % self.CYCLE)
+        assert self.syncs < self.MOST
+        return self.place + self.SYNC * self.syncs
 
-    def check(self, frame: TaxelFrame, fresh: bool, within: float) -> None:
-        """All valid taxels are in their places and of one sample; ``fresh``: taken ``within`` [s] of its SYNC."""
+    def sync_of(self, frame: TaxelFrame) -> int | None:
+        """Return the number of the SYNC that all valid taxels answer, each in its place; None if none is valid."""
         valid = frame.status == TaxelStatus.VALID
         if not valid.any():
-            return
-        samples = (frame.values[valid] - self.place[valid]) / self.SAMPLE
-        code = round(float(samples[0]))
-        np.testing.assert_allclose(samples, code, atol=0.3)
-        taken = np.array(self.sampled[code::self.CYCLE]) - frame.stamp
-        assert not fresh or ((taken > -0.005) & (taken < within)).any(), f'sampled {taken} s after its SYNC'
+            return None
+        numbers = (frame.values[valid] - self.place[valid]) / self.SYNC
+        np.testing.assert_allclose(numbers, round(float(numbers[0])), atol=0.4)
+        return round(float(numbers[0]))
+
+
+class Answers:
+    """When the simulated devices of ``pads`` have answered each SYNC; their taxels are ``coded``.
+
+    ``at``: by the number of the SYNC, when the skin had handed over the last TPDO of the answer [s, Unix epoch].
+    """
+
+    def __init__(self, simulator: SkinSimulator, coded: Coded, pads: Sequence[LivePad]):
+        self.at: dict[int, float] = {}
+        self._coded = coded
+        self._value = pads[0].layout.value
+        self._first_taxels = {tpdo.cob_id.of(node_id): tpdo.taxels[0][:2] for pad in pads for node_id in pad.node_ids
+                              for tpdo in pad.layout.tpdos}
+        gateway = simulator._gateway
+        count, hand_over = gateway.on_carried, gateway._hand_over
+
+        def carried(frame: Carried) -> None:
+            coded.syncs += frame.frame.can_id == SYNC
+            count(frame)
+
+        def handed_over(frames: Sequence[Frame]) -> None:
+            hand_over(frames)
+            self._note(frames, time.time())
+        gateway.on_carried, gateway._hand_over = carried, handed_over
+
+    def _note(self, frames: Sequence[Frame], now: float) -> None:
+        for frame in frames:
+            if (taxel := self._first_taxels.get(frame.can_id)) is not None:
+                counts = int.from_bytes(frame.data[:2], 'little', signed=True)
+                value = (self._value.offset - counts) * self._value.scale  # its counts fall under pressure
+                self.at[round((value - self._coded.place[taxel]) / self._coded.SYNC)] = now
+
+
+def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[float],
+                 answered: dict[int, float]) -> None:
+    """Raise AssertionError if a frame of one pad has taxels that answer another SYNC than the one of its stamp.
+
+    A device that answers a SYNC after the next one is beyond what the driver can tell (see ``assembler``). Where the
+    machine was so busy that the simulated device did so, TooSlowError is raised.
+
+    Parameters
+    ----------
+    frames
+        All that were published, in their order.
+    coded
+        Decodes their taxels.
+    asked
+        When each SYNC was on the bus [s, Unix epoch]: at its stamp, or between it and the next SYNC's stamp.
+    answered
+        By the number of the SYNC, when its answer was handed over [s, Unix epoch].
+    """
+    for frame, after in itertools.zip_longest(frames, frames[1:]):
+        number = coded.sync_of(frame)
+        if number is None or frame.stamp <= asked[number - 1] < (math.inf if after is None else after.stamp):
+            continue
+        late = {n: round(answered[n] - asked[n - 1], 3) for n in range(number - 5, number + 2)
+                if n in answered and answered[n] - asked[n - 1] > PUNCTUAL}
+        raise (TooSlowError if late else AssertionError)(
+            f'taxels that answer SYNC {number} of {asked[number - 1]:.3f} have the stamp {frame.stamp:.3f}; '
+            f'SYNCs answered late: {late} s')
 
 
 class FaultBench(Bench):
@@ -61,15 +132,15 @@ class FaultBench(Bench):
     def __init__(self, channel: str, nodes: tuple[int, ...] = (32,), recover: bool = True, source=None,
                  layout: str = LAYOUT, **settings: Any):
         self.coded = Coded() if source is None else None
-        self.is_clock_true = True  #: False: stamps cannot be compared with the wall clock
-        self.sampled_within = 0.7  #: the longest from a SYNC to the devices' samples [s]; a cycle of Coded has 2 s
+        self.is_clock_true = True  #: False: the stamps are not the times of the SYNCs that the devices answer
+        self.wrong_durations: list[str] = []  #: for `make faults`: a busy machine may be the cause
         self.source = source or self.coded
         super().__init__(channel, layout, nodes, source=self.source, wire=WIRE)
         self.adapter = Adapter()
         self.kept: list[tuple[str, TaxelFrame]] = []
         self.hold = threading.Event()
         self.hold.set()  #: cleared: the consumer hangs
-        self.settings = BusSettings('virtual', channel, **{'sync_period': 0.02} | settings)
+        self.settings = BusSettings('virtual', channel, **{'sync_period': PERIOD} | settings)
         self.driver = Supervisor(self.settings, self.pads, self.keep, recover)
         self.detected = self.publishing_again = None
         self._begun = self._ended = 0.0
@@ -77,6 +148,9 @@ class FaultBench(Bench):
     def __enter__(self) -> 'FaultBench':
         self._open_bus, skin_bus.open_bus = skin_bus.open_bus, self.adapter.open
         super().__enter__()
+        self._asked: list[float] = []  # when each SYNC was on the bus
+        self.simulator._network.subscribe(SYNC, lambda _id, _data, stamp: self._asked.append(stamp))
+        self._answers = Answers(self.simulator, self.coded, self.pads) if self.coded is not None and WIRE else None
         self.other = can.Bus(self.channel, interface='virtual')
         return self
 
@@ -157,6 +231,26 @@ class FaultBench(Bench):
                        for name, frame in self.kept[-20:])
         self.wait(has_come, f'no whole frames of {pad}')
 
+    def assert_no_outage(self, *pads: str) -> None:
+        """The pads gave taxels all the time; TooSlowError if the machine held up driver or simulated device."""
+        nodes = [self.node(pad) for pad in pads or ('pad32',)]
+        if any(node.outages.count for node in nodes):
+            self.wait(lambda: all(self.node(pad).outages.current is None for pad in pads or ('pad32',)),
+                      'an outage stays')
+            raise (TooSlowError if self._was_held_up() else AssertionError)(f'{nodes}; {self.log.errors}')
+
+    def _was_held_up(self) -> bool:
+        """Return True if driver or simulated device did not run for half of the time after which a node is silent."""
+        answered = {} if self._answers is None else self._answers.at
+        return self.driver.health().stalls > 0 or any(
+            answered.get(number, 0.0) - asked > HELD_UP for number, asked in enumerate(self._asked, 1))
+
+    @property
+    def complaints(self) -> list[str]:
+        """The warnings and errors, but for those about an overload of this process."""
+        return [record.message for record in self.log.records
+                if record.level >= logging.WARNING and not isinstance(record.fact, Overload)]
+
     def keep(self, name: str, frame) -> None:
         self.hold.wait(TIMEOUT)
         self.kept.append((name, frame))
@@ -169,6 +263,7 @@ class FaultBench(Bench):
             for frame in frames:
                 valid = frame.status == TaxelStatus.VALID
                 assert np.isnan(frame.values[~valid]).all() and (frame.status[~valid] == TaxelStatus.STALE).all()
-                if self.coded is not None:
-                    self.coded.check(frame, self.is_clock_true, self.sampled_within)
                 assert valid.all() == (frame.missing_can_frames == 0)
+                assert self.coded is None or self.coded.sync_of(frame) != 0
+            if self._answers is not None and self.is_clock_true:
+                check_stamps(frames, self.coded, self._asked, self._answers.at)

@@ -9,6 +9,7 @@ import errno
 import functools
 import itertools
 import os
+import subprocess
 import sys
 import tempfile
 import threading
@@ -19,7 +20,7 @@ from typing import Any
 
 import can
 import numpy as np
-from can_bench import wait_until
+from can_bench import TooSlowError, is_overloaded
 from canopen import SdoAbortedError, SdoCommunicationError
 from fault_bench import TIMEOUT, FaultBench
 from stalls import STALLING, StallBench, stall
@@ -36,6 +37,7 @@ from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
 ALLOWED = 1.0  # s from the end of a cause until taxels come again
+KEEPS_UP = 0.02  # s by which a process beside the faults may wake up late
 ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels
 COB_IDS = [0x1A0 + 0x100 * (i // 4) + i % 4 for i in range(16)]
 FAULTS: list[Callable[[str], FaultBench | StallBench]] = []
@@ -120,11 +122,11 @@ def one_of_two_pads_lost(bench: FaultBench) -> None:
     bench.device.power_off()
     bench.detect(NodeFault.SILENT)
     assert bench.node().fault is NodeFault.SILENT
-    assert bench.node('pad64').fault is NodeFault.NONE and bench.node('pad64').outages.count == 0
+    bench.assert_no_outage('pad64')
     bench.wait_for_whole('pad64', bench.kept[-1][1].stamp)
     bench.device.boot()
     bench.end_of_cause().recover('pad32', 'pad64')
-    assert bench.node('pad64').outages.count == 0
+    bench.assert_no_outage('pad64')
 
 
 @fault()
@@ -251,7 +253,8 @@ def error_frames(bench: FaultBench) -> None:
     bench.send_error(0x004, [0, 0x40, 0, 0, 0, 0, 0, 0])
     bench.wait(lambda: not bench.driver.health().is_error_passive, 'it stays')
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-    assert bench.driver.failure is None and bench.node().outages.count == 0
+    assert bench.driver.failure is None
+    bench.assert_no_outage()
 
 
 @fault()
@@ -261,7 +264,7 @@ def heartbeat_lost_while_taxels_flow(bench: FaultBench) -> None:
     bench.detect(NodeFault.NO_HEARTBEAT)
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
     bench.repair()
-    assert bench.node().outages.count == 0
+    bench.assert_no_outage()
 
 
 @fault()
@@ -270,7 +273,7 @@ def heartbeat_switched_off_by_another_master(bench: FaultBench) -> None:
     bench.send(0x620, '2B17100000000000')  # 0x1017 = 0
     bench.end_of_cause().detect(NodeFault.NO_HEARTBEAT)
     bench.recover()
-    assert bench.node().outages.count == 0
+    bench.assert_no_outage()
 
 
 @fault()
@@ -323,9 +326,12 @@ def one_tpdo_switched_off_unseen(bench: FaultBench) -> None:
     """One of sixteen TPDOs is off and no write was seen: it is named, and switched on while the others flow."""
     bench.adapter.lost_ids = {0x620}
     bench.send(0x620, '23021801A2010080')
-    bench.end_of_cause().detect(NodeFault.TPDO_MISSING)
-    bench.recover()
-    assert bench.node().outages.count == 0 and NodeFault.RECONFIGURED not in bench.log.facts
+    bench.wait(lambda: NodeFault.TPDO_MISSING in bench.log.facts or bench.node().outages.count, 'not logged')
+    bench.assert_no_outage()  # an outage would have switched it on
+    bench.detect(NodeFault.TPDO_MISSING)
+    bench.end_of_cause().recover()  # until it was logged nobody knew that there was anything to end
+    bench.assert_no_outage()
+    assert NodeFault.RECONFIGURED not in bench.log.facts
 
 
 @fault()
@@ -334,12 +340,17 @@ def one_tpdo_never_arrives(bench: FaultBench) -> None:
     bench.adapter.lost_ids = {0x1A2}
     bench.detect(NodeFault.TPDO_MISSING)
     assert bench.node().missing_tpdos == (SentTpdo(3, 0x1A2),)
-    bench.heard()
-    time.sleep(4.0)
-    checks = sum(message.arbitration_id == 0x620 and message.data[:4] == bytes.fromhex('40181003')
-                 for message in bench.heard())
-    assert 2 <= checks <= 7, checks  # 0, 0.1, 0.3, 0.7, 1.5, 3.1 s after the first
-    assert bench.node().fault is NodeFault.TPDO_MISSING and bench.node().outages.count == 0
+    checks: list[float] = []
+
+    def has_checked(times: int) -> bool:
+        checks.extend(message.timestamp for message in bench.heard()
+                      if message.arbitration_id == 0x620 and message.data[:4] == bytes.fromhex('40181003'))
+        return len(checks) >= times
+    bench.wait(lambda: has_checked(5), 'not asked again')
+    pauses = np.diff(checks)  # at least 0.1, 0.2, 0.4 ... s: the device is asked ever more rarely, however busy we are
+    assert (pauses[1:4] >= 0.1 * 2.0 ** np.arange(3)).all(), pauses
+    bench.assert_no_outage()
+    assert bench.node().fault is NodeFault.TPDO_MISSING
     bench.repair()
 
 
@@ -375,9 +386,7 @@ def two_devices_with_one_node_id(bench: FaultBench) -> None:
     assert all(one.devices[32].operational for one in (bench.simulator, second))
     _one_of_two_devices(bench, seen)
     second.stop()
-    _alone_again(bench)
-    assert all(np.isnan(frame.values).all() or np.allclose(frame.values, bench.coded.place, atol=0.2)
-               for _, frame in bench.kept)
+    _alone_again(bench)  # as the bench ends, it finds each value that is not of the first device
 
 
 @fault(is_running=False)
@@ -392,6 +401,9 @@ def two_devices_from_the_start(bench: FaultBench) -> None:
     except TwoDevicesError as error:
         assert 'node 32' in error.where
     bench.detected = time.monotonic() - bench._begun
+    requests = sum(message.arbitration_id == 0x620 and message.data[0] != 0x80 for message in bench.heard())
+    bench.wait(lambda: bench.driver.statistics().can_frames.get('sdo', 0) >= 2 * requests,
+               'not answered by both')  # a late answer to these would count for the next request about its object
     second.stop()
     bench.end_of_cause()
     bench.driver.configure()
@@ -460,7 +472,7 @@ def second_sync_producer(bench: FaultBench) -> None:
     bench.detect(SyncFault.SECOND_PRODUCER)
     assert bench.driver.health().sync.fault is SyncFault.SECOND_PRODUCER and bench.driver.health().sync.foreign > 0
     time.sleep(2.0)
-    assert bench.node().fault is NodeFault.NONE  # TPDOs for its SYNC are no second sender's
+    assert NodeFault.TWO_SENDERS not in bench.log.facts  # TPDOs for its SYNC are no second sender's
     producer.stop()
     bench.end_of_cause().recover()
     bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
@@ -472,7 +484,8 @@ def sync_producer_of_another_period(bench: FaultBench) -> None:
     producer = bench.repeat(0x080, 0.04)
     bench.run().cause()
     bench.detect(SyncFault.OTHER_PERIOD)
-    assert abs(bench.driver.health().sync.period - 0.04) < 0.01
+    period = bench.driver.health().sync.period
+    bench.wrong_durations += [] if abs(period - 0.04) < 0.01 else [f'a period of {period:.3f} s']
     producer.stop()
     bench.repeat(0x080, 0.02)
     bench.end_of_cause().recover()
@@ -506,7 +519,7 @@ def emcy_storm(bench: FaultBench) -> None:
     bench.wait(lambda: bench.node().emergencies == 2000, 'not all counted')
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
     assert bench.last_emergency.manufacturer[-1] == 1999 & 0xFF
-    assert len(bench.log.errors) < 10
+    assert sum(isinstance(fact, Emergency) for fact in bench.log.error_facts) < 10
 
 
 @fault()
@@ -547,7 +560,7 @@ def foreign_frames(bench: FaultBench) -> None:
     bench.other.send(can.Message(arbitration_id=0x1A0, is_extended_id=True, data=bytes(8)))
     bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign') == 2, 'not counted')
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-    assert not bench.log.errors and (bench.node().state, bench.node().fault) == (
+    assert not bench.complaints and (bench.node().state, bench.node().fault) == (
         NmtState.OPERATIONAL, NodeFault.NONE)
 
 
@@ -570,7 +583,7 @@ def _tamper(bench: FaultBench, tamper: Callable, seen: Callable[[FaultBench], in
     bench.wait(lambda: seen(bench) >= 20, 'not counted')
     bench.detected = time.monotonic() - bench._begun
     bench.repair()
-    assert bench.node().outages.count == 0
+    bench.assert_no_outage()
 
 
 def _pad(bench: FaultBench):
@@ -688,7 +701,6 @@ def process_stalled(bench: FaultBench) -> None:
     """This process does not run for 1.2 s: that is reported, and the device, which was well, is left alone."""
     time.sleep(0.1)
     bench.heard()
-    bench.sampled_within += 1.2  # the simulated device stalls, too: between a SYNC and its sample, if it so happens
     for _ in range(2):
         ctypes.PyDLL(None).usleep(1_200_000)  # keeps the interpreter's lock: no thread runs
         bench.end_of_cause()
@@ -768,30 +780,27 @@ def guarded_by_another_master(bench: FaultBench) -> None:
         bench.send(0x720, answer)
     bench.wait(lambda: bench.driver.statistics().can_frames.get('remote') == 100, 'not counted')
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-    assert not bench.log.errors and (bench.node().state, bench.node().boots) == (NmtState.OPERATIONAL, 0)
+    assert not bench.complaints and (bench.node().state, bench.node().boots) == (NmtState.OPERATIONAL, 0)
 
 
-def other_makers_device_at_work(_channel: str) -> StallBench:
+@fault()
+def other_makers_device_at_work(bench: FaultBench) -> None:
     """A busy device of another maker: its PDOs, SDOs, EMCY, boot-ups, its own SYNC and TIME disturb nothing."""
     theirs = ((0x185, '0102030405060708'), (0x285, 'FF'), (0x605, '4018100100000000'), (0x585, '4318100100000001'),
               (0x085, '0010010000000000'), (0x705, '00'), (0x705, '7F'), (0x090, ''), (0x100, '000000000000'),
               (0x205, '00'), (0x7E5, '0400000000000000'))
-    with StallBench() as bench:  # its skin is in a process of its own, which this one does not hold up
-        for _ in range(100):
-            for can_id, data in theirs:
-                bench.send(can_id, data)
-            time.sleep(0.005)
-        assert wait_until(lambda: bench.driver.statistics().can_frames.get('foreign', 0) == 400, TIMEOUT), 'not counted'
-        bench.recover()
-        counts = bench.driver.statistics()
-        assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is in the range of EMCY
-        assert all(isinstance(fact, Overload) for fact in bench.log.error_facts), bench.log.errors
-        assert all(node.emergencies == 0 and node.outages.count == 0 for node in bench.nodes)
-        assert all(pad.losses[LossReason.UNKNOWN_ROW] == 0 for pad in counts.pads.values())
-    return bench
-
-
-FAULTS.append(other_makers_device_at_work)
+    for times in range(1, 101):
+        for can_id, data in theirs:
+            bench.send(can_id, data)
+        # Else a busy interpreter, which the simulated device shares, would have ever more to do
+        bench.wait(lambda: bench.driver.statistics().can_frames.get('time', 0) == times, 'not counted')  # noqa: B023
+    bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign', 0) == 400, 'not counted')
+    bench.end_of_cause().recover()
+    counts = bench.driver.statistics()
+    assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is in the range of EMCY
+    assert not bench.complaints and bench.node().emergencies == 0
+    bench.assert_no_outage()
+    assert counts.pads['pad32'].losses[LossReason.UNKNOWN_ROW] == 0
 
 
 @fault(is_running=False)
@@ -901,27 +910,107 @@ def two_large_pads_power_cycled(bench: FaultBench) -> None:
 
 
 FAULTS += [stall(part, seconds) for seconds in (0.3, 2.0) for part in STALLING]
-#: those that `make faults` alone injects
 LONG_FAULTS = [stall(part, seconds) for seconds in (1.0, 5.0, 10.0, 30.0) for part in STALLING]
+#: Those that `make test` injects, one for each mechanism, and why it is this one; `make faults` injects all.
+ESSENTIAL = {
+    'power_cycled_in_mid_stream': 'BOOTED: the boot-up message starts the recovery',
+    'absent_at_configure_then_late': 'DeviceAbsentError: configure waits',
+    'one_of_two_pads_lost': 'SILENT, while the other pad goes on',
+    'boot_up_message_lost': 'a device that sends nothing is found by a request',
+    'another_device_comes_back': 'the identity is checked, the taxels are distrusted',
+    'stopped_by_another_master': 'ForeignCommand, from any master',
+    'refuses_operational': 'NOT_OPERATIONAL that stays, with DeviceErrors',
+    'adapter_unplugged': 'RECEPTION_FAILED: the bus is opened again',
+    'sending_fails': 'SENDING_FAILED, while reception works',
+    'bus_off': 'BUS_OFF, by an error frame',
+    'heartbeat_switched_off_by_another_master': 'NO_HEARTBEAT, repaired while the taxels flow',
+    'taxels_lost_while_heartbeat_flows': 'NO_TAXELS',
+    'tpdo_remapped_by_another_master': 'RECONFIGURED, by a write that was seen',
+    'one_tpdo_switched_off_unseen': 'TPDO_MISSING, repaired while the others flow',
+    'two_devices_from_the_start': 'TwoDevicesError, by two SDO answers',
+    'second_sender_of_a_tpdo': 'TWO_SENDERS, by surplus TPDOs',
+    'second_sync_producer': 'SECOND_PRODUCER',
+    'sync_producer_of_another_period': 'OTHER_PERIOD',
+    'sync_of_another_producer_stops': 'NO_SYNC',
+    'emcy_until_it_is_reset': 'Emergency, from its begin to its reset',
+    'tpdos_duplicated': 'LossReason.DUPLICATE',
+    'tpdos_reordered': 'LossReason.OUT_OF_ORDER',
+    'short_tpdos': 'LossReason.SHORT',
+    'over_long_tpdos': 'LossReason.OVER_LONG',
+    'sdo_aborted_in_configuration': 'DeviceError: a write that the device refuses',
+    'queue_overrun': 'BEHIND and DROPPED',
+    'wall_clock_set_back': 'the stamps go on while the wall clock goes back',
+    'polled_uploads_damaged': 'LossReason.BROKEN, of a polled pad',
+    'adapter_stalls_for_0.3_s': 'LossReason.LATE: a backlog of one device',
+    'driver_stalls_for_2_s': 'STALLED: nobody is blamed'}
+
+
+class Beside:
+    """A process that only sleeps: how late it wakes up shows whether the machine keeps up. Use with ``with``."""
+
+    PROGRAM = ('import select, sys, time\n'
+               'worst = 0.0\n'
+               'while True:\n'
+               '    before = time.monotonic()\n'
+               '    is_asked = select.select([sys.stdin], [], [], 0.005)[0]\n'
+               '    worst = max(worst, time.monotonic() - before - 0.005)\n'
+               '    if is_asked:\n'
+               '        if not sys.stdin.readline():\n'
+               '            break\n'
+               '        print(worst, flush=True)\n'
+               '        worst = 0.0\n')
+
+    def __enter__(self) -> 'Beside':
+        self._process = subprocess.Popen([sys.executable, '-c', self.PROGRAM], text=True, stdin=subprocess.PIPE,
+                                         stdout=subprocess.PIPE)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.stdin.close()
+        self._process.wait()
+        self._process.stdout.close()
+
+    def latest(self) -> float:
+        """Return by how much it woke up late at worst since the last call [s]."""
+        print(file=self._process.stdin, flush=True)
+        return float(self._process.stdout.readline())
 
 
 def main(names: list[str]) -> int:
-    """Print the catalogue, or those of it with these ``names``, each injected now; 1 when taxels came too late."""
+    """Print the catalogue, or those of it with these ``names``, each injected now.
+
+    Returns 1 if taxels came too late or a duration was wrong, unless the machine did not keep up meanwhile.
+    """
     listed = {each.__name__: each for each in FAULTS + LONG_FAULTS}
     if not listed.keys() >= set(names):
         sys.exit(f'Expected names of faults, got {", ".join(set(names) - listed.keys())}. There are:\n'
                  + '\n'.join(listed))
     chosen = [listed[name] for name in names] or list(listed.values())
     print(f'{"fault":42} {"logged [s]":>10} {"again [s]":>9}  what the user sees')
-    slow = []
-    for each in chosen:
-        bench = each(f"catalogue {each.__name__}")
-        times = [f'{time:.2f}' if time is not None else '-' for time in (bench.detected, bench.publishing_again)]
-        print(f'{each.__name__.replace("_", " "):42} {times[0]:>10} {times[1]:>9}  {each.__doc__}', flush=True)
-        slow += [each.__name__] if (bench.publishing_again or 0) > ALLOWED else []
+    failed, not_measured = [], []
+    with Beside() as beside:
+        for each in chosen:
+            beside.latest()
+            try:
+                bench = each(f'catalogue {each.__name__}')
+            except TooSlowError as error:
+                not_measured.append(each.__name__)
+                print(f'{each.__name__.replace("_", " "):42} this machine did not keep up: {error}', flush=True)
+                continue
+            late = beside.latest()
+            times = [f'{time:.2f}' if time is not None else '-' for time in (bench.detected, bench.publishing_again)]
+            print(f'{each.__name__.replace("_", " "):42} {times[0]:>10} {times[1]:>9}  {each.__doc__}', flush=True)
+            wrong = [*bench.wrong_durations, *(['taxels too late'] if (bench.publishing_again or 0) > ALLOWED else [])]
+            if wrong and (late > KEEPS_UP or is_overloaded()):
+                not_measured.append(each.__name__)
+                print(f'{"":42} this machine did not keep up: {", ".join(wrong)}; a process beside it woke up '
+                      f'{late:.3f} s late, load average {os.getloadavg()[0]:.1f}', flush=True)
+            elif wrong:
+                failed.append(f'{each.__name__} ({", ".join(wrong)})')
     print(f'{len(chosen)} faults, taxels again within {ALLOWED:g} s'
-          + (f', but for {", ".join(slow)}' if slow else ''))
-    return int(bool(slow))
+          + (f', but for {", ".join(failed)}' if failed else '')
+          + (f'; this machine did not keep up with {", ".join(not_measured)}' if not_measured else ''))
+    return int(bool(failed))
 
 
 if __name__ == '__main__':

@@ -7,7 +7,6 @@ latest message made such a claim.
 
 import gc
 import json
-import os
 import subprocess
 import sys
 import threading
@@ -19,6 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import rclpy
+from can_bench import TooSlowError, is_overloaded
 from misled_skin import LAYOUT, NODE_IDS, PADS
 from rclpy.context import Context
 from rclpy.parameter import Parameter
@@ -61,15 +61,6 @@ def stable(record: Record) -> bool:
 
 def negated(claim: Claim) -> Claim:
     return lambda record: not claim(record)
-
-
-class TooSlowError(AssertionError):
-    """The chain did not come to hold the object, on a machine that has more to do than it can in real time."""
-
-
-def is_overloaded() -> bool:
-    """Whether more processes than processors have waited in the last minute."""
-    return os.getloadavg()[0] > 1.5 * (os.cpu_count() or 1)
 
 
 class SkinProcess:

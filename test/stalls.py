@@ -1,92 +1,67 @@
-"""Skin, adapter or driver stall and go on: a skin in its own process, behind a serial line that can be held up.
+"""Skin, adapter or driver stall and go on: skin and serial adapter in a process of their own, which can be held up.
 
-`python test/stalls.py` is the skin. Its taxels show when they were sampled, so that a value of the past under a
-present stamp is found. CAN frames on its standard input, as `185#01020304`, are those of another device beside it.
+`python test/stalls.py` is that process. Its taxels show which SYNC they answer, so that a value of the past under a
+present stamp is found. It obeys lines on its standard input: `hold` and `release` what the adapter sends to the host,
+`report` when each SYNC was answered.
 """
 
 import ctypes
-import os
-import pty
-import select
+import json
 import signal
 import subprocess
 import sys
 import threading
 import time
-import tty
 from collections.abc import Callable
+from typing import Any
 
+import can
 import numpy as np
-from can_bench import wait_until
+from can_bench import TooSlowError, wait_until
 from captured_log import CapturedLog
-from fault_bench import LAYOUT, SIDE, TIMEOUT, WIRE
+from fault_bench import LAYOUT, PERIOD, PUNCTUAL, SYNC, TIMEOUT, Answers, Coded, check_stamps
 
 from tactile_node.assembly.health import NodeFault
+from tactile_node.bus import skin_bus
 from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.simulator.slcan_pty import SlcanPty
-from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.skin.pads import LivePad, make_pads, with_dictionaries
 from tactile_node.sources.supervisor import Supervisor
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import TaxelFrame
 
 NODE_IDS = 32, 64
 STALLING = 'skin', 'adapter', 'driver'
-TAXEL, TICK = 0.2, 0.001  # N from one taxel to the next, N for each RESOLUTION of time
-RESOLUTION, CYCLE = 0.01, 160.0  # s
-#: s by which a value may be older or newer than its stamp: a period, and what the wire and two busy cores add
-TOLERANCE = 0.06
 SETTLED = 2.5  # s in which a wrong report of two senders would follow
 ALLOWED = 1.5  # s from the end of a stall until taxels come again
-PLACE = TAXEL * np.arange(SIDE * SIDE).reshape(SIDE, SIDE)
 
 
-def sample(_time: float) -> np.ndarray:
-    """Taxels [N] that show their place and the time of day."""
-    return PLACE + TICK * (time.time() % CYCLE // RESOLUTION)
+def pads() -> tuple[LivePad, ...]:
+    return with_dictionaries(make_pads([LAYOUT], NODE_IDS))
 
 
-def error_of_stamp(frame: TaxelFrame) -> float | None:
-    """By how much the stamp is later than the sampling of its valid taxels [s]; None where none is valid."""
-    valid = frame.status == TaxelStatus.VALID
-    if not valid.any():
-        return None
-    ticks = (frame.values[valid] - PLACE[valid]) / TICK
-    np.testing.assert_allclose(ticks, np.round(ticks[0]), atol=0.6)  # of one sample
-    return (frame.stamp - float(ticks[0]) * RESOLUTION + CYCLE / 2) % CYCLE - CYCLE / 2
+class HeldUpAdapter(SlcanPty):
+    """A serial adapter that can hold back what it sends to the host, and sends it afterwards, all at once."""
 
+    def __init__(self) -> None:
+        self._held: bytearray | None = None
+        self._order = threading.RLock()  # nothing overtakes what was held back
+        super().__init__()
 
-class Line:
-    """A serial line from the adapter on ``port`` to ``self.port``; what it carries to the host can be held back."""
+    def hold(self) -> None:
+        self._held = bytearray()
 
-    def __init__(self, port: str):
-        self._skin = os.open(port, os.O_RDWR | os.O_NOCTTY)
-        self._master, self._slave = pty.openpty()
-        tty.setraw(self._skin)
-        tty.setraw(self._slave)
-        self.port = os.ttyname(self._slave)
-        self.is_held = threading.Event()
-        self._ends = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
+    def release(self) -> None:
+        with self._order:
+            held, self._held = self._held, None
+            self._write(bytes(held))
 
-    def close(self) -> None:
-        self._ends.set()
-        self._thread.join(TIMEOUT)
-        for descriptor in (self._skin, self._master, self._slave):
-            os.close(descriptor)
-
-    def _run(self) -> None:
-        to_host = bytearray()
-        os.set_blocking(self._master, False)
-        while not self._ends.is_set():
-            is_writable = bool(to_host) and not self.is_held.is_set()
-            readable, writable, _ = select.select([self._skin, self._master], [self._master] * is_writable, [], 0.01)
-            if self._master in readable:
-                os.write(self._skin, os.read(self._master, 4096))
-            if self._skin in readable:
-                to_host += os.read(self._skin, 4096)
-            if writable:
-                del to_host[:os.write(self._master, to_host)]
+    def _write(self, data: bytes) -> None:
+        with self._order:
+            if self._held is None:
+                super()._write(data)
+            else:
+                self._held += data
 
 
 class StallBench:
@@ -97,13 +72,16 @@ class StallBench:
         self.kept: list[tuple[str, float, TaxelFrame]] = []  #: pad, when [s, Unix epoch], frame
         self.publishing_again: float | None = None  #: s after the end of the stall
         self.detected: float | None = None  #: not measured
+        self.wrong_durations: list[str] = []  #: for `make faults`: a busy machine may be the cause
+        self._asked: list[float] = []  # stamps of the SYNCs written
+        self._stalled = 0.0, 0.0  # between these times
 
     def __enter__(self) -> 'StallBench':
         self._skin = subprocess.Popen([sys.executable, __file__], text=True, stdin=subprocess.PIPE,
                                       stdout=subprocess.PIPE)
-        self._line = Line(self._skin.stdout.readline().strip())
-        pads = with_dictionaries(make_pads([LAYOUT], NODE_IDS))
-        self.driver = Supervisor(BusSettings('slcan', self._line.port, sync_period=0.02), pads, self._keep)
+        port = self._skin.stdout.readline().strip()
+        self._open_bus, skin_bus.open_bus = skin_bus.open_bus, self._open
+        self.driver = Supervisor(BusSettings('slcan', port, sync_period=PERIOD), pads(), self._keep)
         self.log.__enter__()
         self.driver.open()
         self.driver.configure()
@@ -114,14 +92,22 @@ class StallBench:
 
     def __exit__(self, *problem: object) -> None:
         self.driver.close()
-        self._line.close()
+        skin_bus.open_bus = self._open_bus
+        answered = self._answered() if problem[0] is None else {}
         self._skin.kill()
         self._skin.wait()
         self._skin.stdout.close()
         self._skin.stdin.close()
         self.log.__exit__()
         if problem[0] is None:
-            self._check()
+            self._check(answered)
+
+    def stall(self, part: str, seconds: float) -> None:
+        """Let ``part`` of STALLING not run for this long, and wait until it gives taxels again."""
+        begun = time.time()
+        getattr(self, f'stalled_{part}')(seconds)
+        self._stalled = begun, time.time()
+        self.recover()
 
     def stalled_driver(self, seconds: float) -> None:
         """This process does not run, the skin does."""
@@ -135,13 +121,16 @@ class StallBench:
 
     def stalled_adapter(self, seconds: float) -> None:
         """Skin and SYNC go on; what the host should receive comes afterwards, all at once."""
-        self._line.is_held.set()
+        self._tell('hold')
         time.sleep(seconds)
-        self._line.is_held.clear()
+        self._tell('release')
 
-    def send(self, can_id: int, data: str) -> None:
-        """Let another device beside the skin send a frame, when its turn on the wire comes."""
-        print(f'{can_id:X}#{data}', file=self._skin.stdin, flush=True)
+    def assert_in_time(self, holds: bool) -> None:
+        """Assert what holds of a skin that answers in time; TooSlowError where the machine let it be late."""
+        if not holds:
+            late = [number for number, at in self._answered().items() if at - self._asked[number - 1] > PUNCTUAL]
+            raise (TooSlowError if late else AssertionError)(
+                f'{self.nodes}; {self.log.errors}; SYNCs answered late: {late}')
 
     def recover(self) -> None:
         """Wait until each pad gives whole frames that were acquired from now on, and no fault stays."""
@@ -180,28 +169,49 @@ class StallBench:
     def _keep(self, name: str, frame: TaxelFrame) -> None:
         self.kept.append((name, time.time(), frame))
 
-    def _check(self) -> None:
+    def _open(self, *given: Any, **options: Any) -> can.BusABC:
+        """Open the driver's bus, and note the stamp of each SYNC that it writes."""
+        bus = self._open_bus(*given, **options)
+        send = bus.send
+
+        def noting(message: can.Message, timeout: float | None = None) -> None:
+            send(message, timeout)
+            if message.arbitration_id == SYNC:
+                self._asked.append(message.timestamp)
+        bus.send = noting
+        return bus
+
+    def _tell(self, line: str) -> None:
+        print(line, file=self._skin.stdin, flush=True)
+
+    def _answered(self) -> dict[int, float]:
+        """When the skin has answered each SYNC, but for those of the stall: no machine is too slow for these."""
+        self._tell('report')
+        begun, ended = self._stalled
+        return {number: at for number, at in json.loads(self._skin.stdout.readline())
+                if 0 < number <= len(self._asked) and not begun <= self._asked[number - 1] <= ended}
+
+    def _check(self, answered: dict[int, float]) -> None:
         """No value of the past was published under a present stamp, nor the other way round."""
-        errors = [error for _, _, frame in self.kept if (error := error_of_stamp(frame)) is not None]
-        wrong = [error for error in errors if abs(error) > TOLERANCE]
-        assert not wrong, f'{len(wrong)} of {len(errors)} frames with valid taxels: stamps late by {wrong[:20]} s'
+        for pad in self._pads:
+            check_stamps([frame for name, _, frame in self.kept if name == pad], Coded(), self._asked, answered)
 
 
 def stall(part: str, seconds: float) -> Callable[[str], StallBench]:
     """A fault of the catalogue: ``part`` of STALLING does not run for so long."""
     def fault(_channel: str) -> StallBench:
         with StallBench() as bench:
-            getattr(bench, f'stalled_{part}')(seconds)
-            bench.recover()
+            bench.stall(part, seconds)
             time.sleep(SETTLED)
-            assert NodeFault.TWO_SENDERS not in bench.faults, bench.log.errors
+            bench.assert_in_time(NodeFault.TWO_SENDERS not in bench.faults)
             if part == 'driver':
-                assert not bench.faults, bench.log.errors
+                bench.assert_in_time(not bench.faults)
             elif seconds >= 1.0:
                 bench.wait_for_report(NodeFault.SILENT)
                 outages = [node.outages for node in bench.nodes]
-                assert all(one.cause is NodeFault.SILENT and seconds - 0.5 < one.seconds < seconds + ALLOWED
-                           for one in outages), outages
+                bench.assert_in_time(all(one.cause is NodeFault.SILENT for one in outages))
+                bench.wrong_durations += [f'an outage of {one.seconds:.2f} s' for one in outages
+                                          if not seconds - 0.5 < one.seconds < seconds + ALLOWED]
         return bench
     fault.__name__ = f'{part}_stalls_for_{seconds:g}_s'
     fault.__doc__ = {'skin': 'The skin is reported as silent; its values of before are not given as present ones.',
@@ -211,15 +221,19 @@ def stall(part: str, seconds: float) -> Callable[[str], StallBench]:
 
 
 def main() -> None:
-    adapter = SlcanPty()
-    simulator = SkinSimulator(with_dictionaries(make_pads([LAYOUT], NODE_IDS)),
-                              {f'pad{node_id}': sample for node_id in NODE_IDS}, wire=WIRE)
+    adapter, coded, simulated = HeldUpAdapter(), Coded(), pads()
+    simulator = SkinSimulator(simulated, {pad.name: coded for pad in simulated}, wire=WireSettings())
     simulator.start_on(adapter)
+    answers = Answers(simulator, coded, simulated)
     print(adapter.port, flush=True)
-    other = simulator._gateway.network(5) if WIRE else simulator._network
     for line in sys.stdin:
-        can_id, data = line.split('#')
-        other.send_message(int(can_id, 16), bytes.fromhex(data))
+        match line.strip():
+            case 'hold':
+                adapter.hold()
+            case 'release':
+                adapter.release()
+            case 'report':
+                print(json.dumps(list(answers.at.items())), flush=True)
 
 
 if __name__ == '__main__':

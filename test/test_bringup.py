@@ -18,7 +18,7 @@ from tactile_node.sources.log_source import UNREAD_EXIT
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 
-from misled_bench import TooSlowError, is_overloaded  # noqa: E402
+from can_bench import TooSlowError, is_overloaded  # noqa: E402
 
 from examples.demo.__main__ import main as demo  # noqa: E402
 

@@ -2,23 +2,26 @@
 
 import threading
 import time
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from can_bench import wait_until
-from fault_bench import FaultBench
-from fault_catalogue import FAULTS
+from can_bench import TooSlowError, wait_until
+from fault_bench import PERIOD, SIDE, Coded, FaultBench, check_stamps
+from fault_catalogue import ESSENTIAL, FAULTS
 
 from tactile_node.assembly.health import BusFault, NodeFault
 from tactile_node.cia301.emergency import decode_emergency
 from tactile_node.cia301.objects import NmtState
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 pytestmark = pytest.mark.bus
 
 
-@pytest.mark.parametrize('fault', FAULTS, ids=lambda fault: fault.__name__)
-def test_fault(fault):
-    fault(f'test {fault.__name__}')
+@pytest.mark.parametrize('name', ESSENTIAL)
+def test_fault(name):
+    fault, = (fault for fault in FAULTS if fault.__name__ == name)
+    fault(f'test {name}')
 
 
 def test_without_recovery_faults_are_reported_and_left_alone():
@@ -35,7 +38,7 @@ def test_without_recovery_faults_are_reported_and_left_alone():
 
 
 def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
-    """An outage of a known number of SYNC periods leaves as many numbers out, give or take the timing."""
+    """An outage leaves out as many numbers as SYNC periods have passed, never more."""
     with FaultBench('numbers') as bench:
         bench.run()
         bench.adapter.is_plugged = False
@@ -43,9 +46,8 @@ def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
         bench.wait(lambda: bench.driver.health().outages.seconds > 1.0, 'the outage ends by itself')
         bench.repair()
         frames = [frame for _, frame in bench.kept]
-    periods = (frames[-1].stamp - frames[0].stamp) / 0.02
-    assert frames[-1].sequence - frames[0].sequence == pytest.approx(periods, abs=0.35 * periods)
-    assert len(frames) < frames[-1].sequence - 30
+    before, after = max(zip(frames, frames[1:]), key=lambda pair: pair[1].sequence - pair[0].sequence)
+    assert 1.0 / PERIOD <= after.sequence - before.sequence <= (after.stamp - before.stamp) / PERIOD + 1
 
 
 def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
@@ -58,8 +60,8 @@ def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
         bench.repair()
     assert [path.name for path in tmp_path.iterdir()] == ['session.log']
     syncs = np.array([float(line.split()[0][1:-1]) for line in record.read_text().splitlines() if ' 080#' in line])
-    gap = np.flatnonzero(np.diff(syncs) > 0.25)
-    assert len(gap) >= 1 and 0 < gap[0] < len(syncs) - 2
+    gaps = np.flatnonzero(np.diff(syncs) > 0.25)  # a busy machine may add some
+    assert ((0 < gaps) & (gaps < len(syncs) - 2)).any()
 
 
 def test_a_driver_amid_an_outage_closes_and_leaves_no_thread_behind():
@@ -84,6 +86,23 @@ def test_a_driver_closed_amid_an_outage_opens_again():
         bench.kept.clear()
         bench.run()
         assert bench.driver.failure is None and bench.kept[0][1].sequence == 0
+
+
+@pytest.mark.parametrize(('stamped', 'answered_late', 'error'), [
+    (2, 0.06, None), (3, 0.005, AssertionError), (1, 0.005, AssertionError), (3, 0.06, TooSlowError)],
+    ids=['right, held up by adapter and skin', 'a value of the past', 'a value of the future', 'a device that is late'])
+def test_a_stamp_is_judged_by_the_sync_that_the_taxels_answer(stamped, answered_late, error):
+    """Not by the time that a busy machine took: taxels of SYNC 2 have the stamp of SYNC ``stamped``."""
+    coded, asked = Coded(), [100.0 + PERIOD * number for number in range(5)]
+
+    def frame(sync: int, stamp: float) -> TaxelFrame:
+        coded.syncs = sync
+        return TaxelFrame(stamp, sync, coded(0.0), np.full((SIDE, SIDE), TaxelStatus.VALID), 0)
+    frames = [frame(2, asked[stamped - 1]), *(frame(sync, asked[sync - 1]) for sync in range(stamped + 1, 5))]
+    answered = {number: asked[number - 1] + answered_late for number in range(1, 6)}
+    with pytest.raises(error) if error else nullcontext() as raised:
+        check_stamps(frames, coded, asked, answered)
+    assert error is None or raised.type is error
 
 
 @pytest.mark.parametrize('data, text', [

@@ -40,7 +40,8 @@ Limits
     two periods, or where bus or adapter change the order of a sender for the first time, and the end of the sweep
     before is lost.
   - A node that answers on a free bus after the next SYNC, or an adapter that holds frames back for that long in the
-    midst of them, is not detected once a sweep was left out: its taxels are then stamped one period late.
+    midst of them, is not detected once a sweep was left out. Its taxels are then stamped as late as it answers: one
+    period, or more if it answers after further SYNCs.
 """
 
 from collections.abc import Sequence
