@@ -19,6 +19,7 @@ from typing import NamedTuple
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
+FAULTS = Path(__file__).with_name('seeded_faults.yaml')
 
 
 class SeededFault(NamedTuple):
@@ -31,7 +32,7 @@ class SeededFault(NamedTuple):
     tests: list[str]
 
 
-def load_faults(path: Path = Path(__file__).with_name('seeded_faults.yaml')) -> list[SeededFault]:
+def load_faults(path: Path = FAULTS) -> list[SeededFault]:
     """Return the listed faults."""
     return [SeededFault(**each) for each in yaml.safe_load(path.read_text())]
 
