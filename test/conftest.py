@@ -117,8 +117,8 @@ def control_msgs():
 @pytest.fixture(scope='session')
 def collision_object_message():
     """What MoveIt's planning scene takes."""
-    from built_messages import BUILT, built_messages
-    with built_messages('moveit_msgs', BUILT):
+    from built_messages import generated_messages
+    with generated_messages('moveit_msgs'):
         from moveit_msgs.msg import CollisionObject
         yield CollisionObject
 
@@ -126,7 +126,7 @@ def collision_object_message():
 @pytest.fixture(scope='session')
 def tactile_state_message():
     """What tactile_toolbox takes."""
-    from built_messages import BUILT, built_messages
-    with built_messages('tactile_msgs', BUILT):
+    from built_messages import generated_messages
+    with generated_messages('tactile_msgs'):
         from tactile_msgs.msg import TactileState
         yield TactileState
