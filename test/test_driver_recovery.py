@@ -4,11 +4,13 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import inf
 
 import numpy as np
 import pytest
+import rclpy
 from driver_bench import ERROR, OK, DriverBench
 from fault_bench import PRESSED, SIDE, FaultBench
 from lifecycle_msgs.msg import Transition
@@ -20,7 +22,8 @@ from rclpy.time import Time
 
 from tactile_node.bus import message_pace
 from tactile_node.bus.message_pace import FIRST_REMINDER
-from tactile_node.nodes import driver_node
+from tactile_node.cli.main import main
+from tactile_node.nodes import driver_node, tare_client
 from tactile_node.nodes.lifecycle_steps import WAITING
 from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.ros.parameters import read
@@ -278,43 +281,51 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
     wait_for_values(chain, 0)
 
 
-def command(chain, printed, *words):
-    """Start `tactile tare` for 5 frames, its output in the file ``printed``."""
-    with printed.open('w') as output:
-        process = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', 'tare', '--frames', '5', *words],
-                                   stdout=output, stderr=subprocess.STDOUT)
-    chain.stack.callback(process.wait)
-    chain.stack.callback(process.kill)
-    return process
+@pytest.fixture
+def tare_here(chain, monkeypatch):
+    """`tactile tare` for 5 frames as a call: in this process, on a thread, while the driver runs."""
+    monkeypatch.setattr(rclpy, 'init', lambda **given: None)  # ROS runs already, and goes on
+    monkeypatch.setattr(rclpy, 'try_shutdown', lambda: None)
+
+    def exit_code(*words):
+        with ThreadPoolExecutor() as threads:
+            running = threads.submit(main, ['tare', '--frames', '5', *words])
+            chain.until(running.done, 'the command has not ended')
+        return running.result()
+    return exit_code
 
 
-def exit_code(chain, process):
-    chain.until(lambda: process.poll() is not None, 'the command has not ended')
-    return process.returncode
+def test_a_command_that_does_not_wait_is_refused_once(chain, tare_here, capsys):
+    chain.start()
+    assert tare_here('--wait', '0') == 1
+    refusal, = capsys.readouterr().err.splitlines()
+    assert refusal.startswith('tactile: error: pad32: tare: expected nothing on the pad: all taxels below 0.03 N')
 
 
 def test_the_command_tries_again_while_something_presses_and_tares_all_pads_of_the_driver(chain, tmp_path):
     printed = tmp_path / 'printed.txt'
     chain.start()
-    assert exit_code(chain, command(chain, printed, '--wait', '0')) == 1
-    refusal, = printed.read_text().splitlines()
-    assert refusal.startswith('tactile: error: pad32: tare: expected nothing on the pad: all taxels below 0.03 N')
-    process = command(chain, printed, '--wait', '600')
+    with printed.open('w') as output:
+        process = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', 'tare', '--frames', '5', '--wait',
+                                    '600'], stdout=output, stderr=subprocess.STDOUT)
+    chain.stack.callback(process.wait)
+    chain.stack.callback(process.kill)
     chain.until(lambda: 'trying again for 600 s' in printed.read_text(), 'it does not try again')
     chain.load[0] = 0.02  # N, below the limit
-    assert exit_code(chain, process) == 0
+    chain.until(lambda: process.poll() is not None, 'the command has not ended')
+    assert process.returncode == 0
     assert printed.read_text().splitlines()[-1].startswith('pad32: tared over 5 frames, noise ')
     wait_for_values(chain, 0)
 
 
-def test_without_a_driver_the_command_says_what_to_start_and_which_drivers_run(chain, tmp_path):
-    printed = tmp_path / 'printed.txt'
-    assert exit_code(chain, command(chain, printed, '--namespace', 'hand')) == 2
-    error, = printed.read_text().splitlines()
+def test_without_a_driver_the_command_says_what_to_start_and_which_drivers_run(tare_here, capsys, monkeypatch):
+    monkeypatch.setattr(tare_client, 'DISCOVERY_TIMEOUT', 0.0)  # what runs in this process is known at once
+    assert tare_here('--namespace', 'hand') == 2
+    error, = capsys.readouterr().err.splitlines()
     assert '/hand/skin_driver: expected a running driver, got none, but /skin_driver.' in error
     assert '`tactile bringup`' in error and '--namespace' in error
-    assert exit_code(chain, command(chain, printed, '--namespace', '1hand')) == 2
-    assert 'namespace' in printed.read_text()
+    assert tare_here('--namespace', '1hand') == 2
+    assert 'namespace' in capsys.readouterr().err
 
 
 def refusal_of(answer):
