@@ -44,9 +44,9 @@ def speed(performance: Performance) -> str:
             f'99 % within {high:.0f} ms.\n{performance.answered:.0%} of the taxel frames have a shape.')
     if performance.is_machine_too_slow:
         late = 1e3 * performance.skin_late
-        text += ('\nThis machine was too slow or too busy to judge the latency: the simulated skin alone, which needs a\n'
-                 f'tenth of a core, sent 1 % of its CAN frames {late:.0f} ms late or later. Try it again when two cores\n'
-                 'are idle.')
+        text += ('\nThis machine was too slow or too busy to judge the latency: the simulated skin alone, '
+                 f'which needs a tenth of a core,\nsent 1 % of its CAN frames {late:.0f} ms late or later. '
+                 'Try it again when two cores are idle.')
     return text
 
 
