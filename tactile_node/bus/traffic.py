@@ -139,7 +139,9 @@ class Traffic:
 
     def _count_other(self, kind: str, message: can.Message) -> None:
         self.no_data_frames[kind] += 1
-        if message.is_error_frame and self._monitor.feed_error(message):
+        if not message.is_error_frame:
+            self._monitor.feed_other(message)
+        elif self._monitor.feed_error(message):
             self._on_failure(BusFault.BUS_OFF, BusError(
                 'CAN controller', expected='a bus it can send on', got='bus-off',
                 remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
