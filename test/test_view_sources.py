@@ -130,6 +130,28 @@ def test_a_recording_that_cannot_be_read_to_its_end_says_so_and_ends(tmp_path):
     source.close()
 
 
+INTERNAL = 'internal error: ZeroDivisionError: division by zero'
+
+
+def test_a_bus_source_that_dies_says_why(skin, monkeypatch, caplog):
+    source = BusSource(*skin)
+    monkeypatch.setattr(source, '_follow', lambda *_: 1 / 0)
+    source.start()
+    until(lambda: source.store.shown().problem == INTERNAL, 60)
+    source.stop()
+    assert 'Traceback' in caplog.text
+
+
+@pytest.mark.parametrize('method', ['read', 'show'])
+def test_a_recording_whose_thread_dies_says_why_and_ends(method, tmp_path, monkeypatch, caplog, capsys):
+    """The one thread reads the recording, the other one shows it."""
+    bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), time)) for time in (1, 9999)])
+    of = BagRecording if method == 'read' else RecordingSource
+    monkeypatch.setattr(of, method, lambda *_: 1 / 0)
+    assert main(['view', str(tmp_path / 'bag'), '--terminal']) == 0
+    assert INTERNAL in capsys.readouterr().out and 'Traceback' in caplog.text
+
+
 def test_pads_of_a_bag_can_be_chosen(tmp_path):
     topics = [(f'/{pad}/taxels', TAXELS) for pad in ('left', 'right')]
     bag(tmp_path / 'bag', [(topic, taxel_array(store(), 1)) for topic, _ in topics], topics=topics)
