@@ -192,7 +192,7 @@ class Page:
         age, before = time.monotonic() - shown.bus_acquired, None
         if shown.bus is not None and self._source.player is None:
             before = self._history.before(shown.bus, shown.bus_acquired)
-        self._health.content = health_table(shown.bus, age, before, drawn if self._source.player is None else ())
+        self._health.content = health_table(shown.bus, age, before)
         if self._controls is not None:
             self._controls.update()
         self._planes_html.content = self._planes_picture(drawn) if self._planes_wanted.value else ''
