@@ -3,6 +3,7 @@
 The truth is the solver's contact set, which slides, turns, grows, is pressed harder, loses taxels, and jumps.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -96,21 +97,24 @@ def apart(fits: Followed) -> np.ndarray:
     return np.hypot(*fits.apart.T)
 
 
+#: each way with two shapes, each shape with three ways or more; with TACTILE_LONG all together
+PAIRS = [(shape, way) for i, way in enumerate(WAYS) for j, shape in enumerate(PUNCHES)
+         if os.environ.get('TACTILE_LONG') or (i + j) % len(PUNCHES) in (0, 2)]
+
+
 @cache
 def both(shape: str, way: str) -> tuple[Followed, Followed]:
     return fits_of(shape, WAYS[way], None), fits_of(shape, WAYS[way], FitFollower())
 
 
-@pytest.mark.parametrize('way', WAYS)
-@pytest.mark.parametrize('shape', PUNCHES)
+@pytest.mark.parametrize(('shape', 'way'), PAIRS)
 def test_a_fit_that_goes_on_is_as_near_to_the_truth_as_a_search(shape, way):
     searched, followed = both(shape, way)
     assert np.median(apart(followed)) <= np.median(apart(searched)) + 0.03
     assert apart(followed).max() <= apart(searched).max() + 0.2
 
 
-@pytest.mark.parametrize('way', WAYS)
-@pytest.mark.parametrize('shape', PUNCHES)
+@pytest.mark.parametrize(('shape', 'way'), PAIRS)
 def test_it_is_no_surer_than_it_is_right(shape, way):
     searched, followed = both(shape, way)
     assert followed.inside.mean() >= min(searched.inside.mean(), 0.95) - 1 / FRAMES
