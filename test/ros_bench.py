@@ -1,12 +1,13 @@
 """Nodes of a test on one executor, which the test spins while it waits; the fixture `ros` of conftest.py ends them."""
 
+import math
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 import rclpy
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor, TimeoutException
 
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_skin.msg import ContactFeatures, ContactShapes
@@ -38,6 +39,64 @@ class RosBench:
         while not condition():
             assert time.monotonic() < end, failure
             self.executor.spin_once(timeout_sec=0.01)
+
+    def settle(self) -> None:
+        """Run callbacks until none is ready. A message between nodes of one process has arrived when it is sent."""
+        is_busy = True
+        while is_busy:
+            is_busy = False
+            with suppress(TimeoutException):
+                while True:
+                    task, _, _ = self.executor.wait_for_ready_callbacks(timeout_sec=0)
+                    is_busy = True
+                    task()
+                    if task.exception() is not None:
+                        raise task.exception()
+
+
+class VirtualTime:
+    """A steady clock that stands still until the test advances it, and the timers on it."""
+
+    def __init__(self) -> None:
+        self.nanoseconds = 1000 * 10**9
+        self._timers: list[VirtualTimer] = []
+
+    def now(self) -> float:
+        return self.nanoseconds * 1e-9
+
+    def advance(self, seconds: float) -> None:
+        """Let ``seconds`` pass, and call the timers that are due then."""
+        self.nanoseconds += round(seconds * 1e9)
+        for timer in self._timers:
+            timer.look()
+
+    def of(self, kind: type) -> type:
+        """Return a node class like ``kind`` whose timers are on this clock."""
+        def create_timer(node: Any, period: float, callback: Callable[[], None], **_: Any) -> 'VirtualTimer':
+            self._timers.append(VirtualTimer(self, period, callback))
+            return self._timers[-1]
+        return type(kind.__name__, (kind,), {'create_timer': create_timer})
+
+
+class VirtualTimer:
+    """The part of a timer of rclpy that the nodes use."""
+
+    def __init__(self, clock: VirtualTime, period: float, callback: Callable[[], None]):
+        self._clock = clock
+        self._callback = callback
+        self.timer_period_ns = round(period * 1e9)
+        self.reset()
+
+    def reset(self) -> None:
+        self._due: float = self._clock.nanoseconds + self.timer_period_ns
+
+    def cancel(self) -> None:
+        self._due = math.inf
+
+    def look(self) -> None:
+        if self._clock.nanoseconds >= self._due:
+            self._due += self.timer_period_ns
+            self._callback()
 
 
 def features_fit(message: ContactFeatures) -> bool:
