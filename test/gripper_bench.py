@@ -1,20 +1,18 @@
 """A gripper with its own action, what its pads read of a spring, and a client: nodes of one executor.
 
-Time is virtual: in each STEP the gripper moves, the pads feel it, and every node does all that it has to do. So a test
-is exact, however slow the machine is. Only a bench whose other half is a process runs in real time.
+Time is virtual. In each STEP the gripper moves and the pads feel it. Only a bench whose other half is a process runs in
+real time.
 """
 
 import math
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
-from functools import partial
 
 from built_messages import environment_with
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.parameter import Parameter
-from ros_bench import RosBench, VirtualTime
+from ros_bench import TimedBench
 
 from tactile_node.nodes.gripper_node import GripperNode
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface
@@ -28,7 +26,6 @@ PERIOD = STEPS * STEP  # s, of the frames
 THRESHOLD = 0.05  # N from which on a pad is touched
 AGE = 0.015  # s, of a grasp when it is sent
 START = 0.06  # m, opening
-TIMEOUT = 60.0  # s
 
 
 class Motor:
@@ -194,51 +191,26 @@ class Client:
         return asked.result().status, self._interface.state(asked.result().result), outcome
 
 
-class GripperBench(RosBench):
+class GripperBench(TimedBench):
     """Motor, pads, the gripper node and a client. ``pads`` None: others publish what they feel, in real time."""
 
     def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, pads=(),
                  is_real_time=False):
-        super().__init__(stack)
-        self._time = None if is_real_time or pads is None else VirtualTime()
-        self.steady = time.monotonic if self._time is None else self._time.now
+        super().__init__(stack, STEP, is_real_time=is_real_time or pads is None)
         self.interface = gripper_interface(kind, '')
         self.motor = Motor(self, self.interface, scale, offset)
         self.pads = None if pads is None else Pads(self, self.motor, **dict(pads))
         given = {'action_type': kind, 'gap_scale': scale, 'gap_offset': offset, **dict(parameters)}
-        make_node = GripperNode if self._time is None else partial(self._time.of(GripperNode), steady=self.steady)
-        self.node = self.add(make_node(parameter_overrides=[Parameter(name, value=value)
-                                                            for name, value in given.items()]))
+        self.node = self.add(self.timed(GripperNode)(parameter_overrides=[Parameter(name, value=value)
+                                                                          for name, value in given.items()]))
         self.client = Client(self, self.interface)
         self.until_joined(lambda: self.node.count_publishers('/grasp'))
         self.until_seen()
 
-    def step(self):
-        """Let a STEP pass."""
-        if self._time is None:
-            super().wait(STEP)
-        else:
-            self._time.advance(STEP)
+    def on_step(self):
         self.motor.step()
         if self.pads is not None:
             self.pads.step()
-        if self._time is not None:
-            self.settle()
-
-    def wait(self, seconds):
-        for _ in range(round(seconds / STEP)):
-            self.step()
-
-    def until(self, condition, failure='timeout'):
-        """Let STEPs pass until ``condition`` holds."""
-        end = self.steady() + TIMEOUT
-        while not condition():
-            assert self.steady() < end, failure
-            self.step()
-
-    def until_joined(self, condition):
-        """Wait for the middleware, which joins endpoints in a time of its own."""
-        super().until(condition)
 
     @contextmanager
     def node_as_process(self, *parameters):
