@@ -1,4 +1,6 @@
-"""Message packages that PyPI lacks: their interfaces, and a build of one in a folder where no ROS installation has it.
+"""Message packages that PyPI lacks: their interfaces, and one that is built or generated where ROS does not have it.
+
+A build takes 20 s of processor time, once, and can send its messages. Generated Python classes take 1 s and cannot.
 
 Only what our code uses of them, by the names of the real packages: geometry2, MoveIt 2, ros2_control, tactile_toolbox.
 """
@@ -8,13 +10,15 @@ import fcntl
 import hashlib
 import importlib
 import importlib.util
+import io
 import json
 import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[1]
 MESSAGES, BUILT = ROOT / 'msg', ROOT / 'build' / 'messages'
@@ -85,6 +89,29 @@ def built_messages(name: str, folder: Path) -> Iterator[None]:
     prefix = modules.parents[2]
     for library in prefix.glob('lib/*.so'):  # rosidl opens them by name: those that are loaded are found
         ctypes.CDLL(str(library))
+    with _importable(name, modules):
+        yield
+
+
+@contextmanager
+def generated_messages(name: str) -> Iterator[None]:
+    """Make package ``name`` importable: the installed one, or its Python classes alone, which DDS cannot send."""
+    if importlib.util.find_spec(name):
+        yield
+        return
+    from rosidl_generator_py.cli import GeneratePython
+    with TemporaryDirectory() as folder:
+        sources, modules = Path(folder, 'source'), Path(folder, 'modules')
+        _write_source(name, sources)
+        interfaces = [f'{sources}:{path.relative_to(sources)}' for path in sources.glob('*/*')]
+        with redirect_stdout(io.StringIO()):  # it names each file
+            GeneratePython('py').generate(name, interfaces, [f'{sys.prefix}/share'], modules / name)
+        with _importable(name, modules):
+            yield
+
+
+@contextmanager
+def _importable(name: str, modules: Path) -> Iterator[None]:
     sys.path.append(str(modules))
     try:
         yield
@@ -122,11 +149,15 @@ def _fingerprint(name: str) -> str:
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
 
 
+def _write_source(package: str, folder: Path) -> None:
+    for name, text in source(package).items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding='utf-8')
+
+
 def _build(package: str, folder: Path) -> None:
     sources, build, prefix = folder / 'source', folder / 'build', folder / 'install'
-    for name, text in source(package).items():
-        (sources / name).parent.mkdir(parents=True, exist_ok=True)
-        (sources / name).write_text(text, encoding='utf-8')
+    _write_source(package, sources)
     cmake = str(Path(sys.executable).with_name('cmake'))
     environment = {**os.environ, 'AMENT_PREFIX_PATH': sys.prefix, 'CMAKE_PREFIX_PATH': sys.prefix,
                    'PATH': f'{Path(sys.executable).parent}:{os.environ["PATH"]}'}

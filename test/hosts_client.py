@@ -20,7 +20,7 @@ from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import GraspRequirement, SkinStatus
 from tactile_skin.srv import CheckGrasp, Tare
 
-TIMEOUT = 20.0  # s
+TIMEOUT = 60.0  # s, for a busy machine
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 HEARD = {'status': (SkinStatus, 'skin_driver/status', LATCHED), 'log': (Log, '/rosout', LATCHED),
          'diagnostics': (DiagnosticArray, '/diagnostics', 10)}
@@ -33,8 +33,14 @@ def main() -> int:
     for name, (kind, topic, qos) in HEARD.items():
         node.create_subscription(kind, topic, heard[name].append, qos)
     found = grasps(node) | driver(node)
-    wait(node, lambda: all(heard.values()))
-    found |= {'active': heard['status'][-1].active, 'logged': any(log.name == 'skin_driver' for log in heard['log']),
+
+    def is_active() -> bool:
+        return bool(heard['status']) and heard['status'][-1].active
+
+    def is_logged() -> bool:
+        return any(log.name == 'skin_driver' for log in heard['log'])
+    wait(node, lambda: is_active() and is_logged() and heard['diagnostics'])
+    found |= {'active': is_active(), 'logged': is_logged(),
               'reported': sorted({each.name for message in heard['diagnostics'] for each in message.status})}
     print(json.dumps(found), flush=True)
     return 0
@@ -49,7 +55,7 @@ def grasps(node) -> dict:
     if not client.wait_for_server(TIMEOUT):
         sys.exit('no action server')
     goal = WaitForGrasp.Goal(requirement=requirement)
-    goal.timeout.sec = 10
+    goal.timeout.sec = int(TIMEOUT)
     handle = spun(node, client.send_goal_async(goal))
     result = spun(node, handle.get_result_async()).result
     return {'check': check.outcome, 'waited': result.outcome, 'held': CheckGrasp.Response.HELD}

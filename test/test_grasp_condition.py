@@ -1,5 +1,6 @@
 """The example for behaviour trees: a condition that never succeeds by an old grasp."""
 
+from copy import deepcopy
 from types import SimpleNamespace
 
 import grasp_condition as example
@@ -28,7 +29,10 @@ class World:
     def __init__(self):
         self.now, self._tracker = 100.0, GraspTracker()
         node = SimpleNamespace(create_subscription=lambda *given: None)
-        self.watch = example.GraspWatch(node, steady=lambda: self.now)
+        self.watch = example.GraspWatch(node, steady=self.steady)
+
+    def steady(self) -> float:
+        return self.now
 
     def publish(self, seconds=PERIOD, states=(SideState.TOUCHED,) * 2):
         for _ in range(round(seconds / PERIOD)):
@@ -58,6 +62,20 @@ def world():
     return World()
 
 
+@pytest.fixture(scope='module')
+def first_held():
+    """Whose grasp has been stable for a while: its messages take half a second to make."""
+    world = World()
+    world.publish(1.5)
+    assert world.tick() is Status.SUCCESS
+    return world
+
+
+@pytest.fixture
+def held(first_held):
+    return deepcopy(first_held)
+
+
 def test_it_succeeds_while_the_grasp_is_stable_and_as_asked_for(world):
     assert world.tick() is Status.FAILURE
     world.publish(1.5)
@@ -67,52 +85,46 @@ def test_it_succeeds_while_the_grasp_is_stable_and_as_asked_for(world):
     assert world.tick(min_confidence=1.0) is Status.FAILURE
 
 
-def test_it_fails_once_grasps_stop_without_a_message(world):
-    world.publish(1.5)
-    assert world.tick() is Status.SUCCESS
-    world.now += example.MAX_SILENCE + 0.01
-    assert world.tick() is Status.FAILURE
+def test_it_fails_once_grasps_stop_without_a_message(held):
+    assert held.tick() is Status.SUCCESS
+    held.now += example.MAX_SILENCE + 0.01
+    assert held.tick() is Status.FAILURE
 
 
-def test_a_grasp_that_was_held_back_is_too_old(world):
-    world.publish(1.5)
-    kept = world.message(world._tracker.state(world.now))
-    world.now += 1.0
-    world.watch.receive(kept)
-    assert world.tick() is Status.FAILURE
+def test_a_grasp_that_was_held_back_is_too_old(held):
+    kept = held.message(held._tracker.state(held.now))
+    held.now += 1.0
+    held.watch.receive(kept)
+    assert held.tick() is Status.FAILURE
 
 
 @pytest.mark.parametrize('states', [(SideState.TOUCHED, SideState.UNSEEN), (SideState.TOUCHED, SideState.EMPTY),
                                     (SideState.EMPTY, SideState.EMPTY)])
-def test_what_is_not_held_or_not_seen_fails(world, states):
-    world.publish(1.5)
-    world.publish(states=states)
-    assert world.tick() is Status.FAILURE
+def test_what_is_not_held_or_not_seen_fails(held, states):
+    held.publish(states=states)
+    assert held.tick() is Status.FAILURE
 
 
 @pytest.mark.parametrize('required, expected', [({}, Status.SUCCESS), ({'min_confidence': 0.5}, Status.FAILURE)])
-def test_a_shape_that_is_surely_unknown_is_not_sure(world, required, expected):
+def test_a_shape_that_is_surely_unknown_is_not_sure(held, required, expected):
     """Who asks for a confidence asks for a shape, also for a low one: here that of the likeliest class is enough."""
-    world.publish(1.5)
-    grasp = world.message(world._tracker.state(world.now))
+    grasp = held.message(held._tracker.state(held.now))
     grasp.shape, grasp.class_name, grasp.confidence = ContactShape.UNKNOWN, 'unknown', 0.5
-    world.watch = SimpleNamespace(current=lambda: grasp)
-    assert world.tick(**required) is expected
+    held.watch = SimpleNamespace(current=lambda: grasp)
+    assert held.tick(**required) is expected
 
 
-def test_a_malformed_message_neither_succeeds_nor_counts(world):
-    world.publish(1.5)
-    world.watch.receive(Grasp(stable=True, fresh=True, contact=Grasp.TWO_SIDED))
-    world.now += example.MAX_SILENCE + 0.01
-    assert world.tick() is Status.FAILURE
+def test_a_malformed_message_neither_succeeds_nor_counts(held):
+    held.watch.receive(Grasp(stable=True, fresh=True, contact=Grasp.TWO_SIDED))
+    held.now += example.MAX_SILENCE + 0.01
+    assert held.tick() is Status.FAILURE
 
 
-def test_a_sequence_starts_its_next_child_only_while_it_holds(world):
-    world.publish(1.5)
+def test_a_sequence_starts_its_next_child_only_while_it_holds(held):
     root = py_trees.composites.Sequence('lift', memory=False, children=[
-        example.IsGraspStable('held', world.watch), py_trees.behaviours.Running('lifting')])
+        example.IsGraspStable('held', held.watch), py_trees.behaviours.Running('lifting')])
     root.tick_once()
     assert root.status is Status.RUNNING
-    world.now += 1.0
+    held.now += 1.0
     root.tick_once()
     assert root.status is Status.FAILURE

@@ -29,7 +29,7 @@ from tactile_skin.msg import Contact, ContactShape, GraspSides, TaxelArray
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 TIMEOUT, PERIOD = 60.0, 0.02
-REPLAYED = 10_000 if os.environ.get('TACTILE_LONG') else 700
+REPLAYED = 10_000 if os.environ.get('TACTILE_LONG') else 200
 PRESS = np.zeros((16, 16), np.uint8)
 PRESS[4:11, 5:12] = 120
 

@@ -31,9 +31,6 @@ from tactile_node.ros.qos import frames_qos
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import Contact
 from tactile_skin.msg import ContactShape, Grasp, TaxelArray
-from training.ground_truth.indenters import flat_punch
-from training.ground_truth.layer import sample, stress_field
-from training.ground_truth.mechanics import solve
 
 pytestmark = pytest.mark.ros
 
@@ -145,10 +142,9 @@ def test_the_page_names_beside_a_field_for_which_reason_a_wrong_one_is_dropped(f
 
 @pytest.mark.bus
 def test_two_serial_devices_started_as_on_the_page_give_a_view_and_a_grasp(monkeypatch):
-    """A square by contact mechanics, pressed between both; terminals take the place of the devices."""
+    """A square is pressed between both; terminals take the place of the devices."""
     words = next(each.words[1:] for each in commands_of(PAGE, '') if 'other_skin.py' in each.text)
-    solution = solve(flat_punch(Contact('square', (1.0,), 0.0, 0.0), 0.03, 0.12))
-    stress = sample(stress_field(solution, 16.0, 0.5), 3.6, 5.4, 0.2, 12, 8)
+    pressures = pressure_frame(Contact('square', (SIDE,), 3.6, 5.4, 0.2), np.random.default_rng(1), 12, 8)
     rng, keyboards, grasps = np.random.default_rng(20261125), [], []
     with ExitStack() as stack:
         def start(*words):
@@ -169,8 +165,9 @@ def test_two_serial_devices_started_as_on_the_page_give_a_view_and_a_grasp(monke
             end = time.monotonic() + TIMEOUT
             while not condition():
                 assert time.monotonic() < end, grasps[-1:]
-                for keyboard, pressed in zip(keyboards, (stress, stress[:, ::-1])):
-                    counts = np.rint(400 + load * pressed + 4 * rng.standard_normal(stress.shape)).astype(int)
+                for keyboard, pressed in zip(keyboards, (pressures, pressures[:, ::-1])):
+                    counts = np.rint(400 + load * pressed / pressures.max()
+                                     + 4 * rng.standard_normal(pressed.shape)).astype(int)
                     os.write(keyboard, ' '.join(map(str, counts.ravel())).encode() + b'\n')
                 time.sleep(0.03)
         send_until(lambda: grasps and grasps[-1].contact == Grasp.NO_CONTACT, 0)

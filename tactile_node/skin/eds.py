@@ -6,6 +6,7 @@ from collections.abc import Callable
 from configparser import DuplicateOptionError, DuplicateSectionError, RawConfigParser, SectionProxy
 from configparser import Error as ParserError
 from contextlib import suppress
+from functools import lru_cache
 from io import StringIO
 from pathlib import Path
 from typing import NamedTuple, NoReturn
@@ -54,13 +55,19 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
     except OSError as error:
         raise ConfigurationError(str(path), expected='an EDS file', got=error.strerror or str(error),
                                  remedy='Check the path and its permissions.') from error
-    tidied = StringIO()
-    _check_text(path, text).write(tidied)
-    tidied.seek(0)
+    checked = _checked(path, text)
     try:
-        return _import_eds(tidied, node_id)
+        return _import_eds(StringIO(checked), node_id)
     except Exception as error:  # canopen lets KeyError, ValueError, configparser's and others through
         _refuse(path, 'an EDS that canopen can read', f'{type(error).__name__}: {error}'.replace('\n', ' '))
+
+
+@lru_cache(maxsize=8)  # the nodes of a bus share an EDS, and each check takes a tenth of a second
+def _checked(path: Path, text: str) -> str:
+    """Return ``text``, the content of ``path``, as canopen can read it. Raises ConfigurationError."""
+    checked = StringIO()
+    _check_text(path, text).write(checked)
+    return checked.getvalue()
 
 
 def read_eds(path: Path) -> str:
