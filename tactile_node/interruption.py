@@ -10,6 +10,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from tactile_node.threads import ReportedThread
+
 logger = logging.getLogger(__name__)
 
 
@@ -41,7 +43,7 @@ def stop_with(process_id: int, stop_requested: threading.Event) -> None:
     except OSError as error:  # a kernel without it, or a container that forbids it
         logger.warning('Process %d is not watched (%s): end this one yourself when that one ends.', process_id, error)
         return
-    threading.Thread(target=_set_at_end, args=(process, stop_requested), name='end_with', daemon=True).start()
+    ReportedThread(_set_at_end, 'end_with', process, stop_requested).start()
 
 
 def _set_at_end(process: int, stop_requested: threading.Event) -> None:

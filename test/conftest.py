@@ -1,16 +1,36 @@
 """For every test: ROS stays on this machine, each run of pytest in its own domain."""
 
+import fcntl
 import gc
 import itertools
 import os
 import re
+import tempfile
 from collections import Counter
 from contextlib import ExitStack
+from pathlib import Path
+from typing import TextIO
 
 import pytest
 
+DOMAINS = range(1, 101)  #: 101 is the highest whose ports Linux gives to no one else; test_tutorial.py needs it empty
+
+
+def lock_domain() -> tuple[int, TextIO]:
+    """Return a ROS domain that no other run of these tests uses, and the file whose lock keeps it."""
+    for domain in DOMAINS:
+        lock = Path(tempfile.gettempdir(), f'tactile_skin_ros_domain_{domain}').open('w')
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return domain, lock
+        except BlockingIOError:
+            lock.close()
+    raise RuntimeError(f'all ROS domains of {DOMAINS} are in use')
+
+
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+DOMAIN, DOMAIN_LOCK = lock_domain()
+os.environ['ROS_DOMAIN_ID'] = str(DOMAIN)
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -1,15 +1,18 @@
-"""A gripper with its own action, what its pads read of a spring, and a client: nodes of one executor."""
+"""A gripper with its own action, what its pads read of a spring, and a client: nodes of one executor.
+
+Time is virtual. In each STEP the gripper moves and the pads feel it. Only a bench whose other half is a process runs in
+real time.
+"""
 
 import math
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 
 from built_messages import environment_with
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.parameter import Parameter
-from ros_bench import RosBench
+from ros_bench import TimedBench
 
 from tactile_node.nodes.gripper_node import GripperNode
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface
@@ -17,21 +20,25 @@ from tactile_node.ros.message_age import age_message
 from tactile_node.ros.time_messages import time_message
 from tactile_skin.msg import ContactShape, Grasp, GripperOutcome
 
-STEP, PERIOD = 0.005, 0.02  # s: of the motor, and of the frames
-THRESHOLD, AGE = 0.05, 0.015  # N from which on a pad is touched; s, of a grasp when it is sent
+STEP = 0.005  # s, of the motor
+STEPS = 4  # of the motor in a period of the frames
+PERIOD = STEPS * STEP  # s, of the frames
+THRESHOLD = 0.05  # N from which on a pad is touched
+AGE = 0.015  # s, of a grasp when it is sent
 START = 0.06  # m, opening
-MAX_AGE = 0.5  # s, for a busy machine
 
 
 class Motor:
     """The gripper's own action: it goes where it is sent, holds where it is cancelled, and preempts."""
 
     def __init__(self, bench, interface, scale=1.0, offset=0.0):
+        self._bench = bench
         self.node = bench.add('motor')
         self.interface, self.scale, self.offset = interface, scale, offset
         self.opening, self.slowness = START, 1.0
         self.rejects = self.cancels = self.stays = False  # goals; it was cancelled; it refuses to be
         self.is_terse = False  # its results are empty
+        self.is_silent = False  # it does nothing any more, and answers nothing
         self.most_goals = 1000
         self.commands: list[Command] = []
         self.default_speed, self.blocked_at, self.moved_at = 0.02, -1.0, -math.inf
@@ -44,7 +51,19 @@ class Motor:
             cancel_callback=lambda handle: CancelResponse.REJECT if self.stays else CancelResponse.ACCEPT,
             handle_accepted_callback=self._accept)
         bench.stack.callback(self.kill)
-        self._timer = self.node.create_timer(STEP, self._step)
+
+    def move_to(self, opening):
+        """Be at ``opening`` [m] at once."""
+        self.opening = self._target = opening
+
+    def fall_silent(self):
+        self._bench.executor.remove_node(self.node)
+        self.is_silent = True
+
+    def die(self):
+        """End its action, and wait until the gripper node can see that."""
+        self.kill()
+        self._bench.until_joined(lambda: not self._bench.node._client._client.server_is_ready())
 
     def kill(self):
         if self.server is not None:
@@ -60,7 +79,9 @@ class Motor:
         self._target = self.offset + self.scale * command.position
         self._speed = abs(self.scale) * command.speed or self.default_speed
 
-    def _step(self):
+    def step(self):
+        if self.is_silent:
+            return
         if self._goal is not None and self._goal.is_cancel_requested:
             self.cancels = True
             self._target = self.opening
@@ -70,7 +91,7 @@ class Motor:
         before = self.opening
         self.opening += max(-travel, min(travel, target - self.opening))
         if self.opening != before:
-            self.moved_at = time.monotonic()
+            self.moved_at = self._bench.steady()
         if self._goal is None:
             return
         if self.opening == self._target:
@@ -101,31 +122,30 @@ class Pads:
     """Publishes the grasp of an object of ``width`` [m] as the pads feel it; ``change`` bends the message."""
 
     def __init__(self, bench, motor, width=0.04, off=0.0, stiffness=1000.0):
-        self._node, self._motor = bench.add('pads'), motor
+        self._bench, self._motor = bench, motor
+        self._steps = 0
         self.width, self.off, self.stiffness = width, off, stiffness
         self.change = lambda message: message
         self.is_silent, self.knows_gap = False, True
         self.strongest, self.touched_at = 0.0, None
-        self._publisher = self._node.create_publisher(Grasp, '/grasp', 10)
-        self._timer = self._node.create_timer(PERIOD, self._publish)
-        self._fast = self._node.create_timer(STEP, self._feel)
+        self._publisher = bench.add('pads').create_publisher(Grasp, '/grasp', 10)
 
     def forces(self):
         closed = self.width - self._motor.opening
         return [max(0.0, self.stiffness * (closed + side * 2 * self.off)) for side in (-1, 1)]
 
-    def _feel(self):
+    def step(self):
         self.strongest = max(self.strongest, *self.forces())
+        self._steps += 1
+        if self._steps % STEPS == 0 and not self.is_silent:
+            self._publish()
 
     def _publish(self):
-        self._feel()
-        if self.is_silent:
-            return
         forces, nan = self.forces(), math.nan
         states = [Grasp.SIDE_TOUCHED if force > THRESHOLD else Grasp.SIDE_EMPTY for force in forces]
         contact = Grasp.NO_CONTACT + states.count(Grasp.SIDE_TOUCHED)
         if contact > Grasp.NO_CONTACT and self.touched_at is None:
-            self.touched_at = time.monotonic()
+            self.touched_at = self._bench.steady()
         nowhere = dict.fromkeys(('creep', 'width', 'offset', 'misalignment', 'centre_sd', 'yaw', 'yaw_sd', 'grip_force',
                                  'grip_force_sd', 'force_imbalance'), nan)
         message = Grasp(contact=contact, side_states=states, fresh=True, forces=forces, shape=ContactShape.UNKNOWN,
@@ -134,7 +154,7 @@ class Pads:
                         gap_source=Grasp.GAP_JOINT_STATES if self.knows_gap else Grasp.GAP_NOT_KNOWN, **nowhere)
         for point in (message.midpoint, message.left_centre, message.right_centre):
             point.x = point.y = point.z = nan
-        message.header.stamp = time_message(1.7e9 + time.monotonic() - AGE)
+        message.header.stamp = time_message(1.7e9 + self._bench.steady() - AGE)
         message.age = age_message(AGE)
         self._publisher.publish(self.change(message))
 
@@ -149,7 +169,11 @@ class Client:
         bench.stack.callback(self._client.destroy)
         self.outcomes: list[GripperOutcome] = []
         node.create_subscription(GripperOutcome, '/touch_gripper/outcome', self.outcomes.append, 10)
-        bench.until(lambda: self._client.server_is_ready() and node.count_publishers('/touch_gripper/outcome'))
+        self.until_ready()
+        bench.until_joined(lambda: node.count_publishers('/touch_gripper/outcome'))
+
+    def until_ready(self):
+        self._bench.until_joined(self._client.server_is_ready)
 
     def send(self, position=0.0, speed=0.0, effort=0.0, goal=None):
         goal = goal or self._interface.goal(Command(position, speed, effort))
@@ -167,30 +191,44 @@ class Client:
         return asked.result().status, self._interface.state(asked.result().result), outcome
 
 
-class GripperBench(RosBench):
-    """Motor, pads, the gripper node and a client. ``pads`` None: others publish what they feel."""
+class GripperBench(TimedBench):
+    """Motor, pads, the gripper node and a client. ``pads`` None: others publish what they feel, in real time."""
 
-    def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, pads=()):
-        super().__init__(stack)
+    def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, pads=(),
+                 is_real_time=False):
+        super().__init__(stack, STEP, is_real_time=is_real_time or pads is None)
         self.interface = gripper_interface(kind, '')
         self.motor = Motor(self, self.interface, scale, offset)
         self.pads = None if pads is None else Pads(self, self.motor, **dict(pads))
-        given = {'action_type': kind, 'gap_scale': scale, 'gap_offset': offset, 'max_age': MAX_AGE, **dict(parameters)}
-        self.node = self.add(GripperNode(parameter_overrides=[Parameter(name, value=value)
-                                                              for name, value in given.items()]))
+        given = {'action_type': kind, 'gap_scale': scale, 'gap_offset': offset, **dict(parameters)}
+        self.node = self.add(self.timed(GripperNode)(parameter_overrides=[Parameter(name, value=value)
+                                                                          for name, value in given.items()]))
         self.client = Client(self, self.interface)
+        self.until_joined(lambda: self.node.count_publishers('/grasp'))
         self.until_seen()
 
+    def on_step(self):
+        self.motor.step()
+        if self.pads is not None:
+            self.pads.step()
+
     @contextmanager
-    def node_as_process(self, *words):
-        """Run the gripper node in another process instead of here, and kill it at the end."""
+    def node_as_process(self, *parameters):
+        """Run the gripper node in another process instead of here, and kill it at the end.
+
+        On a busy machine no pad is unseen, and no gripper too slow: this one is ten times as fast as it is sent.
+        """
+        words = [word for each in ('max_age:=5.0', 'fast_speed:=0.002', 'slow_speed:=0.002', *parameters)
+                 for word in ('-p', each)]
+        self.motor.slowness = 0.1
         self.node.destroy_node()
         self.executor.remove_node(self.node)
-        process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', *words],
+        process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--ros-args', *words],
                                    env=environment_with('control_msgs'))
         try:
-            self.until(lambda: self.client._client.server_is_ready())
-            self.wait(1.5)
+            self.client.until_ready()
+            self.until(lambda: self.close(position=START - 0.001)[2].outcome != GripperOutcome.NOT_SEEN)
+            self.motor.commands.clear()
             yield process
         finally:
             process.kill()
@@ -202,7 +240,7 @@ class GripperBench(RosBench):
 
     def open(self):
         """Open the gripper, whatever was before; forget what it was commanded."""
-        self.motor.opening = self.motor._target = START
+        self.motor.move_to(START)
         self.motor.commands.clear()
         self.pads.change, self.pads.is_silent, self.pads.strongest = (lambda message: message), False, 0.0
         self.wait(2 * PERIOD)

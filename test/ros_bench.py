@@ -1,12 +1,15 @@
 """Nodes of a test on one executor, which the test spins while it waits; the fixture `ros` of conftest.py ends them."""
 
+import math
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from functools import partial
 from typing import Any
 
 import rclpy
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import Executor, SingleThreadedExecutor, TimeoutException
 
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_skin.msg import ContactFeatures, ContactShapes
@@ -38,6 +41,108 @@ class RosBench:
         while not condition():
             assert time.monotonic() < end, failure
             self.executor.spin_once(timeout_sec=0.01)
+
+    def settle(self) -> None:
+        """Run callbacks until none is ready. A message between nodes of one process has arrived when it is sent."""
+        is_busy = True
+        while is_busy:
+            is_busy = False
+            with suppress(TimeoutException):
+                while True:
+                    task, _, _ = self.executor.wait_for_ready_callbacks(timeout_sec=0)
+                    is_busy = True
+                    task()
+                    if task.exception() is not None:
+                        raise task.exception()
+
+
+class VirtualTime:
+    """A steady clock that stands still until the test advances it, and the timers on it."""
+
+    def __init__(self) -> None:
+        self.nanoseconds = 1000 * 10**9
+        self.timers: list[VirtualTimer] = []
+
+    def now(self) -> float:
+        return self.nanoseconds * 1e-9
+
+    def advance(self, seconds: float) -> None:
+        """Let ``seconds`` pass, and call the timers that are due then."""
+        self.nanoseconds += round(seconds * 1e9)
+        for timer in self.timers:
+            timer.look()
+
+    def of(self, kind: type) -> type:
+        """Return a node class like ``kind`` whose timers are on this clock."""
+        def create_timer(node: Any, period: float, callback: Callable[[], None], clock: Clock) -> 'VirtualTimer':
+            assert clock.clock_type == ClockType.STEADY_TIME, 'another clock stands still without /clock'
+            self.timers.append(VirtualTimer(self, period, callback))
+            return self.timers[-1]
+        return type(kind.__name__, (kind,), {'create_timer': create_timer})
+
+
+class VirtualTimer:
+    """The part of a timer of rclpy that the nodes use."""
+
+    def __init__(self, clock: VirtualTime, period: float, callback: Callable[[], None]):
+        self._clock = clock
+        self._callback = callback
+        self.timer_period_ns = round(period * 1e9)
+        self.reset()
+
+    def reset(self) -> None:
+        self._due: float = self._clock.nanoseconds + self.timer_period_ns
+
+    def cancel(self) -> None:
+        self._due = math.inf
+
+    def look(self) -> None:
+        if self._clock.nanoseconds >= self._due:
+            self._due += self.timer_period_ns
+            self._callback()
+
+
+class TimedBench(RosBench):
+    """Nodes that share a clock, which goes on by ``step`` [s] when all that was sent has arrived and is worked on.
+
+    The clock is virtual, so that a test is exact however slow the machine is. With ``is_real_time`` it is the true one.
+    """
+
+    def __init__(self, stack: ExitStack, step: float, executor: Executor | None = None, *, is_real_time: bool = False):
+        super().__init__(stack, executor)
+        self._step = step
+        self.time = None if is_real_time else VirtualTime()
+        self.steady = time.monotonic if self.time is None else self.time.now
+
+    def timed(self, kind: type) -> Callable[..., Any]:
+        """Return what makes a node of ``kind`` on this clock."""
+        return kind if self.time is None else partial(self.time.of(kind), steady=self.steady)
+
+    def on_step(self) -> None:
+        """Do what is no node's work."""
+
+    def step(self) -> None:
+        if self.time is None:
+            super().wait(self._step)
+            self.on_step()
+            return
+        self.time.advance(self._step)
+        self.on_step()
+        self.settle()
+
+    def wait(self, seconds: float) -> None:
+        for _ in range(round(seconds / self._step)):
+            self.step()
+
+    def until(self, condition: Callable[[], object], failure: str = 'timeout') -> None:
+        end = self.steady() + TIMEOUT
+        while not condition():
+            assert self.steady() < end, failure
+            self.step()
+
+    def until_joined(self, condition: Callable[[], object]) -> None:
+        """Wait for the middleware, which joins endpoints in a time of its own."""
+        super().until(condition)
 
 
 def features_fit(message: ContactFeatures) -> bool:

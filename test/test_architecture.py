@@ -73,6 +73,12 @@ def test_only_commands_import_nodes():
             assert not any(name.startswith('tactile_node.nodes') for name in imports(path)), path
 
 
+def test_every_thread_reports_the_exception_that_ends_it():
+    starts = re.compile(r'\b(?:threading\.Thread[()]|Thread\(|_thread\.start_new_thread)')
+    found = [path.name for path in PACKAGE.rglob('*.py') if starts.search(path.read_text(encoding='utf-8'))]
+    assert found == ['threads.py']  # its class line alone
+
+
 def test_training_knows_nothing_of_the_report():
     found = sorted((ROOT / 'training').glob('*.py'))
     assert found

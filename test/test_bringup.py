@@ -188,7 +188,7 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
     assert set(counts) == {'/grasp'} | {
         f'/{pad}/{topic}' for pad in ('left', 'right')
         for topic in ('taxels', 'contact', 'features', 'shape', 'image', 'image_colour', 'markers', 'wrench')}
-    assert min(counts.values()) > 50
+    assert min(counts.values()) > (0 if code else 50)
     with (tmp_path / 'touches.csv').open(encoding='utf-8') as file:
         touches = list(csv.DictReader(file))
     given = Counter(2 * ['circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle'])
@@ -197,10 +197,12 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
     for pad in ('left', 'right'):
         assert (tmp_path / f'touches_{pad}.png').read_bytes().startswith(b'\x89PNG')
     assert b'#' in (tmp_path / 'can.log').read_bytes()
-    assert 'touches recognised' in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert 'touches recognised' in printed and 'as a planner in another process sees it: median' in printed
     assert demo(['--output', str(tmp_path)]) == 2
     assert '--force' in capsys.readouterr().err, 'earlier results are kept'
     if code == 1 and is_overloaded():  # all is there but a touch: it may have gone before its frames were read
+        assert 'too slow or too busy' in printed
         raise TooSlowError('the demo missed touches')
     assert code == 0
 

@@ -25,6 +25,7 @@ WALL_CLOCK = {
     'examples/demo/bag.py': 'when a message was recorded, beside its stamp',
     'examples/demo/watcher.py': 'one host',
     'examples/demo/session.py': 'one host',
+    'examples/demo/skin.py': 'the same',
     'tactile_node/simulator/device.py': 'what touches the simulated skin',
     'tactile_node/simulator/slcan_pty.py': 'what a CAN adapter stamps',
     'tactile_node/simulator/skin_simulator.py': 'the same'}

@@ -97,6 +97,10 @@ def test_an_error_has_its_fault(kind, fault):
     assert failure_of(error) == Failure(fault, 'there: expected this, got that. Do so.')
 
 
+def test_an_exception_that_is_not_ours_is_an_internal_error():
+    assert failure_of(KeyError('rows')) == Failure(BusFault.INTERNAL_ERROR, "KeyError: 'rows'")
+
+
 @pytest.mark.parametrize(('command', 'text'), [
     (None, ''), (ForeignCommand(0x81, 32), 'reset node to node 32'),
     (ForeignCommand(0x82, 0), 'reset communication to all nodes'), (ForeignCommand(0x02, 32), 'stop to node 32'),

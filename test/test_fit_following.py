@@ -3,6 +3,7 @@
 The truth is the solver's contact set, which slides, turns, grows, is pressed harder, loses taxels, and jumps.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -15,7 +16,8 @@ from tactile_node import find_contact
 from tactile_node.pose import fit as fitting
 from tactile_node.pose.fit import FitFollower, fit_shape
 from tactile_node.shape.recognition import Shape
-from tactile_node.simulator.world import Contact
+from tactile_node.simulator.figures import Skin, pressure_frame
+from tactile_node.simulator.world import Contact, random_contact
 from training.ground_truth.indenters import ball, flat_punch
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import solve
@@ -95,21 +97,24 @@ def apart(fits: Followed) -> np.ndarray:
     return np.hypot(*fits.apart.T)
 
 
+#: each way with two shapes, each shape with three ways or more; with TACTILE_LONG all together
+PAIRS = [(shape, way) for i, way in enumerate(WAYS) for j, shape in enumerate(PUNCHES)
+         if os.environ.get('TACTILE_LONG') or (i + j) % len(PUNCHES) in (0, 2)]
+
+
 @cache
 def both(shape: str, way: str) -> tuple[Followed, Followed]:
     return fits_of(shape, WAYS[way], None), fits_of(shape, WAYS[way], FitFollower())
 
 
-@pytest.mark.parametrize('way', WAYS)
-@pytest.mark.parametrize('shape', PUNCHES)
+@pytest.mark.parametrize(('shape', 'way'), PAIRS)
 def test_a_fit_that_goes_on_is_as_near_to_the_truth_as_a_search(shape, way):
     searched, followed = both(shape, way)
     assert np.median(apart(followed)) <= np.median(apart(searched)) + 0.03
     assert apart(followed).max() <= apart(searched).max() + 0.2
 
 
-@pytest.mark.parametrize('way', WAYS)
-@pytest.mark.parametrize('shape', PUNCHES)
+@pytest.mark.parametrize(('shape', 'way'), PAIRS)
 def test_it_is_no_surer_than_it_is_right(shape, way):
     searched, followed = both(shape, way)
     assert followed.inside.mean() >= min(searched.inside.mean(), 0.95) - 1 / FRAMES
@@ -187,3 +192,29 @@ def test_on_off_taxels_are_followed_as_near(shape):
         apart.append([np.hypot(fit.centre[0] - moved.x, fit.centre[1] - moved.y) for fit in fits])
     searched, followed = np.array(apart).T
     assert np.median(followed) <= np.median(searched) + 0.05 and followed.max() <= searched.max() + 0.2
+
+
+def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
+    """Followed and searched radius [pitches] in the second frame of a circle, whose first frame shows less of it.
+
+    In the first frame it is pressed by ``load`` of the second, and the last ``hidden`` rows have no value.
+    """
+    rng, follower = np.random.default_rng(number), FitFollower()
+    contact = random_contact(rng, 'circle', 60.0, SIDE, SIDE)
+    for stamp, share in ((0.0, load), (PERIOD, 1.0)):
+        frame = pressure_frame(contact, rng, SIDE, SIDE, pressure=share, skin=Skin(noise=0.01, full_scale=1.0))
+        if stamp == 0.0:
+            frame[SIDE - hidden:] = np.nan
+        pressed = find_contact(frame, unit=None)
+        if not pressed.mask.any():
+            continue
+        followed, searched = (fit_shape(pressed.values, pressed.mask, Shape.CIRCLE, find=find)
+                              for find in (follower.at(stamp), None))
+    return followed.dimensions[0], searched.dimensions[0]
+
+
+@pytest.mark.parametrize('load, hidden', [(0.05, 0), (0.1, 0), (0.2, 0), (1.0, 13), (1.0, 15)])
+def test_a_circle_first_seen_badly_is_as_large_as_searched_for(load, hidden):
+    """Touched lightly, or with half of it hidden, it may look like a cone, which is larger."""
+    pairs = np.array([first_press(number, load, hidden) for number in range(40)])
+    assert abs(pairs[:, 0] - pairs[:, 1]).max() < 0.1

@@ -1,12 +1,11 @@
 """The grasp node with shapes that stop, are held back, hidden or stamped by other clocks: what its reader is given."""
 
 import math
-import time
 from functools import partial
 
 import pytest
 from rclpy.parameter import Parameter
-from ros_bench import TIMEOUT, RosBench
+from ros_bench import TIMEOUT, TimedBench
 from test_malformed_messages import good_shape
 
 from tactile_node.nodes import grasp_node
@@ -20,7 +19,9 @@ from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
 pytestmark = pytest.mark.ros
 
-PERIOD, AGE = 0.02, 0.015  # s
+STEP = 0.01  # s
+PERIOD = 2 * STEP  # s, of the shapes
+AGE = 0.015  # s, of a shape when it is sent
 HELD_BACK = 1.5  # s, fifteen times what a grasp may be old
 BOTH = ('left', 'right')
 
@@ -33,24 +34,25 @@ def hidden_shape() -> ContactShape:
                         frame_shape=ContactShape.UNKNOWN, frame_class_name='unknown', method='learned')
 
 
-class Gripper(RosBench):
+class Gripper(TimedBench):
     """Two classifiers, each with another clock, and a reader of the node's grasps."""
 
-    def __init__(self, stack, parameters=(), offsets=(0.0, 0.0), executor=None, lossless=False):
-        super().__init__(stack, executor)
+    def __init__(self, stack, parameters=(), offsets=(0.0, 0.0), lossless=False, **bench):
+        super().__init__(stack, STEP, **bench)
         self.grasps: list[tuple[float, Grasp]] = []
         self._offsets = dict(zip(BOTH, offsets))
         self._sequence = 0
         self._shape = good_shape()
         peer, qos = self.add('peer'), frames_qos(500, lossless)
-        self.add(GraspNode(parameter_overrides=[Parameter(*each) for each in parameters]))
+        self.add(self.timed(GraspNode)(parameter_overrides=[Parameter(*each) for each in parameters]))
         peer.create_subscription(Grasp, '/grasp', self._on_grasp, qos)
         self._publishers = {side: peer.create_publisher(ContactShape, f'/{side}/shape', qos) for side in BOTH}
-        self.until(lambda: all(each.get_subscription_count() for each in self._publishers.values()))
+        self.until_joined(lambda: peer.count_publishers('/grasp') and all(
+            each.get_subscription_count() for each in self._publishers.values()))
 
     def _on_grasp(self, grasp: Grasp) -> None:
         assert check_grasp(grasp) is None
-        self.grasps.append((time.monotonic(), grasp))
+        self.grasps.append((self.steady(), grasp))
 
     @property
     def latest(self) -> Grasp:
@@ -62,7 +64,7 @@ class Gripper(RosBench):
     def message(self, side: str, shape: ContactShape | None = None) -> ContactShape:
         """The shape of an acquisition AGE ago, by the clock of its side."""
         shape = shape or self._shape
-        shape.header.stamp = time_message(1.7e9 + self._offsets[side] + time.monotonic() - AGE)
+        shape.header.stamp = time_message(1.7e9 + self._offsets[side] + self.steady() - AGE)
         shape.age = age_message(AGE)
         shape.sequence = self._sequence
         return shape
@@ -79,9 +81,9 @@ class Gripper(RosBench):
             self.wait(PERIOD)
 
     def run_until(self, condition, what: str, **given) -> None:
-        end = time.monotonic() + TIMEOUT
+        end = self.steady() + TIMEOUT
         while not (self.grasps and condition(self.latest)):
-            assert time.monotonic() < end, what
+            assert self.steady() < end, what
             self.run(PERIOD, **given)
 
 
@@ -115,9 +117,9 @@ def test_pads_of_any_clocks_are_one_grasp_with_an_age(make_gripper, offsets):
     gripper.run_until(lambda grasp: grasp.contact == Grasp.UNSEEN, 'a grasp of both')
     assert not gripper.latest.fresh
     assert age_seconds(gripper.latest.age) == math.inf  # not settled: it may have been held back for any time
-    gripper.run_until(lambda grasp: grasp.stable and age_seconds(grasp.age) < AGE + 0.1, 'a stable grasp')
+    gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
     assert gripper.latest.contact == Grasp.TWO_SIDED and gripper.latest.fresh and gripper.latest.creep < 1e-4
-    assert age_seconds(gripper.latest.age) >= AGE
+    assert age_seconds(gripper.latest.age) == pytest.approx(AGE, abs=1e-6)  # of stamps since 1970
 
 
 @pytest.mark.parametrize('parameters', SIM_TIME, ids=['', 'sim time without a clock'])
@@ -145,7 +147,7 @@ def test_ten_shapes_that_were_held_back_are_never_fresh(make_gripper, offsets):
         kept += [(side, gripper.message(side, good_shape())) for side in BOTH]
         gripper.wait(PERIOD)
     gripper.wait(HELD_BACK)
-    released = time.monotonic()
+    released = gripper.steady()
     for side, message in kept:
         gripper.publish(side, message)
     gripper.until(lambda: len(gripper.after(released)) >= 20)
@@ -160,7 +162,7 @@ def test_ten_shapes_that_were_held_back_are_never_fresh(make_gripper, offsets):
 def test_a_pad_that_is_not_seen_is_unseen(make_gripper, hidden):
     gripper = make_gripper()
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
-    since = time.monotonic()
+    since = gripper.steady()
 
     def found() -> list[Grasp]:
         return [grasp for _, grasp in gripper.after(since) if not grasp.stable]

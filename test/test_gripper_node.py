@@ -4,21 +4,25 @@ import itertools
 import math
 import signal
 import sys
-import time
 from collections import deque
 from functools import partial
 
 import pytest
 from action_msgs.msg import GoalStatus
+from gripper_bench import PERIOD, STEP, THRESHOLD
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.closing import Outcome, TouchLimits
+from tactile_node.grasp.closing import SLOWNESS, START_TIME, Outcome, TouchLimits
+from tactile_node.nodes.gripper_node import LOOK_PERIOD
 from tactile_skin.msg import Grasp, GripperOutcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
 LIMITS = TouchLimits()
-MAX_AGE, PERIOD = 0.5, 0.02  # s, of gripper_bench
+MAX_AGE = LIMITS.max_age
+#: N by which the force rises between two frames
+FAST_RISE, SLOW_RISE = (speed * PERIOD * LIMITS.stiffness for speed in (LIMITS.fast_speed, LIMITS.slow_speed))
+BLIND_TRAVEL = LIMITS.fast_speed * (MAX_AGE + LOOK_PERIOD + STEP)  # m, until it stops
 SILENT = None
 SUCCEEDED, ABORTED, CANCELED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_ABORTED, GoalStatus.STATUS_CANCELED
 KINDS = ['ParallelGripperCommand', 'GripperCommand']
@@ -49,6 +53,17 @@ def test_the_outcomes_of_the_message_are_those_of_the_code():
         each.name: int(each) for each in Outcome}
 
 
+def test_what_is_sent_in_a_step_has_arrived_at_its_end(make_bench):
+    """Else no duration of these tests would be exact."""
+    bench = make_bench()
+    bench.client.send(position=0.0)
+    received, first = bench.node._grasps.counts.received, bench.motor.opening
+    for frames in range(1, 20):
+        bench.wait(PERIOD)
+        assert bench.node._grasps.counts.received == received + frames
+        assert bench.node._client.opening(STEP / 2) == bench.motor.opening < first
+
+
 @pytest.mark.parametrize('stop_by', ['cancel', 'goal'])
 @pytest.mark.parametrize('kind', KINDS)
 def test_without_effort_it_stops_when_both_pads_are_touched(make_bench, kind, stop_by):
@@ -59,7 +74,7 @@ def test_without_effort_it_stops_when_both_pads_are_touched(make_bench, kind, st
     bench.wait(0.3)
     assert bench.motor.opening == pytest.approx(before, abs=2e-4)  # it holds
     assert state.position == pytest.approx(before, abs=1e-3) and outcome.opening == pytest.approx(before, abs=1e-3)
-    assert 0.05 < bench.pads.strongest < LIMITS.overshoot(LIMITS.fast_speed) + 0.5  # N: on a busy machine
+    assert THRESHOLD < bench.pads.strongest <= THRESHOLD + FAST_RISE
     assert bench.motor.cancels == (stop_by == 'cancel')
 
 
@@ -68,8 +83,8 @@ def test_with_an_effort_it_stops_at_that_force_and_goes_slowly_from_the_touch_on
     bench = make_bench(kind)
     status, state, outcome = bench.close(position=0.0, effort=5.0)
     assert (status, outcome.outcome, state.stalled) == (SUCCEEDED, Outcome.FORCE_REACHED, True)
-    assert 5.0 <= state.effort and 5.0 <= bench.pads.strongest < 7.0
-    assert list(outcome.forces) == pytest.approx([state.effort] * 2, abs=0.5)
+    assert 5.0 <= state.effort <= bench.pads.strongest <= 5.0 + (SLOW_RISE if kind == KINDS[0] else FAST_RISE)
+    assert list(outcome.forces) == [state.effort] * 2
     if kind == 'ParallelGripperCommand':
         assert [each.speed for each in bench.motor.commands] == pytest.approx([LIMITS.fast_speed, LIMITS.slow_speed])
     assert {each.effort for each in bench.motor.commands} == {10.0}  # the gripper's own limit, never the client's
@@ -77,7 +92,7 @@ def test_with_an_effort_it_stops_at_that_force_and_goes_slowly_from_the_touch_on
 
 def test_a_gripper_in_radians_that_close_it_is_commanded_in_radians(make_bench):
     bench = make_bench('GripperCommand', scale=-0.1, offset=0.08)
-    bench.motor.opening = bench.motor._target = 0.06
+    bench.motor.move_to(0.06)
     status, state, outcome = bench.close(position=0.8)
     assert outcome.outcome == Outcome.TOUCHED and outcome.opening == pytest.approx(0.039, abs=2e-3)
     assert state.position == pytest.approx((outcome.opening - 0.08) / -0.1, abs=1e-6)
@@ -105,7 +120,7 @@ def test_closing_is_refused_and_opening_is_not_while_a_pad_is_not_seen(make_benc
     for change in NOT_SEEN:
         bench.open()
         hide(bench, change)
-        bench.wait(MAX_AGE + 0.1)
+        bench.wait(MAX_AGE + PERIOD)
         status, _, outcome = bench.close(position=0.0)
         assert (status, outcome.outcome, bench.motor.commands) == (ABORTED, Outcome.NOT_SEEN, [])
         status, _, outcome = bench.close(position=0.08)
@@ -123,7 +138,7 @@ def test_it_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
         status, _, outcome = bench.client.result(handle)
         stopped = bench.motor.opening
         assert (status, outcome.outcome) == (ABORTED, Outcome.NOT_SEEN)
-        assert before < 0.06 and 0 <= before - stopped <= LIMITS.fast_speed * (MAX_AGE + 0.2)
+        assert before < 0.06 and 0 < before - stopped <= BLIND_TRAVEL
         bench.wait(0.2)
         assert bench.motor.opening == stopped
 
@@ -159,13 +174,14 @@ def test_a_force_that_may_be_larger_stops_it(make_bench):
         bench.open()
         bench.pads.change = lambda message, change=change: change(message) if message.contact > 2 else message
         status, _, outcome = bench.close(position=0.0, effort=10.0)
-        assert (status, outcome.outcome) == (ABORTED, Outcome.FORCE_NOT_KNOWN) and bench.pads.strongest < 3.0
+        assert (status, outcome.outcome) == (ABORTED, Outcome.FORCE_NOT_KNOWN)
+        assert bench.pads.strongest <= THRESHOLD + FAST_RISE
 
 
 def test_a_second_publisher_of_grasp_is_not_believed(make_bench):
     bench = make_bench()
     bench.add('other').create_publisher(Grasp, '/grasp', 10)
-    bench.until(lambda: bench.node.count_publishers('/grasp') == 2)
+    bench.until_joined(lambda: bench.node.count_publishers('/grasp') == 2)
     bench.wait(0.1)
     assert bench.close(position=0.0)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
 
@@ -174,7 +190,7 @@ def test_one_pad_that_pushes_stops_it_at_the_limit(make_bench):
     bench = make_bench(pads={'off': 0.01})
     status, state, outcome = bench.close(position=0.0)
     assert (status, outcome.outcome, state.stalled) == (ABORTED, Outcome.ONE_SIDED, False)
-    assert LIMITS.touch_force <= bench.pads.strongest < LIMITS.touch_force + 1.0
+    assert LIMITS.touch_force <= bench.pads.strongest <= LIMITS.touch_force + SLOW_RISE
 
 
 def test_an_object_that_is_lost_while_it_closes_on_it(make_bench):
@@ -197,7 +213,7 @@ def test_a_cancelled_goal_stops_the_gripper(make_bench):
 def test_a_later_goal_of_another_client_replaces_the_one_before(make_bench):
     from gripper_bench import Client
     bench = make_bench()
-    other = Client(bench.__class__.__base__(bench.stack, bench.executor), bench.interface)
+    other = Client(bench, bench.interface)
     first = bench.client.send(position=0.0)
     bench.wait(0.2)
     second = other.send(position=0.08)
@@ -220,8 +236,8 @@ def test_a_goal_that_cannot_be_used_is_refused_with_a_reason_and_changes_nothing
 
 @pytest.mark.parametrize(('fault', 'expected'), [
     (lambda bench: setattr(bench.motor, 'rejects', True), Outcome.GRIPPER_REFUSED),
-    (lambda bench: bench.motor.kill(), Outcome.NO_GRIPPER),
-    (lambda bench: bench.executor.remove_node(bench.motor.node), Outcome.GRIPPER_SILENT)],
+    (lambda bench: bench.motor.die(), Outcome.NO_GRIPPER),
+    (lambda bench: bench.motor.fall_silent(), Outcome.GRIPPER_SILENT)],
     ids=['rejects', 'dead', 'silent'])
 def test_a_gripper_that_does_not_take_the_command(make_bench, fault, expected):
     bench = make_bench()
@@ -235,7 +251,7 @@ def test_a_gripper_that_dies_while_it_closes(make_bench):
     bench = make_bench()
     handle = bench.client.send(position=0.0)
     bench.wait(0.3)
-    bench.motor.kill()
+    bench.motor.die()
     status, _, outcome = bench.client.result(handle)
     assert (status, outcome.outcome) == (ABORTED, Outcome.NO_GRIPPER)
 
@@ -250,9 +266,10 @@ def test_a_gripper_that_stalls_by_itself(make_bench):
 def test_a_gripper_that_is_far_too_slow(make_bench):
     bench = make_bench()
     bench.motor.slowness = 1000.0
-    began = time.monotonic()
+    began = bench.steady()
     assert bench.close(position=0.05)[2].outcome == Outcome.TOO_SLOW
-    assert time.monotonic() - began == pytest.approx(1.0 + 3 * 0.01 / LIMITS.fast_speed, abs=0.5)
+    late = bench.steady() - began - (START_TIME + SLOWNESS * 0.01 / LIMITS.fast_speed)
+    assert 0 < late < LOOK_PERIOD + 5 * STEP  # goal, stop and result take a STEP each way
 
 
 def test_a_gripper_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(make_bench):
@@ -270,7 +287,7 @@ def test_a_gripper_that_takes_one_goal_at_a_time_is_stopped_by_a_cancel(make_ben
     bench.motor.most_goals = 1
     status, _, outcome = bench.close(position=0.0, effort=10.0)
     assert (status, outcome.outcome, bench.motor.moves) == (ABORTED, Outcome.GRIPPER_REFUSED, False)
-    assert bench.pads.strongest < 3.0
+    assert bench.pads.strongest <= THRESHOLD + 2 * FAST_RISE
 
 
 def test_an_empty_result_is_no_opening(make_bench):
@@ -281,12 +298,12 @@ def test_an_empty_result_is_no_opening(make_bench):
     bench.wait(0.2)
     handle.cancel_goal_async()
     assert bench.client.result(handle)[2].outcome == Outcome.CANCELED
-    assert bench.close(position=0.03)[2].outcome == Outcome.TOUCHED and bench.pads.strongest < 3.0
+    assert bench.close(position=0.03)[2].outcome == Outcome.TOUCHED and bench.pads.strongest <= THRESHOLD + FAST_RISE
 
 
 def test_a_gripper_wider_than_widest_is_not_closed_by_a_goal_to_open(make_bench):
     bench = make_bench(pads={'width': 0.1})
-    bench.motor.opening = bench.motor._target = 0.14
+    bench.motor.move_to(0.14)
     bench.wait(0.1)
     assert bench.close(position=0.09)[2].outcome == Outcome.TOUCHED and bench.motor.opening > 0.09
     bench.pads.change = unseen
@@ -297,7 +314,7 @@ def test_a_goal_between_while_it_opens_is_guarded(make_bench):
     """By the time that the gripper hears it, it may be wider open than its last reading."""
     bench = make_bench()
     bench.pads.change = unseen
-    bench.wait(MAX_AGE + 0.1)
+    bench.wait(MAX_AGE + PERIOD)
     bench.client.send(position=0.08)
     bench.wait(0.1)
     assert bench.close(position=0.065)[2].outcome == Outcome.NOT_SEEN and not bench.motor.moves
@@ -323,7 +340,7 @@ def test_a_cancel_that_is_not_confirmed_is_not_reported_as_done(make_bench):
     bench = make_bench(parameters={'answer_timeout': 0.2})
     handle = bench.client.send(position=0.0)
     bench.wait(0.2)
-    bench.executor.remove_node(bench.motor.node)
+    bench.motor.fall_silent()
     handle.cancel_goal_async()
     status, _, outcome = bench.client.result(handle)
     assert (status, outcome.outcome) == (ABORTED, Outcome.NOT_STOPPED)
@@ -333,10 +350,10 @@ def test_a_partial_opening_needs_a_measured_one_or_is_guarded(make_bench):
     """A gap that is a parameter may be an old one: what seems to open may close."""
     bench = make_bench()
     bench.pads.change = lambda message: unseen(set_(gap=0.03, gap_source=Grasp.GAP_PARAMETER)(message))
-    bench.wait(MAX_AGE + 0.1)
+    bench.wait(MAX_AGE + PERIOD)
     assert bench.close(position=0.05)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
     bench.pads.change = unseen
-    bench.motor.opening = bench.motor._target = 0.03
+    bench.motor.move_to(0.03)
     bench.wait(0.1)
     assert bench.close(position=0.05)[2].outcome == Outcome.REACHED
 
@@ -344,7 +361,7 @@ def test_a_partial_opening_needs_a_measured_one_or_is_guarded(make_bench):
 def test_an_opening_that_was_held_back_on_its_way_is_not_the_present_one(make_bench):
     """By it, a goal to close would be one to open, which nothing guards."""
     bench, held = make_bench(pads={'width': 0.0}), deque()
-    bench.motor.opening = bench.motor._target = 0.03
+    bench.motor.move_to(0.03)
 
     def hold_back(message):
         held.append(message)
@@ -352,7 +369,7 @@ def test_an_opening_that_was_held_back_on_its_way_is_not_the_present_one(make_be
     bench.wait(1.0)
     bench.pads.change = hold_back
     bench.wait(0.5)
-    bench.motor.opening = bench.motor._target = 0.06
+    bench.motor.move_to(0.06)
     bench.wait(MAX_AGE)
     assert bench.close(position=0.05)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
 
@@ -360,8 +377,8 @@ def test_an_opening_that_was_held_back_on_its_way_is_not_the_present_one(make_be
 def test_of_two_publishers_of_grasp_no_opening_is_believed(make_bench):
     bench = make_bench(pads={'width': 0.0})
     bench.add('other').create_publisher(Grasp, '/grasp', 10)
-    bench.until(lambda: bench.node.count_publishers('/grasp') == 2)
-    bench.wait(MAX_AGE + 0.1)
+    bench.until_joined(lambda: bench.node.count_publishers('/grasp') == 2)
+    bench.wait(MAX_AGE + PERIOD)
     assert bench.close(position=0.065)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
 
 
@@ -372,7 +389,7 @@ def test_a_node_that_ends_stops_the_gripper(make_bench):
     bench.node.destroy_node()
     before = bench.motor.opening
     bench.wait(0.4)
-    assert before - bench.motor.opening < LIMITS.fast_speed * 0.2 and bench.motor.cancels
+    assert before - bench.motor.opening <= LIMITS.fast_speed * 2 * STEP and bench.motor.cancels
 
 
 @pytest.mark.parametrize('wrong', [{'action_type': 'Grip'}, {'stop_by': 'luck'}, {'fast_speed': 0.5},
@@ -390,7 +407,7 @@ def test_without_control_msgs_the_error_names_it(make_bench, monkeypatch):
 
 def test_killed_in_mid_close_the_gripper_has_a_safe_command(make_bench):
     """SIGKILL: what was sent last is all that the gripper has, and its own limit of effort with it."""
-    bench = make_bench()
+    bench = make_bench(is_real_time=True)
     with bench.node_as_process() as process:
         bench.client.send(position=0.0)
         bench.until(lambda: bench.motor.commands)

@@ -323,6 +323,17 @@ def test_consumer_that_fails_is_counted(tmp_path, caplog):
     assert source.statistics().consumer_errors == 1 and 'division by zero' in caplog.text
 
 
+def test_a_replay_that_dies_says_so_and_has_finished(tmp_path, caplog):
+    source = LogSource(str(tiny_log(tmp_path, SYNC, *ROWS)), tiny_pads(tmp_path), lambda *_: None, pace=None)
+    source._router.end = lambda: 1 / 0
+    source.open()
+    source.start()
+    assert source.finished.wait(60)
+    source.close()
+    assert source.failure.fault is BusFault.INTERNAL_ERROR and 'ZeroDivisionError' in source.failure.detail
+    assert 'Traceback' in caplog.text
+
+
 def two_skins(tmp_path, heartbeat):
     """A log of skins 32 and 40 with the heartbeat of ``heartbeat``; the layout has eight TPDOs a range."""
     lines = []

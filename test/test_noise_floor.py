@@ -1,5 +1,7 @@
 """The noise floor of a pad: what is learnt of it, and what rests on the pad while it is."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ SHAPE = (12, 12)
 ROWS, COLS = np.mgrid[:12, :12]
 SQUARE = (ROWS >= 3) & (ROWS < 9) & (COLS >= 4) & (COLS < 9)
 NOISE = {'Pa': 1e3, 'N': 0.0035, None: 10.0}  #: standard deviation, 1 % of the full scale
+LONG = bool(os.environ.get('TACTILE_LONG'))
 UNITS = pytest.mark.parametrize('unit', NOISE)
 WHOLE, HALF, MOST = np.ones(SHAPE, bool), COLS < 6, ROWS < 11
 
@@ -35,16 +38,16 @@ def check_held(heights, unit, mask, *, from_height):
 
 
 @UNITS
-@pytest.mark.parametrize('seconds', [1, 10, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('seconds', [1, 10, *LONG * [60]])
 def test_a_contact_that_grows_slowly_is_never_noise(seconds, unit):
     heights = np.concatenate((np.zeros(50), np.linspace(0, 30, 50 * seconds), np.full(100, 30.0)))
     check_held(heights, unit, SQUARE, from_height=10)
 
 
 @UNITS
-@pytest.mark.parametrize('frames', [500, pytest.param(2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('frames', [1000, *LONG * [2000]])
 def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
-    """2,000 frames are 4 times as many as are remembered; then it is let go, and the pad is free at once."""
+    """1,000 frames are twice as many as are remembered; then it is let go, and the pad is free at once."""
     heights = np.concatenate((np.full(frames, 20.0), np.zeros(5)))
     *held, a, b, c, d, free = patterns(heights, unit)
     assert all((pattern.mask == SQUARE).all() for pattern in held)
@@ -60,7 +63,7 @@ def test_an_object_that_covers_the_pad_after_rest_is_held(mask, unit):
 
 @pytest.mark.parametrize('unit', ['Pa', 'N'])
 @pytest.mark.parametrize('mask', [WHOLE, HALF, MOST], ids=['whole', 'half', '11 of 12'])
-@pytest.mark.parametrize('seconds', [0, 5, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('seconds', [0, 5, *LONG * [20]])
 def test_with_a_unit_the_pad_may_be_covered_from_the_start_or_slowly(seconds, mask, unit):
     heights = np.concatenate((np.linspace(0, 20, 50 * seconds), np.full(300, 20.0)))
     check_held(heights, unit, mask, from_height=12)

@@ -163,7 +163,7 @@ class OnNodes(bench_planner.Simulation):
     """The same on a simulated CAN bus and the nodes, in real time."""
 
     def __init__(self, stack: ExitStack, seed: int, kind: str):
-        super().__init__(seed, kind)
+        super().__init__(seed, kind, patience=TIMEOUT)  # a busy machine takes its time for a decision
         self._values, self._grasps, self._ages = (np.zeros((16, 16)),) * 2, [], InputAge()
         names, ids = ['left', 'right'], [32, 64]
         pads = with_dictionaries(make_pads(['sim16x16.yaml'], ids, names), [''])

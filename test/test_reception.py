@@ -12,9 +12,11 @@ from can_bench import serial_line, wait_until
 
 from tactile_node.assembly.free_bus import SyncPause
 from tactile_node.bus import traffic as traffic_module
+from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.reception import MOST_IN_BATCH, Batch, Reception
 from tactile_node.bus.traffic import Traffic
+from tactile_node.viewing.node_record import BusRecord
 
 pytestmark = pytest.mark.bus
 
@@ -41,7 +43,7 @@ def test_what_waits_is_one_batch_in_order_and_what_came_before_a_fault_is_not_lo
     assert [message for batch in batches for message in batch.messages] == sent
 
 
-def test_an_exception_over_a_batch_does_not_end_the_reception():
+def test_an_exception_over_a_batch_is_logged_and_neither_ends_the_reception_nor_is_a_fault_of_the_bus(caplog):
     sent, errors = [can.Message(), None, can.Message(), None], []
     seen = []
 
@@ -49,9 +51,35 @@ def test_an_exception_over_a_batch_does_not_end_the_reception():
         seen.append(batch)
         raise RuntimeError('a bug')
     reception = Reception(Script(sent), stumble, errors.append)
-    assert wait_until(lambda: len(seen) == 2)
+    assert wait_until(lambda: errors)
     reception.stop()
-    assert isinstance(errors[0], RuntimeError)
+    assert len(seen) == 2 and {type(error) for error in errors} == {can.CanOperationError}
+    assert caplog.text.count('Traceback') == 2 and 'in stumble' in caplog.text
+
+
+def test_an_exception_of_the_assembler_is_logged_and_costs_one_call_alone(monkeypatch, caplog):
+    bus = Clocked(monkeypatch, queue_limit=1)
+    occupy = bus.traffic._router.bus.occupy
+    monkeypatch.setattr(bus.traffic._router.bus, 'occupy', lambda *given: 1 / 0)
+    bus.received(1.0)
+    done = threading.Event()
+    bus.traffic.put(done.set)
+    assert done.wait(60) and 'ZeroDivisionError' in caplog.text and 'Traceback' in caplog.text
+    monkeypatch.setattr(bus.traffic._router.bus, 'occupy', occupy)
+    assert wait_until(bus.received(2.0))
+    assert bus.traffic.overruns == 0  # the queue has room again
+
+
+def test_a_batch_that_was_lost_by_an_exception_leaves_a_gap(monkeypatch):
+    """Its CAN frames took their time, so that the bus is not known to have been free."""
+    bus = Clocked(monkeypatch)
+    assert wait_until(bus.received(1.0))
+    with monkeypatch.context() as patch:
+        patch.setattr(bus.traffic._monitor, 'feed', lambda *frame: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            bus.received(1.2)
+    assert wait_until(bus.received(1.3))
+    assert bus.seen()[1:] == [0.3]
 
 
 def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_reading():
@@ -96,7 +124,7 @@ class Clocked:
         monkeypatch.setattr(traffic_module, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
         bus = SimpleNamespace(occupy=lambda stamp, seconds=None: self.spans.append(seconds))
         router = SimpleNamespace(bus=bus, feed=lambda *frame: None)
-        monitor = SimpleNamespace(feed=lambda can_id, data: None, feed_error=lambda message: False)
+        monitor = BusMonitor([])
         self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True,
                                sync_period=0.02)
         self.begun = time.time() - 100.0
@@ -151,6 +179,27 @@ def test_what_is_no_taxel_takes_its_time_and_after_an_error_the_bus_is_not_known
     for stamp, spans, kind in ((1.0, 1, {}), (1.01, 2, {'extended': True}), (1.02, 1, {'is_error_frame': True})):
         assert wait_until(bus.received(stamp, spans=spans, **kind))
     assert bus.seen()[1:] == [0.0, None, inf]
+
+
+#: Kind of a CAN frame and its most bits by ISO 11898-1, counted by hand: stuffed fields, stuff bits, 13 bits after them
+WIRE_BITS = [({'is_extended_id': False, 'data': bytes(8)}, 98 + 24 + 13),
+             ({'is_extended_id': True, 'data': bytes(8)}, 118 + 29 + 13),
+             ({'is_extended_id': True, 'data': b''}, 54 + 13 + 13),
+             ({'is_extended_id': False, 'is_remote_frame': True, 'dlc': 8}, 34 + 8 + 13),
+             ({'is_extended_id': True, 'is_remote_frame': True, 'dlc': 8}, 54 + 13 + 13)]
+
+
+@pytest.mark.parametrize(('kind', 'bits'), WIRE_BITS)
+def test_the_live_bus_load_counts_every_frame_on_the_wire_as_the_report_does(kind, bits):
+    monitor, record = BusMonitor([32]), BusRecord(1_000_000)
+    traffic = Traffic(SimpleNamespace(), monitor, None, polled=(), queue_limit=99, is_host_stamped=True,
+                      sync_period=0.02)
+    messages = [can.Message(timestamp=100.0 + stamp, arbitration_id=0x1A0, **kind) for stamp in (0.1, 0.2, 1.5)]
+    traffic.received(Batch([*messages, can.Message(timestamp=101.6, is_error_frame=True)]))
+    for message in messages:
+        record.feed(message)
+    assert monitor.bits == 3 * bits
+    assert record.report(None).load.mean == pytest.approx(2 * bits / 1e6)  # the first second
 
 
 def test_a_fault_that_comes_once_is_reported_after_what_came_before_it():

@@ -9,6 +9,7 @@ import pytest
 from can_bench import INTERFACE, Bench, other_bus, wait_until
 from test_logs import play
 
+from tactile_node.assembly.health import BusFault
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError
 from tactile_node.package_files import config_path
@@ -197,6 +198,16 @@ def test_consumer_that_fails_does_not_stop_the_bus(caplog):
                                lambda *_: 1 / 0)
         bench.run()
         assert wait_until(lambda: bench.driver.statistics().consumer_errors >= 3)
+
+
+def test_a_sync_producer_that_dies_is_an_internal_error_with_its_traceback(monkeypatch, caplog):
+    with Bench('dying', sync_period=0.01) as bench:
+        bench.run()
+        bench.take(1)
+        monkeypatch.setattr(bench.driver.traffic, 'send_sync', lambda *_: 1 / 0)
+        assert wait_until(lambda: bench.driver.failure)
+        assert bench.driver.failure.fault is BusFault.INTERNAL_ERROR
+    assert 'Traceback' in caplog.text and 'ZeroDivisionError' in caplog.text
 
 
 @pytest.mark.parametrize('interface', ['virtual', 'slcan'])

@@ -58,7 +58,7 @@ class Robot(RosBench):
         self.until(lambda: all(each.get_subscription_count() for each in self.publishers), 'not discovered')
 
     def current(self):
-        return self.source.current(time.monotonic())
+        return self.source.current()
 
     def send(self, *transforms, static=False):
         """Publish one message and return the opening once it was received."""

@@ -219,15 +219,39 @@ def rows_of(table):
     return dict(row.removesuffix('</td></tr>').split('</td><td>') for row in re.findall('<td>(.*?</td></tr>)', table))
 
 
+def test_nothing_but_pads_and_status_line_says_whether_a_pad_is_live():
+    """All else is updated less often: it would contradict them when a pad dies, or comes back."""
+    source, browser = HandSource(['left']), Sent()
+    source.store.put(state())
+    source.store.put_bus(BusFacts('', 0.3, {}, (PadFacts('left', 9, 0, 9, 9, {}),)))
+    page = page_of(source, browser)
+    page._scene_due = float('inf')  # the next update is that of chart and tables
+    page.start()
+    until(lambda: browser.client.flush.call_count == 1, 60)
+    page.taken(1)
+    until(lambda: browser.client.flush.call_count == 2, 60)
+    page.stop()
+    page.join()
+    assert 'LIVE' in page._pads.content and 'LIVE' in page._status.content
+    assert '<b>left</b>' in page._health.content
+    for part in (page._health, page._force, page._planes_html):
+        assert 'LIVE' not in str(part.content) and 'ms old' not in str(part.content)
+
+
+def test_a_status_line_that_has_become_old_in_the_browser_is_not_empty():
+    shown = status_html(LIVE._replace(grasp=HELD._replace(acquired=time.monotonic())), [drawn(0.05)], 0, 1)
+    assert re.findall('data-late="([A-Z ]+):', shown) == ['NOT LIVE', 'NOT KNOWN']
+
+
 def test_bus_and_nodes_do_not_contradict_a_dead_pad():
     silent = NodeFacts(32, 'OPERATIONAL', 14.0, 'it sends neither heartbeat nor taxels', '')
     facts = BusFacts('', 0.0, {}, (PadFacts('left', 1, 0, 2, 2, {}, (silent,)),))
-    rows = rows_of(health_table(facts, pads=[drawn(0.05, values=np.full((4, 4), NAN))]))
-    assert rows['<b>left</b>'] == 'no valid taxels'
+    rows = rows_of(health_table(facts))
+    assert rows['<b>left</b>'] == ''
     assert rows['bus'] == 'nodes with a fault: 1'
     assert rows['node 32'].startswith('it sends neither heartbeat nor taxels')
     well = facts._replace(pads=(facts.pads[0]._replace(nodes=(silent._replace(fault=''),)),))
-    assert 'class=bad' not in health_table(well, pads=[drawn(0.05)])
+    assert 'class=bad' not in health_table(well)
     died = health_table(well, 12.0)  # the driver: neither its bus nor its nodes are known
     assert 'no failure' not in died and 'OPERATIONAL' not in died
 

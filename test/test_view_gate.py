@@ -2,9 +2,10 @@
 
 import socket
 import urllib.request
+from types import SimpleNamespace
 
 import pytest
-from viewed import HandSource
+from viewed import HandSource, until
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.viewing.gate import Gate, Request, check_request
@@ -98,6 +99,22 @@ def test_other_machines_do_not_reach_the_page(open_server):
 def test_a_port_that_is_taken_is_reported(open_server):
     with pytest.raises(ConfigurationError):
         Gate(open_server.port, ('127.0.0.1', 1))
+
+
+def test_a_source_that_cannot_start_is_reported_on_the_page(caplog):
+    class Broken(HandSource):
+        def start(self):
+            super().start()
+            raise RuntimeError('a defect')
+    server = ViewServer(Broken(), port=0)
+    with server._changed:
+        server._pages[0] = SimpleNamespace(stop=lambda: None, join=lambda: None)  # a browser
+        server._changed.notify_all()
+    until(lambda: server.is_source_on, 60)
+    assert server._source.store.shown().problem == 'internal error: RuntimeError: a defect'
+    assert 'Traceback' in caplog.text
+    server.close()  # ends its thread
+    assert (server._source.begun, server._source.ended) == (1, 1)
 
 
 def test_without_a_browser_the_source_is_off(open_server):

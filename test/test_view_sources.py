@@ -9,6 +9,7 @@ from viewed import NAN, until
 
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.cli import view
 from tactile_node.cli.main import main
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.simulator.skin_simulator import SkinSimulator
@@ -129,6 +130,28 @@ def test_a_recording_that_cannot_be_read_to_its_end_says_so_and_ends(tmp_path):
     source.close()
 
 
+INTERNAL = 'internal error: ZeroDivisionError: division by zero'
+
+
+def test_a_bus_source_that_dies_says_why(skin, monkeypatch, caplog):
+    source = BusSource(*skin)
+    monkeypatch.setattr(source, '_follow', lambda *_: 1 / 0)
+    source.start()
+    until(lambda: source.store.shown().problem == INTERNAL, 60)
+    source.stop()
+    assert 'Traceback' in caplog.text
+
+
+@pytest.mark.parametrize('method', ['read', 'show'])
+def test_a_recording_whose_thread_dies_says_why_and_ends(method, tmp_path, monkeypatch, caplog, capsys):
+    """The one thread reads the recording, the other one shows it."""
+    bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), time)) for time in (1, 9999)])
+    of = BagRecording if method == 'read' else RecordingSource
+    monkeypatch.setattr(of, method, lambda *_: 1 / 0)
+    assert main(['view', str(tmp_path / 'bag'), '--terminal']) == 0
+    assert INTERNAL in capsys.readouterr().out and 'Traceback' in caplog.text
+
+
 def test_pads_of_a_bag_can_be_chosen(tmp_path):
     topics = [(f'/{pad}/taxels', TAXELS) for pad in ('left', 'right')]
     bag(tmp_path / 'bag', [(topic, taxel_array(store(), 1)) for topic, _ in topics], topics=topics)
@@ -149,9 +172,35 @@ def test_the_command_shows_a_bag_on_a_pipe(tmp_path, capsys):
 
 
 @pytest.mark.parametrize('arguments, where', [
-    (['no_such.log'], 'no_such.log'), (['x.log', '--interface', 'virtual'], 'tactile view'),
+    (['no_such.log'], 'no_such.log'), (['x.log', '--interface', 'virtual'], '--interface'),
     (['--model', 'taught.npz'], '--model'), (['--full-scale', '0'], '--full-scale'),
     (['--interface', 'no_such_interface'], 'no_such_interface')])
 def test_what_cannot_be_shown_is_an_error(arguments, where, capsys):
     assert main(['view', '--port', '0', *arguments]) == 2
     assert where in capsys.readouterr().err
+
+
+BUS_OPTIONS = '--bitrate 125000 --node-id 64 --layout x.yaml --eds x.eds'.split()
+WINDOW = '--start 3 --duration 9'.split()
+
+
+@pytest.mark.parametrize(('source', 'options', 'ignored'), [
+    ([], [*BUS_OPTIONS, '--any-device', *WINDOW], '--bitrate, --node-id, --layout, --eds, --any-device, --start, '
+     '--duration'),
+    (['--channel', 'can0'], ['--namespace', 'arm', *WINDOW], '--namespace, --start, --duration'),
+    (['x.log'], ['--bitrate', '125000', '--namespace', 'arm'], '--namespace, --bitrate'),
+    (['bag'], [*BUS_OPTIONS, '--channel', 'can0', '--any-device'], '--channel, --bitrate, --node-id, --layout, --eds, '
+     '--any-device')])
+def test_an_option_that_a_source_would_ignore_is_an_error(source, options, ignored, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(view, '_serve', lambda *_: None)  # else it would serve for ever
+    bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), 1))])
+    assert main(['view', '--port', '0', *source, *options]) == 2
+    assert f'got {ignored}. ' in capsys.readouterr().err
+
+
+def test_the_eds_of_a_log_is_read(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(view, '_serve', lambda *_: None)
+    (tmp_path / 'can.log').write_text('(1.000000) can0 1A0#0000000000000000\n')
+    assert main(['view', str(tmp_path / 'can.log'), '--eds', 'no_such.eds']) == 2
+    assert 'no_such.eds' in capsys.readouterr().err

@@ -51,6 +51,23 @@ def test_topics_are_subscribed_only_while_somebody_looks(nodes):
     until(lambda: node.count_subscribers('/left/taxels') == 0 and node.count_subscribers('/left/shape') == 0)
 
 
+def test_topics_that_cannot_be_read_any_more_say_why(nodes, monkeypatch, caplog):
+    from tactile_node.nodes import view_topics
+    from tactile_node.ros.qos import STATUS_QOS
+    from tactile_skin.msg import SkinStatus
+    source, node = nodes
+    monkeypatch.setattr(view_topics, 'facts_of_status', lambda message: 1 / 0)
+    publisher = node.create_publisher(SkinStatus, '/skin_driver/status', STATUS_QOS)
+    source.start()
+    until(publisher.get_subscription_count, 60)
+    publisher.publish(SkinStatus())
+    until(lambda: source.store.shown().problem == 'internal error: ZeroDivisionError: division by zero', 60)
+    assert 'Traceback' in caplog.text
+    source.stop()
+    source.start()  # the next browser
+    assert source.store.shown().problem == ''
+
+
 def publishers(source, node):
     """Of taxels and shapes of the left pad, which ``source`` subscribes to."""
     from tactile_node.ros.qos import frames_qos

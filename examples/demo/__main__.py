@@ -10,7 +10,8 @@ from pathlib import Path
 
 from examples.demo import report
 from examples.demo.picture import draw_pad
-from examples.demo.session import PADS, DemoSession
+from examples.demo.session import DemoSession
+from examples.demo.touches import PADS
 from tactile_node.cli.options import add_output_option
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.interruption import ignore_interruptions
@@ -48,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         for pad in PADS:
             if of_pad := [verdict for verdict in verdicts if verdict.pad == pad]:
                 draw_pad(of_pad, session.pitch, folder / PICTURE.format(pad=pad))
-        print(report.table(verdicts, session.pitch))
+        print(report.table(verdicts))
     return _conclude(folder, session, verdicts)
 
 
@@ -68,18 +69,17 @@ def _emptied(folder: Path) -> Path:
 
 def _conclude(folder: Path, session: DemoSession, verdicts: list) -> int:
     """Print what lies where; 0 only when every touch has a verdict and every result exists."""
-    right = sum(verdict.right for verdict in verdicts)
-    print(f'\n{right} of {len(verdicts)} touches recognised; latency SYNC to shape: {session.latency()}; '
+    print(f'\n{report.score(verdicts)}\n{report.speed(session.performance)}\n'
           f'{session.watcher.incomplete} taxel frames incomplete.')
     missing = [name for name in MADE if not (folder / name).exists()]
-    if session.bag.messages == 0:
+    if session.recorded == 0:
         missing.append('messages in the bag')
     if len(verdicts) < session.touches:
         missing.append(f'{session.touches - len(verdicts)} of {session.touches} touches on the shape topic')
     if missing:
-        print(f'Missing: {", ".join(missing)}. Try it again when the machine is idle.')
+        print(f'Missing: {", ".join(missing)}. Try it again when two cores are idle.')
         return 1
-    print(f'In {folder}/: ' + ', '.join(MADE) + f' ({session.bag.messages} messages in the bag).')
+    print(f'In {folder}/: ' + ', '.join(MADE) + f' ({session.recorded} messages in the bag).')
     return 0
 
 

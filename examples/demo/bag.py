@@ -1,19 +1,31 @@
-"""Writes topics into an MCAP bag that `ros2 bag` and Foxglove read, without rosbag2 being installed."""
+"""Writes topics into an MCAP bag that `ros2 bag` and Foxglove read, without rosbag2 being installed.
 
+A process of its own, as `ros2 bag record` is. It prints a line when it has subscribed, records until its standard input
+ends, and prints how many messages it has written.
+
+    python -m examples.demo.bag FOLDER PAD ...
+"""
+
+import sys
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 
+import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosbags import typesys
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from examples.demo.topics import frame_topics
 from tactile_node.logs.topic_bag import message_types
+from tactile_node.nodes.spinning import spinning
+from tactile_node.ros.qos import frames_qos
 
 MESSAGES = ('TaxelArray', 'Contact', 'FeatureRange', 'ContactFeatures', 'ContactMotion', 'ContactEvent', 'ContactShape',
             'ContactShapes', 'Grasp')
+DEPTH = 1000  #: messages that may wait: a slow machine records late rather than incompletely
 
 
 class BagRecorder:
@@ -44,3 +56,20 @@ _RELIABLE = Qos(history=QosHistory.KEEP_LAST, depth=50, reliability=QosReliabili
                 durability=QosDurability.VOLATILE, deadline=QosTime(0, 0), lifespan=QosTime(0, 0),
                 liveliness=QosLiveliness.AUTOMATIC, liveliness_lease_duration=QosTime(0, 0),
                 avoid_ros_namespace_conventions=False)
+
+
+def main(folder: str, *pads: str) -> None:
+    rclpy.init()
+    node = rclpy.create_node('demo_recorder')
+    recorder = BagRecorder(node, Path(folder), frame_topics(pads), frames_qos(DEPTH))
+    with spinning([node]):
+        print('recording', flush=True)
+        sys.stdin.read()
+    recorder.close()
+    node.destroy_node()
+    rclpy.try_shutdown()
+    print(recorder.messages)
+
+
+if __name__ == '__main__':
+    main(*sys.argv[1:])

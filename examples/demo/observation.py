@@ -1,12 +1,35 @@
 """What the demo's topics reported of each touch, beside what really touched."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_node.shape.recognition import UnknownReason
 from tactile_node.simulator.touches import SimulatedTouch
+
+SIZE_TOLERANCE = 0.25  #: pitches by which a length may be wrong
+MOST_SKIN_LATE = 0.01  #: lateness of the simulated skin's CAN frames (99 %) on a machine that is fast enough [s]
+
+
+class Performance(NamedTuple):
+    """How fast shapes were received, and whether that is the speed of the package or of an overloaded machine.
+
+    The simulated skin needs little time and waits for nothing but a processor. So its lateness is that of the machine.
+    """
+
+    latency: Sequence[float]  #: of each shape, from SYNC to its arrival [s]
+    frames: int               #: that all pads acquired meanwhile
+    skin_late: float          #: 99 % of the skin's CAN frames were late by no more [s]
+
+    @property
+    def answered(self) -> float:
+        """Share of the frames that have a shape."""
+        return min(len(self.latency) / max(self.frames, 1), 1.0)
+
+    @property
+    def is_machine_too_slow(self) -> bool:
+        return self.skin_late > MOST_SKIN_LATE
 
 
 class SeenFit(NamedTuple):
@@ -56,6 +79,11 @@ class Seen(NamedTuple):
     fit: SeenFit | None = None
     reason: UnknownReason = UnknownReason.NOT_UNKNOWN
 
+    @property
+    def name(self) -> str:
+        """The likeliest shape."""
+        return max(self.probabilities, key=self.probabilities.__getitem__)
+
 
 class Verdict(NamedTuple):
     """One touch of one pad and what was made of it over the frames in which it was held steadily."""
@@ -67,22 +95,39 @@ class Verdict(NamedTuple):
     frames: int
     taxels: np.ndarray  #: the middle frame [Pa]
     fit: SeenFit | None  #: of the same frame
+    pitch: float  #: of the pad [m]
 
     @property
-    def right(self) -> bool:
+    def is_right_shape(self) -> bool:
         return self.recognised == self.touch.contact.shape
 
+    @property
+    def true_lengths(self) -> tuple[float, ...]:
+        """The dimensions of what touched, in the order of those of its fit [m]."""
+        return tuple(self.pitch * length for length in self.touch.contact.dimensions[:2])  # no handedness
 
-def verdicts_of(pad: str, touches: tuple[SimulatedTouch, ...], seen: list[Seen]) -> list[Verdict]:
-    """Return a verdict for each touch; one that is in no frame has none."""
+    @property
+    def size_error(self) -> float:
+        """The largest error of a dimension [m]; NaN without a fit of the right shape."""
+        if self.fit is None or len(self.fit.dimensions) != len(self.true_lengths) or not self.is_right_shape:
+            return np.nan
+        return max(abs(found - true) for found, true in zip(self.fit.dimensions.values(), self.true_lengths))
+
+    @property
+    def is_right_size(self) -> bool:
+        return self.size_error <= SIZE_TOLERANCE * self.pitch
+
+
+def verdicts_of(pad: str, touches: tuple[SimulatedTouch, ...], seen: list[Seen], pitch: float) -> list[Verdict]:
+    """Return a verdict for each touch; one that is in no frame has none. ``pitch`` of the pad [m]."""
     held = ((touch, [frame for frame in seen if touch.is_steady(frame.time)]) for touch in touches)
-    return [_verdict(pad, touch, frames) for touch, frames in held if frames]
+    return [_verdict(pad, touch, frames, pitch) for touch, frames in held if frames]
 
 
-def _verdict(pad: str, touch: SimulatedTouch, frames: list[Seen]) -> Verdict:
+def _verdict(pad: str, touch: SimulatedTouch, frames: list[Seen], pitch: float) -> Verdict:
     means = {name: float(np.mean([frame.probabilities[name] for frame in frames]))
              for name in frames[0].probabilities}
     recognised = max(means, key=means.__getitem__)
     middle = frames[len(frames) // 2]
     return Verdict(pad=pad, touch=touch, recognised=recognised, confidence=means[recognised], frames=len(frames),
-                   taxels=middle.taxels, fit=middle.fit)
+                   taxels=middle.taxels, fit=middle.fit, pitch=pitch)

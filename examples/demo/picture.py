@@ -66,10 +66,11 @@ def _draw_touch(axis: Axes, verdict: Verdict, pitch: float) -> AxesImage:
     for ticks in (axis.set_xticks, axis.set_yticks):
         ticks(range(0, int(max(right, top)) + 1, TICK))
     name = f'{verdict.recognised.replace("_", " ")} {verdict.confidence:.2f}'
-    if not verdict.right:
-        name = f'WRONG: {name}'
+    is_right = verdict.is_right_shape and verdict.is_right_size
+    if not is_right:
+        name = f'WRONG {"SIZE" if verdict.is_right_shape else "SHAPE"}: {name}'
     axis.annotate(name, (0.5, 1), (0, 29), xycoords='axes fraction', textcoords='offset points', fontsize=7.5,
-                  fontweight='bold', ha='center', color=RECOGNISED if verdict.right else WRONG)
+                  fontweight='bold', ha='center', color=RECOGNISED if is_right else WRONG)
     numbers = ['no outline'] if verdict.fit is None else [verdict.fit.size, verdict.fit.place, verdict.fit.turn]
     axis.annotate('\n'.join(numbers), (0.5, 1), (0, 27), xycoords='axes fraction', textcoords='offset points',
                   fontsize=6.5, ha='center', va='top')

@@ -5,20 +5,49 @@ from pathlib import Path
 
 import numpy as np
 
-from examples.demo.observation import SeenFit, Verdict
+from examples.demo.observation import SIZE_TOLERANCE, Performance, SeenFit, Verdict
 
 SHOWN = ('pad', '[s]', 'true', 'prob', 'true size', 'size')  #: what fits into the 80 columns of a terminal
-TOUCHED = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confidence', 'frames')
+TOUCHED = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confidence', 'frames',
+           'size_error_mm')
 FOUND = ('size1_mm', 'size2_mm', 'size_sd_mm', 'x_mm', 'y_mm', 'centre_sd_mm', 'found_angle_deg', 'angle_sd_deg')
 
 
-def table(verdicts: list[Verdict], pitch: float) -> str:
-    """Return the table as text, a line a touch, wrong ones marked; ``pitch`` of the pads [m]."""
-    cells = [_shown(verdict, pitch) for verdict in verdicts]
+def table(verdicts: list[Verdict]) -> str:
+    """Return the table as text, a line a touch, wrong ones marked."""
+    cells = [_shown(verdict) for verdict in verdicts]
     widths = [max(map(len, column)) for column in zip(SHOWN, *cells)]
-    marks = ['', *('' if v.right else f'  <- wrong: {v.recognised}' for v in verdicts)]
+    marks = ['', *map(_mark, verdicts)]
     lines = ['  '.join(f'{cell:<{width}}' for cell, width in zip(row, widths)) for row in [SHOWN, *cells]]
     return '\n'.join((line + mark).rstrip() for line, mark in zip(lines, marks))
+
+
+def _mark(v: Verdict) -> str:
+    if not v.is_right_shape:
+        return f'  <- wrong: {v.recognised}'
+    return '' if v.is_right_size else '  <- wrong size'
+
+
+def score(verdicts: list[Verdict]) -> str:
+    """Return a sentence on shapes and sizes."""
+    return (f'{sum(v.is_right_shape for v in verdicts)} of {len(verdicts)} touches recognised, '
+            f'{sum(v.is_right_size for v in verdicts)} of them with the right size '
+            f'(within {SIZE_TOLERANCE:g} taxel pitches).')
+
+
+def speed(performance: Performance) -> str:
+    """Return what a planner sees of the latency, and a warning where the machine was too slow to judge it."""
+    if not performance.latency:
+        return 'No shape was received.'
+    median, high = 1e3 * np.percentile(performance.latency, (50, 99))
+    text = (f'Latency from SYNC to the shape, as a planner in another process sees it: median {median:.0f} ms, '
+            f'99 % within {high:.0f} ms.\n{performance.answered:.0%} of the taxel frames have a shape.')
+    if performance.is_machine_too_slow:
+        late = 1e3 * performance.skin_late
+        text += ('\nThis machine was too slow or too busy to judge the latency: the simulated skin alone, '
+                 f'which needs a tenth of a core,\nsent 1 % of its CAN frames {late:.0f} ms late or later. '
+                 'Try it again when two cores are idle.')
+    return text
 
 
 def write_csv(verdicts: list[Verdict], path: Path) -> None:
@@ -26,15 +55,16 @@ def write_csv(verdicts: list[Verdict], path: Path) -> None:
         csv.writer(file).writerows([(*TOUCHED, *FOUND), *((*_touched(v), *_found(v.fit)) for v in verdicts)])
 
 
-def _shown(v: Verdict, pitch: float) -> tuple[str, ...]:
-    true = ' x '.join(f'{1000 * pitch * length:.1f}' for length in v.touch.contact.dimensions[:2])  # no handedness
+def _shown(v: Verdict) -> tuple[str, ...]:
+    true = ' x '.join(f'{1000 * length:.1f}' for length in v.true_lengths)
     return (v.pad, f'{v.touch.begin:.1f}', v.touch.contact.shape, f'{v.confidence:.2f}', true,
             '' if v.fit is None else v.fit.size)
 
 
 def _touched(v: Verdict) -> tuple:
     return (v.pad, f'{v.touch.begin:.1f} s', round(v.touch.contact.area), round(np.degrees(v.touch.contact.angle)),
-            v.touch.contact.shape, v.recognised, f'{v.confidence:.2f}', v.frames)
+            v.touch.contact.shape, v.recognised, f'{v.confidence:.2f}', v.frames,
+            '' if np.isnan(v.size_error) else f'{1000 * v.size_error:.3f}')
 
 
 def _found(fit: SeenFit | None) -> list[str]:

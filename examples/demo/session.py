@@ -1,120 +1,164 @@
-"""One run of the demo: simulated skin, driver, processors, classifiers, recorder and watcher in one process."""
+"""One run of the demo: skin, nodes and recorder are processes of their own, as on a robot.
 
+This process only listens, as a planner does, so it sees the latency that a planner sees.
+"""
+
+import json
+import os
+import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-import numpy as np
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from examples.demo.bag import BagRecorder
-from examples.demo.observation import Verdict, verdicts_of
-from examples.demo.topics import frame_topics
-from examples.demo.touches import GAP, TouchedPad, scripted_touches
+from examples.demo.observation import Performance, Verdict, verdicts_of
+from examples.demo.touches import GAP, LAYOUT, NODE_IDS, PADS, demo_pads, scripts_of
 from examples.demo.watcher import Watcher
+from tactile_node.errors import TactileError
 from tactile_node.interruption import interruption
-from tactile_node.node_graph import Parameters, bus_nodes
 from tactile_node.nodes.spinning import Spinner
-from tactile_node.nodes.system import System
-from tactile_node.ros.qos import frames_qos
-from tactile_node.simulator.skin_simulator import SkinSimulator
-from tactile_node.skin.pads import make_pad
 from tactile_node.viewing.terminal import draw, side_by_side
 
-PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 64), 'sim16x16.yaml'
-CHANNEL = 'tactile_demo'
-FULL_SCALE = 100e3  # Pa, of LAYOUT
-SYNC_PERIOD = 0.05  # s: 20 frames a second of each pad
-DRAW_PERIOD = 0.1  # s
-DEPTH = 1000  # messages: on a slow machine the demo is late rather than incomplete
+ROOT = Path(__file__).resolve().parents[2]
+FULL_SCALE = 100e3  #: of LAYOUT [Pa]
+SYNC_PERIOD = 0.05  #: 20 frames a second of each pad [s]
+DRAW_PERIOD = 0.1  #: [s]
+LEAD = 0.2  #: time between the decision to begin and the begin of the script [s]
+PATIENCE = 20.0  #: longest wait for the first shapes and for the last ones [s]
+END_TIMEOUT = 60.0  #: in which a process has to end [s]
+
+
+class Part:
+    """A process of the demo: a Python module. Ctrl-C reaches only this process, which then ends the parts."""
+
+    def __init__(self, stack: ExitStack, module: str, *words: str):
+        self._module = module
+        self._process = subprocess.Popen([sys.executable, '-m', module, *words], cwd=ROOT, text=True,
+                                         start_new_session=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        stack.callback(self.end)
+
+    def read_line(self) -> str:
+        """Return the line that the process prints once it is ready. Raises TactileError if the process has ended."""
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        if not line:
+            self._process.wait()
+            self.check()
+        return line.strip()
+
+    def write_line(self, line: str) -> None:
+        assert self._process.stdin is not None
+        print(line, file=self._process.stdin, flush=True)
+
+    def check(self) -> None:
+        """Raise TactileError if the process has ended."""
+        if self._process.poll() is not None:
+            raise TactileError(self._module, expected='a process that runs to the end of the demo',
+                               got=f'exit code {self._process.returncode}', remedy='It has printed the reason above.')
+
+    def end(self) -> str:
+        """Close the input of the process, which ends it, and return what it still prints."""
+        if self._process.stdin is None or self._process.stdin.closed:
+            return ''
+        return self._process.communicate(timeout=END_TIMEOUT)[0]
+
+
+class Nodes(Part):
+    """`tactile bringup`, which ends by a signal."""
+
+    def end(self) -> str:
+        self._process.terminate()
+        return super().end()
 
 
 class DemoSession:
     """A context: everything is up inside, and down again after it."""
 
     def __init__(self, folder: Path, seed: int, areas: Sequence[float]):
-        pads = [make_pad(name, node_id, LAYOUT) for name, node_id in zip(PADS, NODE_IDS)]
-        rows, cols = pads[0].layout.rows, pads[0].layout.cols
-        self._pitch = pads[0].layout.pitch
-        self._touches = {name: scripted_touches(seed + i, areas, rows, cols) for i, name in enumerate(PADS)}
-        sources = {name: TouchedPad(touches, rows, cols, seed + len(PADS) + i)
-                   for i, (name, touches) in enumerate(self._touches.items())}
-        self._simulator = SkinSimulator(pads, {name: self._timed(source) for name, source in sources.items()})
-        self._folder = folder
-        self._origin: float | None = None  # Unix time
-        self._height, self._stack = 0, ExitStack()
+        self.pitch = demo_pads()[0].layout.pitch  #: of both pads [m]
+        self._touches = scripts_of(seed, areas)
+        self._skin_words = [str(seed), *map(str, areas)]
+        self._folder = folder.resolve()
+        self._begin: float | None = None  # of the script [s, Unix epoch]
+        self._height = 0
+        self.recorded = 0  #: messages in the bag
+        self.performance = Performance((), frames=0, skin_late=0.0)
 
     def __enter__(self) -> 'DemoSession':
-        self._stop_requested = self._stack.enter_context(interruption())
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        self._simulator.start('virtual', CHANNEL)
-        driver: Parameters = {
-            'interface': 'virtual', 'channel': CHANNEL, 'node_ids': list(NODE_IDS), 'layouts': [LAYOUT],
-            'sync_period': SYNC_PERIOD, 'record': str(self._folder / 'can.log')}
-        # Lossless: a frame waits for the answer to the one before; without, an overloaded machine leaves frames out
-        self._system = System(bus_nodes(PADS, driver=driver, every={'queue_depth': DEPTH, 'lossless': True}))
-        self.watcher = Watcher(PADS, lambda stamp: stamp - (self._origin or stamp), FULL_SCALE)
-        self.bag = BagRecorder(self.watcher, self._folder / 'bag', frame_topics(PADS), frames_qos(DEPTH))
-        self._spinner = Spinner((*self._system.nodes, self.watcher))
+        with ExitStack() as stack:
+            self._stop_requested = stack.enter_context(interruption())
+            self._skin = Part(stack, 'examples.demo.skin', *self._skin_words)
+            self._recorder = Part(stack, 'examples.demo.bag', str(self._folder / 'bag'), *PADS)
+            port = self._skin.read_line()
+            self._recorder.read_line()
+            self._nodes = Nodes(
+                stack, 'tactile_node.cli.main', 'bringup', '--interface', 'slcan', '--channel', port, '--pads',
+                ','.join(PADS), '--node-id', ','.join(map(str, NODE_IDS)), '--layout', LAYOUT, '--record',
+                str(self._folder / 'can.log'), '--end-with', str(os.getpid()), '--ros-args', '-p',
+                f'skin_driver:sync_period:={SYNC_PERIOD}')
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+            stack.callback(rclpy.try_shutdown)
+            self.watcher = Watcher(PADS, self._demo_time, FULL_SCALE)
+            stack.callback(self.watcher.destroy_node)
+            self._spinner = Spinner([self.watcher])
+            stack.callback(self._spinner.stop)
+            self._stack = stack.pop_all()
         return self
 
-    def __exit__(self, *exception) -> None:
-        self._spinner.stop()
-        self.bag.close()
-        self._system.destroy()
-        self.watcher.destroy_node()
-        self._simulator.stop()
-        rclpy.try_shutdown()
+    def __exit__(self, *exception: object) -> None:
         self._stack.close()
 
     def play(self) -> None:
         """Run the script of touches until both pads have answered its end, drawing what they see."""
-        self._system.driver.autostart()
+        self._wait_until_ready()
+        self._begin = time.time() + LEAD
+        self._skin.write_line(repr(self._begin))
         end = max(touches[-1].end for touches in self._touches.values()) + GAP
         middles = [(touch.begin + touch.end) / 2 for touch in self._touches[PADS[0]]]
-        while (now := self.watcher.reached) < end:
-            self._spinner.check()
-            if self._stop_requested.is_set():
-                raise KeyboardInterrupt
+        give_up = time.monotonic() + LEAD + end + PATIENCE
+        while (now := self.watcher.reached) < end and time.monotonic() < give_up:
+            self._check()
             views = self.watcher.views()
-            if len(views) == len(PADS):
-                if sys.stdout.isatty():
-                    footer = f'{now:4.1f} of {end:.1f} s, {len(self.watcher.seen[PADS[0]])} frames a pad'
-                    self._height = draw(sys.stdout, [*side_by_side(views, True), footer], self._height)
-                elif middles and now > middles[0]:
-                    middles.pop(0)
-                    print(*side_by_side(views, False), '', sep='\n', flush=True)
+            if sys.stdout.isatty():
+                footer = f'{max(now, 0.0):4.1f} of {end:.1f} s, {len(self.watcher.seen[PADS[0]])} frames a pad'
+                self._height = draw(sys.stdout, [*side_by_side(views, True), footer], self._height)
+            elif middles and now > middles[0]:
+                middles.pop(0)
+                print(*side_by_side(views, False), '', sep='\n', flush=True)
             time.sleep(DRAW_PERIOD)
-        self._system.driver.trigger_deactivate()
+        self._nodes.end()
+        report = json.loads(self._skin.end())
+        self.recorded = int(self._recorder.end())
+        self.performance = Performance(tuple(self.watcher.latency), frames=round(len(PADS) * end / SYNC_PERIOD),
+                                       skin_late=report['late_p99'])
 
     def verdicts(self) -> list[Verdict]:
-        """What was made of each touch."""
+        """Return what was made of each touch."""
         return [verdict for pad, touches in self._touches.items()
-                for verdict in verdicts_of(pad, touches, self.watcher.seen[pad])]
-
-    def latency(self) -> str:
-        """Median and 99th percentile of the time from SYNC to the shape's arrival."""
-        if not self.watcher.latency:
-            return 'none seen'
-        median, high = np.percentile(self.watcher.latency, (50, 99)) * 1e3
-        return f'median {median:.1f} ms, 99 % within {high:.1f} ms'
-
-    @property
-    def pitch(self) -> float:
-        """Of both pads [m]."""
-        return self._pitch
+                for verdict in verdicts_of(pad, touches, self.watcher.seen[pad], self.pitch)]
 
     @property
     def touches(self) -> int:
         return sum(map(len, self._touches.values()))
 
-    def _timed(self, source):
-        """The first sample of either pad shows when the script's clock began [Unix time]."""
-        def sample(seconds: float):
-            if self._origin is None:
-                self._origin = time.time() - seconds
-            return source(seconds)
-        return sample
+    def _wait_until_ready(self) -> None:
+        """Return when both pads are seen to be empty, or after PATIENCE: an overloaded machine may never get there."""
+        give_up = time.monotonic() + PATIENCE
+        while not self.watcher.is_empty and time.monotonic() < give_up:
+            self._check()
+            time.sleep(DRAW_PERIOD)
+
+    def _check(self) -> None:
+        self._spinner.check()
+        if self._stop_requested.is_set():
+            raise KeyboardInterrupt
+        for part in (self._skin, self._nodes, self._recorder):
+            part.check()
+
+    def _demo_time(self, stamp: float) -> float:
+        """Return the time of the script at an acquisition stamp [s]; before the script it is negative."""
+        return stamp - self._begin if self._begin is not None else -LEAD

@@ -9,12 +9,24 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.touches import SimulatedTouch
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
+from tactile_node.skin.pads import LivePad, make_pad
 
+PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 64), 'sim16x16.yaml'
 LARGEST = 60.0  # taxels: what every shape finds room for on 16x16
 TOUCH, GAP = 0.8, 0.3  # how long an object is held, is away [s]
 PRESSURE = 0.6  # of full scale
 SKIN = Skin(noise=0.01)
 MARGIN = 0.5  # pitches an object keeps from the pad's edge
+
+
+def demo_pads() -> list[LivePad]:
+    return [make_pad(name, node_id, LAYOUT) for name, node_id in zip(PADS, NODE_IDS)]
+
+
+def scripts_of(seed: int, areas: Sequence[float]) -> dict[str, tuple[SimulatedTouch, ...]]:
+    """Return the touches of each pad by its name: other ones on each."""
+    return {pad.name: scripted_touches(seed + number, areas, pad.layout.rows, pad.layout.cols)
+            for number, pad in enumerate(demo_pads())}
 
 
 def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) -> tuple[SimulatedTouch, ...]:

@@ -18,7 +18,7 @@ from tactile_node.shape.recognition import Shape, UnknownReason
 from tactile_node.viewing.terminal import PadView
 from tactile_skin.msg import ContactShape, TaxelArray
 
-KEPT = 1000  # taxel arrays that may wait for their shape
+KEPT = 50  #: messages of a topic, and taxel arrays that may wait for their shape: 2.5 s
 
 
 class Watcher(Node):
@@ -32,7 +32,7 @@ class Watcher(Node):
         self._demo_time, self._full_scale = demo_time, full_scale
         self._waiting: dict[str, OrderedDict[int, np.ndarray]] = {pad: OrderedDict() for pad in pads}
         self.seen: dict[str, list[Seen]] = {pad: [] for pad in pads}
-        self.latency: list[float] = []  #: [s] from SYNC to the shape's arrival here
+        self.latency: list[float] = []  #: [s] from SYNC to the shape's arrival here, during the script
         self.incomplete = 0  #: taxel arrays with missing CAN frames
         qos = frames_qos(KEPT)
         for pad in pads:
@@ -45,6 +45,11 @@ class Watcher(Node):
         """Return what to draw now, for the pads of which something is known."""
         return [PadView(pad, seen[-1].taxels / self._full_scale, _words(seen[-1]))
                 for pad, seen in self.seen.items() if seen]
+
+    @property
+    def is_empty(self) -> bool:
+        """True if the newest shape of every pad says that nothing touches it."""
+        return all(seen and seen[-1].name == Shape.NONE.value for seen in self.seen.values())
 
     @property
     def reached(self) -> float:
@@ -61,10 +66,12 @@ class Watcher(Node):
     def _shape(self, pad: str, message: ContactShape) -> None:
         taxels = self._waiting[pad].pop(message.sequence, None)
         stamp = seconds(message.header.stamp)
-        self.latency.append(time.time() - stamp)
+        demo_time = self._demo_time(stamp)
+        if demo_time >= 0:
+            self.latency.append(time.time() - stamp)
         if taxels is not None:
             names = dict(zip(message.class_names, map(float, message.probabilities)))
-            self.seen[pad].append(Seen(self._demo_time(stamp), names, np.array(taxels), _fit(message),
+            self.seen[pad].append(Seen(demo_time, names, np.array(taxels), _fit(message),
                                        UnknownReason(message.unknown_reason)))
 
 
@@ -79,7 +86,7 @@ def _fit(message: ContactShape) -> SeenFit | None:
 
 
 def _words(seen: Seen) -> str:
-    name = max(seen.probabilities, key=seen.probabilities.__getitem__)
+    name = seen.name
     about = '' if seen.fit is None else f' {seen.fit.lengths} mm'
     if name == Shape.UNKNOWN.value:
         about = f' ({seen.reason.name.lower().replace("_", " ")})'

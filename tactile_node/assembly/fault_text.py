@@ -25,8 +25,10 @@ _FAULTS: tuple[tuple[type[TactileError], BusFault], ...] = (
     (ConfigurationError, BusFault.WRONG_CONFIGURATION))
 
 
-def failure_of(error: TactileError) -> Failure:
-    """The fault that kept a driver from being configured, with the error's own text."""
+def failure_of(error: Exception) -> Failure:
+    """Return the fault behind ``error`` with the error's own text; of one that is not ours, INTERNAL_ERROR."""
+    if not isinstance(error, TactileError):
+        return Failure(BusFault.INTERNAL_ERROR, f'{type(error).__name__}: {error}')
     return Failure(next((fault for kind, fault in _FAULTS if isinstance(error, kind)), BusFault.NOT_KNOWN), str(error))
 
 

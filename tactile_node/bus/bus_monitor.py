@@ -7,7 +7,7 @@ import can
 from tactile_node.assembly.health import ErrorCounters, ForeignCommand
 from tactile_node.cia301 import objects
 from tactile_node.cia301.emergency import EmergencyLog
-from tactile_node.cia301.frame_bits import Frame, worst_case_bits
+from tactile_node.cia301.frame_bits import Frame, load_bits, worst_case_bits
 from tactile_node.cia301.heartbeat import Heartbeats, nmt_state
 from tactile_node.cia301.sdo import written_object
 
@@ -57,7 +57,7 @@ class BusMonitor:
     def feed(self, can_id: int, data: bytes) -> None:
         """A data frame of another node, with an 11-bit identifier."""
         self.can_frames += 1
-        self.bits += FRAME_BITS[min(len(data), 8)]  # more: no controller's, but an adapter may report it
+        self.bits += load_bits(len(data), False, False)
         watched = self._watched.get(can_id)
         if watched is not None:
             watched(can_id, data)
@@ -65,6 +65,10 @@ class BusMonitor:
     def feed_own(self, size: int) -> None:
         """A frame of ``size`` bytes that we sent; it counts for the load."""
         self.bits += FRAME_BITS[size]
+
+    def feed_other(self, message: can.Message) -> None:
+        """Count a remote frame, or one with a 29-bit identifier, for the load: nothing else of it is used."""
+        self.bits += load_bits(message.dlc, message.is_extended_id, message.is_remote_frame)
 
     def feed_error(self, message: can.Message) -> bool:
         """An error frame of the controller; True when it reports bus-off."""

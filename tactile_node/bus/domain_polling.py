@@ -61,7 +61,7 @@ class DomainPolling(Pacer):
     def __init__(self, domain: DomainLayout, label: str, period: float,
                  open_sdo: Callable[[], AbstractContextManager[SdoClient]],
                  on_failure: Callable[[BusFault, Exception], None]):
-        super().__init__(period, self._poll, 'poll')
+        super().__init__(period, self._poll, 'poll', lambda error: on_failure(BusFault.INTERNAL_ERROR, error))
         self._domain = domain
         self._label = label
         self._open_sdo = open_sdo

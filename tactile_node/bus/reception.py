@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import can
 
+from tactile_node.threads import ReportedThread, call_guarded
+
 RECEIVE_TIMEOUT = 0.1  #: s that a read waits at most
 STOP_TIMEOUT = 1.0  #: s
 READ_PAUSE = 0.5e-3  #: s from one read to the next on a busy bus, at least: what it adds to the age of taxels, at most
@@ -34,6 +36,7 @@ class Reception:
     """Reads ``bus``, by its ``recv_all`` where it has one: BulkSlcanBus.
 
     Calls ``on_batch(batch)``, never an empty one, and ``on_error(exception)``, on its own thread, until stopped.
+    An exception of ``on_batch`` is logged and costs this batch alone: it is no fault of the bus.
     """
 
     def __init__(self, bus: can.BusABC, on_batch: Callable[[Batch], None], on_error: Callable[[Exception], None]):
@@ -44,7 +47,7 @@ class Reception:
         self._recent: deque[float] = deque(maxlen=BUSY_FRAMES)  # when the last messages were read
         self._error: Exception | None = None  # not yet reported
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='reception', daemon=True)
+        self._thread = ReportedThread(self._run, 'reception', on_death=on_error)
         self._thread.start()
 
     def stop(self) -> None:
@@ -60,7 +63,7 @@ class Reception:
                 if not batch.messages or self._stopping.is_set():
                     continue
                 begun = time.monotonic()
-                self._on_batch(batch)
+                call_guarded(self._on_batch, batch)
                 if self._is_busy(len(batch.messages), begun):
                     time.sleep(max(0.0, begun + READ_PAUSE - time.monotonic()))
             except Exception as error:  # each backend of python-can raises its own

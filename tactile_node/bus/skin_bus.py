@@ -61,7 +61,8 @@ class SkinBus:
         self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
-        self._sync = Pacer(settings.sync_period, self._send_sync, 'sync')
+        self._sync = Pacer(settings.sync_period, self._send_sync, 'sync',
+                           lambda error: self._fail(BusFault.INTERNAL_ERROR, error))
         self._is_running = False
         #: why the bus no longer receives, None while it does; only close() and open() recover it
         self.failure: Failure | None = None

@@ -4,13 +4,16 @@ import threading
 import time
 from collections.abc import Callable
 
+from tactile_node.threads import OnDeath, ReportedThread
+
 
 class StoppableThread:
-    """Runs ``run(stopping)`` on its own daemon thread; ``run`` returns once the event ``stopping`` is set."""
+    """Runs ``run(stopping)`` on its own ReportedThread; ``run`` returns once the event ``stopping`` is set."""
 
-    def __init__(self, run: Callable[[threading.Event], None], name: str):
+    def __init__(self, run: Callable[[threading.Event], None], name: str, on_death: OnDeath = lambda error: None):
         self._run = run
         self._name = name
+        self._on_death = on_death
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -18,7 +21,7 @@ class StoppableThread:
         """Begin; nothing where it has begun and was not stopped."""
         if self._thread is None:
             self._stopping.clear()
-            self._thread = threading.Thread(target=self._run, args=(self._stopping,), name=self._name, daemon=True)
+            self._thread = ReportedThread(self._run, self._name, self._stopping, on_death=self._on_death)
             self._thread.start()
 
     def stop(self) -> None:
@@ -57,8 +60,8 @@ class Schedule:
 class Pacer(StoppableThread):
     """Calls ``act`` every ``period`` seconds, as Schedule says, until stopped; ``overruns``: calls left out."""
 
-    def __init__(self, period: float, act: Callable[[], None], name: str):
-        super().__init__(self._make_calls, name)
+    def __init__(self, period: float, act: Callable[[], None], name: str, on_death: OnDeath):
+        super().__init__(self._make_calls, name, on_death)
         self._period = period
         self._act = act
         self.overruns = 0

@@ -19,6 +19,7 @@ from tactile_node.bus.reception import Batch
 from tactile_node.bus.stamp_clock import StampClock
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
+from tactile_node.threads import ReportedThread, call_guarded
 
 logger = logging.getLogger(__name__)
 
@@ -60,7 +61,7 @@ class Traffic:
         self._put = self._fed = 0
         self._is_gap = True
         self._queue = SimpleQueue()
-        self._thread = threading.Thread(target=self._work, args=(self._queue,), name='assembler', daemon=True)
+        self._thread = ReportedThread(self._work, 'assembler', self._queue)
         self._thread.start()
 
     def end(self, timeout: float) -> None:
@@ -81,6 +82,7 @@ class Traffic:
 
     def received(self, batch: Batch) -> None:
         """On the thread of the reception: copy, enqueue, return."""
+        is_gap, self._is_gap = self._is_gap, True  # until this batch is in the queue
         frames = []
         for message in batch.messages:
             kind = non_data_kind(message)
@@ -94,16 +96,15 @@ class Traffic:
                 frames.append((NO_DATA, b'', came))
         if self._put - self._fed + len(frames) <= self._queue_limit:
             self._put += len(frames)
-            self.put(self._feed, frames, self._came(batch), self._most_free(batch))
+            self.put(self._feed, frames, self._came(batch), self._most_free(batch, is_gap))
             self._is_gap = False
         else:
             self.overruns += sum(can_id != NO_DATA for can_id, _, _ in frames)
-            self._is_gap = True
 
     def _work(self, queue: 'SimpleQueue[Call | None]') -> None:
         while (item := queue.get()) is not None and queue is self._queue:
             call, args = item
-            call(*args)
+            call_guarded(call, *args)
 
     def _came(self, batch: Batch) -> tuple[float, float] | None:
         """Between which stamps the frames of ``batch`` came; None where each has the stamp at which it came."""
@@ -113,17 +114,18 @@ class Traffic:
         after, until = batch.came
         return after + lead, until + lead
 
-    def _most_free(self, batch: Batch) -> float:
+    def _most_free(self, batch: Batch, is_gap: bool) -> float:
         """For how long the bus was free at most before any frame of ``batch`` [s], by the steady clock.
 
-        0 where CAN frames before it were not taken.
+        0 for ``is_gap``: CAN frames before it were not taken.
         """
         after, read = batch.came or (time.monotonic(),) * 2
         before, self._read_at = self._read_at, read
-        return 0.0 if self._is_gap else max(0.0, after - before)
+        return 0.0 if is_gap else max(0.0, after - before)
 
     def _feed(self, frames: list[tuple[int, bytes, float]], came: tuple[float, float] | None, most_free: float) -> None:
         """On the assembler's thread. Time that stamps have and the steady clock has not is none of a free bus."""
+        self._fed += len(frames)
         for can_id, data, stamp in frames:
             if stamp == inf:
                 self._router.bus.occupy(inf, inf)
@@ -135,11 +137,12 @@ class Traffic:
                 self._router.bus.occupy(stamp)
             else:
                 self._router.feed(can_id, data, stamp, after)
-        self._fed += len(frames)
 
     def _count_other(self, kind: str, message: can.Message) -> None:
         self.no_data_frames[kind] += 1
-        if message.is_error_frame and self._monitor.feed_error(message):
+        if not message.is_error_frame:
+            self._monitor.feed_other(message)
+        elif self._monitor.feed_error(message):
             self._on_failure(BusFault.BUS_OFF, BusError(
                 'CAN controller', expected='a bus it can send on', got='bus-off',
                 remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))

@@ -1,5 +1,6 @@
 """How many bits a CAN frame takes on the wire at most (ISO 11898-1, classical frames; Bosch CAN 2.0)."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 CRC_BITS = 15
@@ -44,3 +45,12 @@ def worst_case_bits(frame: Frame) -> int:
     """
     stuffed = (39 if frame.is_extended else 19) + 8 * len(frame.data) + CRC_BITS
     return stuffed + (stuffed - 1) // 4 + UNSTUFFED_BITS
+
+
+@lru_cache(maxsize=256)
+def load_bits(size: int, is_extended: bool, is_remote: bool) -> int:
+    """Return the bits by which a received frame of ``size`` bytes counts for the load of its bus.
+
+    A classical controller has 8 bytes at most, but an adapter may report more.
+    """
+    return worst_case_bits(Frame(0, b'' if is_remote else bytes(min(size, 8)), is_extended))

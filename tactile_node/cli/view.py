@@ -7,6 +7,7 @@ and open http://localhost:8080.
 """
 
 import argparse
+from collections.abc import Iterable
 from threading import Event
 
 from tactile_node.cli.options import (
@@ -17,6 +18,7 @@ from tactile_node.cli.options import (
     add_skin_options,
     add_window_options,
     bus_settings_of,
+    eds_of,
     live_pads_of,
     pad_names,
     pads_of,
@@ -29,6 +31,16 @@ from tactile_node.logs.topic_bag import holds_taxels
 from tactile_node.viewing.source import ViewSource
 
 DEFAULT_PORT = 8080
+TOPICS = 'topics'
+BUS = 'a bus'
+LOG = 'a CAN log'
+BAG = 'a bag of taxel arrays'
+#: options that each kind of source applies, beside those of all kinds
+APPLIED_OPTIONS = {
+    TOPICS: ('namespace',),
+    BUS: ('interface', 'channel', 'bitrate', 'node_id', 'layout', 'eds', 'model'),
+    LOG: ('channel', 'node_id', 'layout', 'eds', 'any_device', 'start', 'duration', 'model'),
+    BAG: ('start', 'duration', 'model')}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -66,32 +78,43 @@ def run(args: argparse.Namespace) -> int:
 
 def source_of(args: argparse.Namespace) -> ViewSource:
     """The source that the options name. Raises ConfigurationError, LogError."""
-    is_bus = args.interface is not None or args.channel is not None and args.recording is None
-    if args.recording is not None and args.interface is not None:
-        raise ConfigurationError('tactile view', expected='a recording or --interface', got='both',
-                                 remedy='Leave out one.')
     if args.recording is not None:
         return _recording_source(args)
-    if is_bus:
+    if args.interface is not None or args.channel is not None:
+        _refuse_ignored(args, BUS)
         from tactile_node.viewing.bus_source import BusSource
         return BusSource(bus_settings_of(args), live_pads_of(args, args.pads or ()), recogniser_of(args))
-    if args.model:
-        raise ConfigurationError('--model', expected='a bus or a recording', got='topics', remedy='What is shown of '
-                                 'topics, the classifier node recognises: give it the parameter model.')
+    _refuse_ignored(args, TOPICS, 'Name a bus with --interface, or leave them out; the model for topics is a parameter '
+                    'of the classifier node.')
     from tactile_node.nodes.view_topics import TopicSource  # rclpy: only where it is needed
     return TopicSource(args.pads or (), args.namespace)
 
 
 def _recording_source(args: argparse.Namespace) -> ViewSource:
     from tactile_node.viewing.bus_source import RecordingSource
-    if holds_taxels(args.recording):
+    is_bag = holds_taxels(args.recording)
+    _refuse_ignored(args, BAG if is_bag else LOG)
+    if is_bag:
         from tactile_node.viewing.recordings import BagRecording
         return RecordingSource(BagRecording(args.recording, args.pads or (), window_of(args)), recogniser_of(args))
     from tactile_node.viewing.recordings import LogRecording
     pads = pads_of(args, args.pads or ())
     return RecordingSource(LogRecording(args.recording, pads, args.channel or '', args.any_device,
-                                        window_of(args)),
+                                        window_of(args), eds_of(args)),
                            recogniser_of(args))
+
+
+def _refuse_ignored(args: argparse.Namespace, kind: str, remedy: str = 'Leave them out.') -> None:
+    """Raise ConfigurationError where options were given that a source of this ``kind`` would ignore."""
+    every = dict.fromkeys(name for names in APPLIED_OPTIONS.values() for name in names)
+    ignored = [name for name in every if getattr(args, name) and name not in APPLIED_OPTIONS[kind]]
+    if ignored:
+        raise ConfigurationError('tactile view', expected=f'only options that {kind} can use: '
+                                 f'{_written(APPLIED_OPTIONS[kind])}', got=_written(ignored), remedy=remedy)
+
+
+def _written(names: Iterable[str]) -> str:
+    return ', '.join('--' + name.replace('_', '-') for name in names)
 
 
 def _serve(args: argparse.Namespace, source: ViewSource, stop_requested: Event) -> None:

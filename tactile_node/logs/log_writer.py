@@ -12,6 +12,7 @@ import can
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import CHUNK_BYTES, McapCanWriter
 from tactile_node.logs.series import files_of, following, part, suffix_of
+from tactile_node.threads import ReportedThread
 
 logger = logging.getLogger(__name__)
 
@@ -112,7 +113,7 @@ class CanLogWriter:
                            expected='a log file that can be written',
                            got=str(error), remedy='Check folder, permissions and suffix.') from error
         self._closed = threading.Event()
-        threading.Thread(target=self._keep_flushed, name='log', daemon=True).start()
+        ReportedThread(self._keep_flushed, 'log').start()
 
     @property
     def can_frames(self) -> int:

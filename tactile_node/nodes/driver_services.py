@@ -16,6 +16,7 @@ from tactile_node.conditioning.tare import Tare as Measured
 from tactile_node.conditioning.tare import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, save_faults
 from tactile_node.errors import ConfigurationError, TactileError, TareRefusal, TareRefusedError
+from tactile_node.threads import ReportedThread
 from tactile_skin.srv import Tare
 
 FRAMES = 50  #: averaged unless the request says otherwise
@@ -83,8 +84,7 @@ class TareService:
             response.refusal = error.refusal.value
             return self._logged(response, False, str(error))
         done = Future()
-        self._thread = thread = threading.Thread(target=self._work, args=(zeroing, request, response, done),
-                                                 name='tare', daemon=True)
+        self._thread = thread = ReportedThread(self._work, 'tare', zeroing, request, response, done)
         thread.start()
         return await done
 

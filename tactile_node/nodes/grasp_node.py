@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -37,11 +38,14 @@ class GraspNode(StageNode):
 
     Serves `~/wait_for_grasp` and `~/check_grasp`: whether a grasp is what a client requires.
 
-    ``hand_over``: from the nodes of this process. Raises ConfigurationError for a wrong parameter.
+    ``hand_over``: from the nodes of this process. ``steady``: the clock of ages and timeouts [s]. Raises
+    ConfigurationError for a wrong parameter.
     """
 
-    def __init__(self, hand_over: HandOver | None = None, **options: Any):
+    def __init__(self, hand_over: HandOver | None = None, *, steady: Callable[[], float] = time.monotonic,
+                 **options: Any):
         # First: Kilted destroys also a node whose constructor has failed
+        self._steady = steady
         self._arrivals: dict[str, Arrival] = {}
         self._requests: GraspRequests | None = None
         super().__init__(NODE_NAMES[Role.GRASP], **options)
@@ -52,13 +56,13 @@ class GraspNode(StageNode):
         self._tracker = GraspTracker(GraspSettings(
             gripper, SteadinessSettings(settings.max_creep, settings.centre_tolerance), min_hold=settings.min_hold,
             max_skew=settings.max_skew, max_age=settings.max_age))
-        self._opening = make_opening_source(self, settings, gripper.closing)
+        self._opening = make_opening_source(self, settings, gripper.closing, steady)
         publish_pad_frames(self, settings, gripper, self._opening)
         self._latest = {side: PadShape(ContactShape()) for side in SIDES}
         self._stamp = 0.0  # the latest [s]; the clock of a lossless replay
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
         self._sides_publisher = self.create_publisher(GraspSides, 'grasp_sides', settings.qos)
-        self._requests = GraspRequests(self, self._current)
+        self._requests = GraspRequests(self, self._current, steady)
         # On the steady clock: with use_sim_time and no /clock the node's own clock stands still
         self._silences = {side: self.create_timer(self._tracker.silence_limit(side), self._on_silence,
                                                   clock=Clock(clock_type=ClockType.STEADY_TIME)) for side in SIDES}
@@ -67,7 +71,7 @@ class GraspNode(StageNode):
         hand_over = hand_over or HandOver()
         self._shapes: dict[str, StageInput[ContactShape, PadShape]] = {
             side: StageInput(self, ContactShape, f'{pad}/shape', partial(self.accept, side), settings,
-                             check=check_contact_shape, parse=PadShape, hand_over=hand_over)
+                             check=check_contact_shape, parse=PadShape, hand_over=hand_over, steady=steady)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
         self.stages = tuple(self._shapes.values())
         MessageHealth(self, tuple(self._shapes.values()), settings)
@@ -80,7 +84,7 @@ class GraspNode(StageNode):
         stamp = seconds(shape.header.stamp)
         self._stamp = max(stamp, self._stamp) if self._stamp - stamp < ANOTHER_LOG else stamp
         acquired = stamp if self._settings.lossless else arrival.acquired
-        opening = self._opening.current(time.monotonic())
+        opening = self._opening.current()
         state = self._tracker.update(side, side_result(shape.bare, acquired), self._now(), opening.gap)
         self._publish(state, opening)
         if not self._settings.lossless:
@@ -88,7 +92,7 @@ class GraspNode(StageNode):
 
     def _now(self) -> float:
         """Return the time that results are measured by [s]: in a lossless replay that of the stamps."""
-        return self._stamp if self._settings.lossless else time.monotonic()
+        return self._stamp if self._settings.lossless else self._steady()
 
     def _await_next(self, side: str) -> None:
         """Publish again when no shape of ``side`` follows in time: the last grasp must not stay fresh."""
@@ -110,7 +114,7 @@ class GraspNode(StageNode):
 
     def _publish_without_result(self, now: float) -> None:
         """Publish the grasp at ``now`` [s] of what has been received."""
-        opening = self._opening.current(time.monotonic())
+        opening = self._opening.current()
         self._publish(self._tracker.state(now, opening.gap), opening)
 
     def _publish(self, state: GraspState, opening: Opening) -> None:
@@ -128,10 +132,10 @@ class GraspNode(StageNode):
 
         The stamps of a lossless replay stand still when it has ended: then nothing is known any more.
         """
-        steady = time.monotonic()
+        steady = self._steady()
         received = max((arrival.steady for arrival in self._arrivals.values()), default=-math.inf)
         has_ended = self._settings.lossless and steady - received > self._settings.max_age
-        opening = self._opening.current(steady)
+        opening = self._opening.current()
         return self._described(self._tracker.state(math.inf if has_ended else self._now(), opening.gap), opening)
 
     def _described(self, state: GraspState, opening: Opening) -> CurrentGrasp:
@@ -141,7 +145,7 @@ class GraspNode(StageNode):
 
     def _ages(self) -> list[float]:
         """Return the age of the latest shape of each side [s]; inf: there is none."""
-        now = time.monotonic()
+        now = self._steady()
         return [self._arrivals[side].age(now) if side in self._arrivals else math.inf for side in SIDES]
 
 

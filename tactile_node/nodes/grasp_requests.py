@@ -51,10 +51,12 @@ class GraspRequests:
 
     A goal that waits is not executed: rclpy would poll its coroutine without a pause. So its status is ACCEPTED (in
     Lyrical EXECUTING, see `allow_feedback`) until the answer is at hand; then it is executed, which looks again.
+    ``steady``: the clock of the timeouts [s].
     """
 
-    def __init__(self, node: Node, current: Callable[[], CurrentGrasp]):
-        self._node = node
+    def __init__(self, node: Node, current: Callable[[], CurrentGrasp],
+                 steady: Callable[[], float] = time.monotonic):
+        self._steady = steady
         self._current = current
         self._goals: list[_Goal] = []
         self._server = ActionServer(
@@ -68,7 +70,7 @@ class GraspRequests:
 
     def look(self, current: CurrentGrasp) -> None:
         """Look at the goals that wait; called with each grasp that is published."""
-        now = time.monotonic()
+        now = self._steady()
         for goal in tuple(self._goals):
             found = current.missing(goal.requirement)
             if not found or now >= goal.deadline or goal.handle.is_cancel_requested:
@@ -99,7 +101,7 @@ class GraspRequests:
             handle.execute(lambda handle, error=error: self._refuse(handle, error))
             return
         allow_feedback(handle)
-        self._goals.append(_Goal(handle, requirement, time.monotonic() + timeout))
+        self._goals.append(_Goal(handle, requirement, self._steady() + timeout))
         self._timer.reset()
         self.look(self._current())
 
@@ -121,7 +123,7 @@ class GraspRequests:
             outcome, result.grasp = result.HELD, current.message()
             handle.succeed()
         else:
-            outcome = result.LOST if time.monotonic() < goal.deadline else result.TIMED_OUT
+            outcome = result.LOST if self._steady() < goal.deadline else result.TIMED_OUT
             handle.abort()
         _fill(result, outcome, found)
         return result

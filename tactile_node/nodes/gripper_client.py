@@ -1,7 +1,7 @@
 """Commands the gripper's own action, one command at a time; what it says of itself."""
 
 import math
-import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from action_msgs.msg import GoalStatus
@@ -16,9 +16,9 @@ from tactile_node.ros.gripper_messages import Command, GripperInterface, Gripper
 class _Sent:
     """One command on its way."""
 
-    def __init__(self, holds: bool):
+    def __init__(self, holds: bool, at: float):
         self.holds = holds             # it stops the gripper where it is
-        self.at = time.monotonic()
+        self.at = at                   # [s]
         self.handle: Any = None        # once it is accepted
         self.failure: Outcome | None = None
         self.result: GripperResult | None = None
@@ -35,11 +35,12 @@ class GripperResult(NamedTuple):
 class GripperClient:
     """Each command carries ``effort``, the gripper's own limit: it is safe also when this process ends.
 
-    ``law``: opening by the gripper's position. ``timeout`` [s]: for its answer to a command.
+    ``law``: opening by the gripper's position. ``timeout`` [s]: for its answer to a command. ``steady``: the clock.
     """
 
     def __init__(self, node: Node, interface: GripperInterface, action: str, law: LinearGap, *, effort: float,
-                 timeout: float):
+                 timeout: float, steady: Callable[[], float]):
+        self._steady = steady
         self._interface, self._law, self._effort, self._timeout = interface, law, effort, timeout
         self._client = ActionClient(node, interface.action, action)
         self._latest: _Sent | None = None
@@ -51,7 +52,7 @@ class GripperClient:
 
     def opening(self, max_age: float) -> float:
         """Return where the gripper said that it is [m], in feedback: results may be empty. NaN: not known, too old."""
-        is_current = time.monotonic() - self._stated <= max_age
+        is_current = self._steady() - self._stated <= max_age
         return self._law.gap(self._state.position) if is_current else math.nan
 
     @property
@@ -83,7 +84,7 @@ class GripperClient:
 
     def drive(self, opening: float, speed: float, *, holds: bool = False) -> None:
         """Send the gripper to ``opening`` [m] at ``speed`` [m/s]; 0: at its own."""
-        sent = self._latest = _Sent(holds)
+        sent = self._latest = _Sent(holds, self._steady())
         self._open.append(sent)
         command = Command(self._law.reading(opening), abs(speed / self._law.scale), self._effort)
         future = self._client.send_goal_async(self._interface.goal(command),
@@ -122,4 +123,4 @@ class GripperClient:
     def _take(self, feedback: Any) -> None:
         state = self._interface.state(feedback)
         if math.isfinite(state.position):
-            self._state, self._stated = state, time.monotonic()
+            self._state, self._stated = state, self._steady()

@@ -4,6 +4,7 @@ import logging
 import math
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,10 +71,11 @@ class GripperNode(Node):
 
     A goal to close goes on by what `grasp` says and on nothing else. It is under way, with status ACCEPTED (Lyrical:
     EXECUTING), until its result is known. The latest goal replaces the one before. Raises ConfigurationError for a
-    wrong parameter.
+    wrong parameter. ``steady`` is the clock [s] that ages and timeouts are measured by.
     """
 
-    def __init__(self, **options: Any):
+    def __init__(self, *, steady: Callable[[], float] = time.monotonic, **options: Any):
+        self._steady = steady
         self._run: _Run | None = None
         self._actions: list[GripperClient | ActionServer] = []
         super().__init__('touch_gripper', **options)
@@ -82,15 +84,15 @@ class GripperNode(Node):
         self._limits, self._hold_limits = limits_of(TouchLimits, settings), limits_of(HoldLimits, settings)
         self._law = LinearGap(settings.gap_offset, settings.gap_scale)
         self._interface = gripper_interface(settings.action_type, settings.joint)
-        self._touch, self._ages = NO_TOUCH, InputAge()
+        self._touch, self._ages = NO_TOUCH, InputAge(steady=steady)
         self._gap, self._gap_measured = math.nan, -math.inf  # the last that was measured [m], and when [s]
         self._cancels = _is_cancel(settings.stop_by)
         self._client = GripperClient(self, self._interface, settings.gripper_action, self._law,
-                                     effort=settings.gripper_effort, timeout=settings.answer_timeout)
+                                     effort=settings.gripper_effort, timeout=settings.answer_timeout, steady=steady)
         self._actions.append(self._client)
         self._outcomes = self.create_publisher(GripperOutcome, '~/outcome', QoSProfile(depth=10))
         self._grasps = GuardedSubscription(self, Grasp, 'grasp', self._on_grasp, settings.input_qos, check=check_grasp,
-                                           newest_only=True)
+                                           newest_only=True, steady=steady)
         # On the steady clock: with use_sim_time and no /clock a gripper would close on
         self._timer = self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
@@ -141,7 +143,7 @@ class GripperNode(Node):
     def _started(self, handle: ServerGoalHandle, command: Command) -> _Run:
         opening, speed = self._law.gap(command.position), command.speed * abs(self._law.scale)
         check_number('opening', opening, -BEYOND, HIGHEST_GAP, 'm')
-        now, present = time.monotonic(), self._opening()
+        now, present = self._steady(), self._opening()
         if self._run is not None and self._run.closing is None and self._run.holding is None:
             present = math.nan  # it opens still, and is wider than its last reading
         if self._opens(opening, present):
@@ -159,15 +161,15 @@ class GripperNode(Node):
 
     def _opening(self) -> float:
         """Return the opening as measured now [m]; NaN: not known."""
-        is_current = time.monotonic() - self._gap_measured <= self._limits.max_age
+        is_current = self._steady() - self._gap_measured <= self._limits.max_age
         return self._gap if is_current else self._client.opening(self._limits.max_age)
 
     def _is_current(self) -> bool:
-        return self._touch.is_current(time.monotonic(), self._limits.max_age)
+        return self._touch.is_current(self._steady(), self._limits.max_age)
 
     def _look(self) -> None:
         """Go on, stop or end, by what is known now."""
-        run, now = self._run, time.monotonic()
+        run, now = self._run, self._steady()
         if run is None:
             return
         if run.outcome is None:
@@ -269,7 +271,7 @@ class GripperNode(Node):
         run.handle.execute(execute)
         goal = run.closing.goal if run.closing is not None else None
         if self._settings.hold and goal is not None and outcome is Outcome.FORCE_REACHED and not goal.until_touched:
-            held = Holding(goal, self._limits, self._hold_limits, time.monotonic(), self._opening())
+            held = Holding(goal, self._limits, self._hold_limits, self._steady(), self._opening())
             self._begin(_Run(run.handle, run.opening, None, held))
 
     def _publish(self, run: _Run, outcome: Outcome, reason: str) -> None:

@@ -48,12 +48,14 @@ class GuardedSubscription(Generic[Message]):
     send, or a publisher has another version of the message, all messages of the topic are dropped.
 
     With ``newest_only`` a callback that cannot keep up gets the newest of the messages that wait; those that it
-    overtakes are counted. Of a lossless replay it gets all.
+    overtakes are counted. Of a lossless replay it gets all. ``steady``: the clock of the arrivals [s].
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, callback: Callable[[Message], None],
-                 qos: QoSProfile, *, check: Check[Message], newest_only: bool = False):
+                 qos: QoSProfile, *, check: Check[Message], newest_only: bool = False,
+                 steady: Callable[[], float] = time.monotonic):
         self._node = node
+        self._steady = steady
         self._callback = callback
         self._check = check
         self._received = 0
@@ -63,7 +65,7 @@ class GuardedSubscription(Generic[Message]):
         self._kind_is_of_chain = all(hasattr(kind, field) for field in ('header', 'age', 'sequence'))
         self._stamps = None if is_lossless(qos) else StampGuard()
         self._sources = None if is_lossless(qos) else SourceGuard()
-        self._age = InputAge(lossless=is_lossless(qos))
+        self._age = InputAge(lossless=is_lossless(qos), steady=steady)
         self._arrival: Arrival | None = None  # of the newest message that was used
         self._sequence: int | None = None
         self._stamp = 0.0  # of the same message [s, the sender's clock]
@@ -93,7 +95,7 @@ class GuardedSubscription(Generic[Message]):
     @property
     def health(self) -> StreamHealth:
         """Its counts, the age and the stamp of its newest data now, and who publishes it."""
-        age = math.inf if self._arrival is None else self._arrival.age(time.monotonic())
+        age = math.inf if self._arrival is None else self._arrival.age(self._steady())
         if not self._kind_is_of_chain:
             return StreamHealth(self.counts, age)
         stamps_offset = self._stamp + age - time.time() if age < math.inf else math.nan
@@ -180,13 +182,13 @@ class GuardedSubscription(Generic[Message]):
     def _check_stamp(self, message: Message) -> RejectReason | None:
         if self._stamps is None or not self._is_of_chain(message):
             return None
-        is_accepted = self._stamps.accepts(time.monotonic(), seconds(message.header.stamp))
+        is_accepted = self._stamps.accepts(self._steady(), seconds(message.header.stamp))
         return None if is_accepted else RejectReason.STAMP_AHEAD
 
     def _check_source(self, message: Message) -> RejectReason | None:
         if self._sources is None or not self._is_of_chain(message):
             return None
-        is_accepted = self._sources.accepts(time.monotonic(), message.sequence, seconds(message.header.stamp),
+        is_accepted = self._sources.accepts(self._steady(), message.sequence, seconds(message.header.stamp),
                                             _left_out_before(message))
         return None if is_accepted else RejectReason.OTHER_SOURCE
 
@@ -194,7 +196,7 @@ class GuardedSubscription(Generic[Message]):
         """Note age and sequence of a message that is used."""
         if not self._is_of_chain(message):
             return
-        now = time.monotonic()
+        now = self._steady()
         self._arrival = self._age.arrived(message) if acquired is None else Arrival(now, now - acquired)
         stamp = seconds(message.header.stamp)
         if self._sequence is not None:
@@ -205,7 +207,7 @@ class GuardedSubscription(Generic[Message]):
 
     def _drop(self, reason: RejectReason, error: Exception | None = None) -> None:
         self._dropped[reason] += 1
-        if self._reminders[reason].is_due(reason.key, time.monotonic()):
+        if self._reminders[reason].is_due(reason.key, self._steady()):
             logger.warning('message on %s dropped: %s (%d so far)', self.topic, reason.key, self._dropped[reason],
                            exc_info=error, extra=of_node(self._node))
 

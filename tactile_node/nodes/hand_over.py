@@ -155,7 +155,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
-                 hand_over: HandOver, newest_only: bool = False):
+                 hand_over: HandOver, newest_only: bool = False, steady: Callable[[], float] = time.monotonic):
         self.node, self._accept, self._hand_over = node, accept, hand_over
         # The oldest gives way, but where it would be left out for a newer one: there each is counted as that
         self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.queue_depth)
@@ -164,7 +164,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._listened = -math.inf  # when it last looked for other publishers [s, steady clock]
         self.sends_on: str | None = None  #: topic of the results of this stage; None: of the last one of a pad
         super().__init__(node, kind, topic, lambda message: accept(parse(message)), settings.input_qos, check=check,
-                         newest_only=newest_only)
+                         newest_only=newest_only, steady=steady)
         hand_over.add(self)
 
     @property
@@ -198,7 +198,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     def work(self, waiting: Waiting) -> None:
         """Work on all of ``waiting``, or on the newest of it. On the executor's thread."""
         try:
-            if time.monotonic() - self._listened >= LISTENING_PERIOD:
+            if self._steady() - self._listened >= LISTENING_PERIOD:
                 self._listen()
         except Exception as error:  # it would end the executor
             self._failed(error)
@@ -218,7 +218,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     def _listen(self) -> None:
         """Subscribe to the topic while anyone publishes it but the stage of this process that hands over."""
-        self._listened = time.monotonic()
+        self._listened = self._steady()
         self._count_publishers()
         others = self._publishers - self._is_fed
         if self._is_fed and others <= 0:

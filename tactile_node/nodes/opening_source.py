@@ -4,7 +4,7 @@ import logging
 import math
 import time
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -56,25 +56,26 @@ MOST_FRAMES = 10_000  #: of the robot and of one message: made-up names must not
 class OpeningSource(Protocol):
     """Gives the opening of the gripper; it never raises and never waits."""
 
-    def current(self, now: float) -> Opening:
-        """Return the opening at ``now`` of the steady clock (time.monotonic) [s]."""
+    def current(self) -> Opening:
+        """Return the opening as it is known now."""
 
 
 class ParameterOpening:
     """The live parameter ``gap``, which holds until it is set again; below 0: not known."""
 
-    def __init__(self, node: Node):
+    def __init__(self, node: Node, steady: Callable[[], float]):
+        self._steady = steady
         self._latest = LatestGap(GapSource.PARAMETER)
         self._on_parameters([node.get_parameter('gap')])
         node.add_post_set_parameters_callback(self._on_parameters)
 
-    def current(self, now: float) -> Opening:
-        return self._latest.current(now)
+    def current(self) -> Opening:
+        return self._latest.current(self._steady())
 
     def _on_parameters(self, parameters: Sequence[Parameter]) -> None:
         for each in parameters:
             if each.name == 'gap':
-                self._latest.set(each.value if each.value >= 0 else math.nan, time.monotonic())
+                self._latest.set(each.value if each.value >= 0 else math.nan, self._steady())
 
 
 def refuse_a_gap_that_nothing_reads(node: Node, source: str) -> None:
@@ -93,22 +94,22 @@ class MeasuredOpening:
     Once a second its state goes to /diagnostics, and that it is not known to the log.
     """
 
-    def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription], remedy: str):
-        self._node, self._remedy = node, remedy
+    def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription], remedy: str,
+                 steady: Callable[[], float]):
+        self._node, self._remedy, self._steady = node, remedy, steady
         self.subscriptions = subscriptions
         self._reminder = Reminder()
         self._before = total(())
         publish_status(node, self._status)
 
-    def current(self, now: float) -> Opening:
+    def current(self) -> Opening:
         raise NotImplementedError
 
     def _status(self) -> DiagnosticStatus:
-        now = time.monotonic()
-        current, name = self.current(now), self._node.get_fully_qualified_name()
+        current, name = self.current(), self._node.get_fully_qualified_name()
         if not math.isnan(current.gap):
             self._reminder.reset()
-        elif self._reminder.is_due('unknown', now):
+        elif self._reminder.is_due('unknown', self._steady()):
             logger.warning('the opening of the gripper is not known: %s', why_not_known(current, self._remedy),
                            extra=of_node(self._node))
         before, self._before = self._before, total(subscription.counts for subscription in self.subscriptions)
@@ -118,27 +119,28 @@ class MeasuredOpening:
 class JointStatesOpening(MeasuredOpening):
     """The sum of joint positions. Messages of other joints pass, for many nodes may share the topic."""
 
-    def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap):
+    def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, steady: Callable[[], float]):
         from sensor_msgs.msg import JointState  # 40 ms, which only a grasp node that needs it pays
         self._joints = settings.gap_joints
         self._law = law
         self._latest = LatestGap(GapSource.JOINT_STATES, settings.max_gap_age)
         self._measured = MeasurementTime(use_stamps=use_stamps(node, settings))
         states = GuardedSubscription(node, JointState, settings.joint_states_topic, self._on_state,
-                                     qos_profile_sensor_data, check=self._check)
-        super().__init__(node, [states], f'no usable joint states of {", ".join(self._joints)} on {states.topic}')
+                                     qos_profile_sensor_data, check=self._check, steady=steady)
+        remedy = f'no usable joint states of {", ".join(self._joints)} on {states.topic}'
+        super().__init__(node, [states], remedy, steady)
 
-    def current(self, now: float) -> Opening:
-        return self._latest.current(now)
+    def current(self) -> Opening:
+        return self._latest.current(self._steady())
 
     def _check(self, message: 'JointState') -> RejectReason | None:
-        if self._is_of_others(message) and not math.isnan(self.current(time.monotonic()).gap):
+        if self._is_of_others(message) and not math.isnan(self.current().gap):
             return None
         return check_joint_state(message, self._joints, self._law)
 
     def _on_state(self, message: 'JointState') -> None:
         if not self._is_of_others(message):
-            measured = self._measured.of(seconds(message.header.stamp), time.monotonic())
+            measured = self._measured.of(seconds(message.header.stamp), self._steady())
             self._latest.set(self._law.gap(sum_of_positions(message, self._joints)), measured)
 
     def _is_of_others(self, message: 'JointState') -> bool:
@@ -148,7 +150,8 @@ class JointStatesOpening(MeasuredOpening):
 class TfOpening(MeasuredOpening):
     """The distance of two frames along the closing direction."""
 
-    def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, closing: np.ndarray):
+    def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, closing: np.ndarray,
+                 steady: Callable[[], float]):
         self._law = law
         self._closing = closing
         self._reference = frame_name(settings.frame)
@@ -158,13 +161,13 @@ class TfOpening(MeasuredOpening):
         self._measured: defaultdict[str, MeasurementTime] = defaultdict(
             partial(MeasurementTime, use_stamps=use_stamps(node, settings)))
         kind = tf_message_type('parameter gap_source tf')
-        super().__init__(node, [GuardedSubscription(node, kind, topic, take, qos, check=self._check)
+        super().__init__(node, [GuardedSubscription(node, kind, topic, take, qos, check=self._check, steady=steady)
                                 for topic, take, qos in (('/tf', self._on_tf, TF_QOS),
                                                          ('/tf_static', self._on_tf_static, TF_STATIC_QOS))],
                          f'no plausible distance of the moving frames {self._left} and {self._right} in '
-                         f'{self._reference} from /tf')
+                         f'{self._reference} from /tf', steady)
 
-    def current(self, now: float) -> Opening:
+    def current(self) -> Opening:
         left, right = (self._tree.find(frame, self._reference) for frame in (self._left, self._right))
         if left is None or right is None:
             return UNKNOWN_OPENING
@@ -173,7 +176,7 @@ class TfOpening(MeasuredOpening):
         gap = self._law.gap(distance)
         if measured == math.inf or not is_plausible(gap):  # static: these frames do not move with the fingers
             return UNKNOWN_OPENING
-        return opening(gap, GapSource.TF, max(0.0, now - measured), self._max_age)
+        return opening(gap, GapSource.TF, max(0.0, self._steady() - measured), self._max_age)
 
     def _check(self, message: Any) -> RejectReason | None:
         if len(self._tree) + len(message.transforms) > MOST_FRAMES:
@@ -181,7 +184,7 @@ class TfOpening(MeasuredOpening):
         return check_transforms(message.transforms)
 
     def _on_tf(self, message: Any) -> None:
-        now = time.monotonic()
+        now = self._steady()
         for each in message.transforms:
             self._set(each, self._measured[frame_name(each.child_frame_id)].of(seconds(each.header.stamp), now))
 
@@ -194,7 +197,8 @@ class TfOpening(MeasuredOpening):
                        transform(message.transform), measured)
 
 
-def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.ndarray) -> OpeningSource:
+def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.ndarray,
+                        steady: Callable[[], float] = time.monotonic) -> OpeningSource:
     """Return the source that the parameter gap_source names.
 
     ``closing``: unit vector from the left pad to the right one in the frame ``frame_id``. Raises ConfigurationError
@@ -204,11 +208,11 @@ def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.nda
     refuse_a_gap_that_nothing_reads(node, settings.gap_source)
     law = LinearGap(settings.gap_offset, settings.gap_scale)
     if settings.gap_source == JOINT_STATES:
-        return JointStatesOpening(node, settings, law)
+        return JointStatesOpening(node, settings, law, steady)
     if settings.gap_source == TF:
-        return TfOpening(node, settings, law, closing)
-    source = ParameterOpening(node)
-    if math.isnan(source.current(time.monotonic()).gap):
+        return TfOpening(node, settings, law, closing, steady)
+    source = ParameterOpening(node, steady)
+    if math.isnan(source.current().gap):
         node.get_logger().info('the opening of the gripper is not known: widths and places in a grasp are NaN. Set '
                                'gap, or gap_source to joint_states or tf')
     return source

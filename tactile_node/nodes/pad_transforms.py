@@ -45,13 +45,12 @@ class PadTransforms:
         start_health_timer(node, self._publish_static if is_static else self._publish_moving, TRANSFORM_PERIOD)
 
     def _publish_static(self) -> None:
-        gap = self._source.current(time.monotonic()).gap
+        gap = self._source.current().gap
         if not math.isnan(gap) and gap != self._gap:
             self._publish(gap, 0.0)
 
     def _publish_moving(self) -> None:
-        now = time.monotonic()
-        opening = self._source.current(now)
+        now, opening = time.monotonic(), self._source.current()
         if not math.isnan(opening.gap) and now - opening.age > self._measured + SAME_MEASUREMENT:
             self._measured = now - opening.age
             self._publish(opening.gap, opening.age)

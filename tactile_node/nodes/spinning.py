@@ -23,6 +23,8 @@ from rclpy.task import Task
 from rclpy.timer import Timer
 from rclpy.waitable import Waitable
 
+from tactile_node.threads import OnDeath, ReportedThread
+
 EVENTS_PERIOD = 1.0  # s, also the longest wait for entities
 LONGEST_WAIT = 1.0  # s, of spin_once without a timeout
 MOST_FAILURES = 3  # failed waits in a row: one is of an entity that was destroyed meanwhile
@@ -87,7 +89,7 @@ class FrameExecutor(SingleThreadedExecutor):
         if not self._context.ok():
             raise ExternalShutdownException
         if self._watcher is None:
-            self._watcher = threading.Thread(target=self._watch, name='entities', daemon=True)
+            self._watcher = ReportedThread(self._watch, 'entities')
             self._watcher.start()
         timers = [timer for node in super().get_nodes() for timer in node.timers if _is_steady(timer)]
         waits = [0.0 if _call_if_due(timer) else _time_left(timer) for timer in timers]
@@ -194,15 +196,15 @@ class _View:
 
 
 class Spinner:
-    """An executor on a thread; `check` raises what a callback has raised, which the thread would lose."""
+    """An executor on a thread; `check` raises what a callback has raised. ``on_death``: as of ReportedThread."""
 
-    def __init__(self, nodes: Sequence[Node]):
+    def __init__(self, nodes: Sequence[Node], on_death: OnDeath = lambda error: None):
         self._executor = FrameExecutor()
         self._error: Exception | None = None
         self._stopping = threading.Event()
         for node in nodes:
             self._executor.add_node(node)
-        self._thread = threading.Thread(target=self._spin, name='executor')
+        self._thread = ReportedThread(self._spin, 'executor', on_death=on_death, daemon=False)
         self._thread.start()
 
     def check(self) -> None:
@@ -225,6 +227,7 @@ class Spinner:
             pass
         except Exception as error:
             self._error = error
+            raise
 
 
 @contextmanager

@@ -119,14 +119,15 @@ class TopicSource(ViewSource):
             self._grasp_age = InputAge()
             GuardedSubscription(node, Grasp, f'{self._root}grasp', self._grasp, frames_qos(VIEW_QUEUE_DEPTH),
                                 check=check_grasp, newest_only=True)
-            self._spinner = Spinner([node])
+            self._spinner = Spinner([node], self.store.put_error)
 
     def stop(self) -> None:
         with self._lock:
-            if self._spinner is not None and self._node is not None:
+            if self._spinner is not None:
                 self._spinner.stop()
+            if self._node is not None:  # also where its start has failed
                 self._node.destroy_node()
-                self._spinner = self._node = None
+            self._spinner = self._node = None
         self.store.clear()
 
     def close(self) -> None:

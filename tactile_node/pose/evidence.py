@@ -23,6 +23,11 @@ class Evidence(NamedTuple):
     on_off: bool        #: values are 0 and 1 only
     at_edge: bool       #: of the pad: a part of the contact may be beyond
 
+    @property
+    def strength(self) -> float:
+        """Typical value times the number of taxels: it grows with the load and with what is seen of the contact."""
+        return self.level * int(np.count_nonzero(self.used))
+
 
 def gather(values: np.ndarray, mask: np.ndarray, at_edge: bool | None = None) -> Evidence:
     """Return the evidence in ``values`` (NaN: invalid) of the contact ``mask``, both (rows, cols).

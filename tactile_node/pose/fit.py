@@ -22,6 +22,7 @@ from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 from tactile_node.taxel_frame import read_only
 
 SEARCH_PERIOD = 0.5  #: s of a contact that goes on after which its outline is searched for again
+SEARCH_GROWTH = 1.25  #: factor by which the evidence of a contact has grown when its outline is searched for again
 
 
 class ShapeFit(NamedTuple):
@@ -104,12 +105,13 @@ def _part(values: np.ndarray, mask: np.ndarray) -> Part:
 class FitFollower:
     """Fits a contact from frame to frame: from where it was in the one before, in a quarter of the time of a search.
 
-    Searched for is the outline in the first frame, every SEARCH_PERIOD (the contact may have become a dome, or another
-    corner likelier), and where going on leads to none as good.
+    The follower searches for the outline in the first frame, every SEARCH_PERIOD (the contact may have become a dome,
+    or another corner likelier), and where going on leads to none as good. It also searches again once the evidence
+    has grown by SEARCH_GROWTH: a light touch, or one that is seen in part, may look like a dome, which is larger.
     """
 
     def __init__(self) -> None:
-        self._before: dict[Shape, tuple[Found, Part, float]] = {}  # with the stamp of the search
+        self._before: dict[Shape, tuple[Found, Part, float]] = {}  # with part and stamp of the search
 
     def restart(self) -> None:
         """Search in the next frame: another contact begins."""
@@ -123,11 +125,12 @@ class FitFollower:
         found = None
         if shape in self._before:
             before, its_part, searched = self._before[shape]
-            if its_part[1:] == part[1:] and 0 <= stamp - searched < SEARCH_PERIOD:
+            is_clearer = part.evidence.strength > SEARCH_GROWTH * its_part.evidence.strength
+            if its_part[1:] == part[1:] and 0 <= stamp - searched < SEARCH_PERIOD and not is_clearer:
                 found = follow(part.evidence, before)
         if found is None:
-            found, searched = search(part.evidence, shape, layer), stamp
-        self._before[shape] = found, part, searched
+            found, its_part, searched = search(part.evidence, shape, layer), part, stamp
+        self._before[shape] = found, its_part, searched
         return found
 
 

@@ -2,7 +2,6 @@
 
 import heapq
 import itertools
-import logging
 import math
 import threading
 import time
@@ -11,8 +10,7 @@ from queue import Empty, SimpleQueue
 
 from tactile_node.cia301.frame_bits import Frame
 from tactile_node.simulator.wire import Carried, Sender, Wire, WireRecord, WireReport
-
-logger = logging.getLogger(__name__)
+from tactile_node.threads import ReportedThread, call_guarded
 
 Receive = Callable[[Carried], None]
 Call = Callable[[], None]
@@ -72,14 +70,6 @@ class Segment:
         return self._timers[0][0] if self._timers else math.inf
 
 
-def call_guarded(call: Callable[..., None], *args: object) -> None:
-    """Make the call; an error of a participant is logged."""
-    try:
-        call(*args)
-    except Exception:  # canopen over a malformed frame; the wire must go on
-        logger.exception('a participant of the simulated wire')
-
-
 class LiveSegment(Segment):
     """Runs from ``start`` to ``stop`` in a thread. Times are those of time.monotonic.
 
@@ -97,7 +87,7 @@ class LiveSegment(Segment):
         self._batch = batch
         self._calls: SimpleQueue[tuple[float, Call]] = SimpleQueue()
         self._is_running = False
-        self._thread = threading.Thread(target=self._work, name='wire', daemon=True)
+        self._thread = ReportedThread(self._work, 'wire')
         self._due: list[Carried] = []
         self._record = WireRecord(self.now)
         self._before = (0, 0, 0, lost(), time.process_time())  # what counts on, at the last report

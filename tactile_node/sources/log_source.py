@@ -51,7 +51,7 @@ class LogSource:
         self.heard = HeardNodes(pads)
         self._set_up = None if any_device else LoggedSetUp(pads, identities_of(pads, eds))
         self._one_bus = OneBus(_of_pads(pads) | set(self._router.can_ids))
-        self._thread = StoppableThread(self._play, 'replay')
+        self._thread = StoppableThread(self._play, 'replay', self._died)
         self.finished = threading.Event()  #: the log has ended, or failed
         self._unread = 0  # lines in the rounds before this one
         self._jumps = 0  # steps of the clock, while recording
@@ -163,9 +163,6 @@ class LogSource:
                     return
         except LogError as error:
             self._fail(BusFault.LOG_UNUSABLE, str(error))
-        except Exception as error:  # `finished` must be set all the same
-            self._fail(BusFault.INTERNAL_ERROR, f'{self._path}: {type(error).__name__}: {error}')
-            logger.exception('playing %s', self._path)
         self._router.end()
         for pad, statistics in self._router.statistics().pads.items():
             for order in filter(None, statistics.orders):
@@ -191,6 +188,10 @@ class LogSource:
             raise LogError(f'{self._path}, {node_label(found.pad, found.node_id)}, object 0x{found.object_index:04X}',
                            expected=found.expected, got=f"{found.got} by the log's SDO answers",
                            remedy='Give the layout and EDS of the device that was recorded.')
+
+    def _died(self, error: Exception) -> None:
+        self._fail(BusFault.INTERNAL_ERROR, f'{self._path}: {type(error).__name__}: {error}')
+        self.finished.set()
 
     def _fail(self, fault: BusFault, detail: str) -> None:
         self.failure = Failure(fault, detail)

@@ -24,6 +24,7 @@ from tactile_node.sources.node_monitor import NodeMonitor
 from tactile_node.sources.node_recovery import NodeRecovery
 from tactile_node.sources.outage import Backoff, OutageClock
 from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.threads import ReportedThread
 
 logger = logging.getLogger(__name__)
 
@@ -82,7 +83,7 @@ class Supervisor:
                     monitor.outage.end(now)
                     monitor.expect(now)
                 self._closing.clear()
-                self._thread = threading.Thread(target=self._supervise, name='supervisor', daemon=True)
+                self._thread = ReportedThread(self._supervise, 'supervisor')
                 self._thread.start()
 
     def configure(self) -> None:

@@ -13,6 +13,7 @@ from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.threads import ReportedThread
 from tactile_node.viewing.recordings import FACTS_PERIOD, BagRecording, LogRecording, Moment, Timeline
 from tactile_node.viewing.source import Store, ViewSource
 from tactile_node.viewing.states import PadState, facts_of
@@ -49,7 +50,7 @@ class BusSource(ViewSource):
         self.title = f'{settings.interface} {settings.channel}'
         self.store = Store([pad.name for pad in pads])
         self._recogniser = recogniser or make_recogniser()
-        self._following = StoppableThread(self._run, 'view_bus')
+        self._following = StoppableThread(self._run, 'view_bus', self.store.put_error)
 
     def check(self) -> None:
         """Find the bus and its devices. Raises BusError, DeviceError."""
@@ -128,7 +129,7 @@ class RecordingSource(ViewSource):
         self._closing = threading.Event()
         self.is_complete = False  #: whether all of the recording is read
         self._reader: threading.Thread | None = None
-        self._playing = StoppableThread(self._run, 'view_player')
+        self._playing = StoppableThread(self._run, 'view_player', self._died)
 
     @property
     def length(self) -> float:
@@ -152,7 +153,7 @@ class RecordingSource(ViewSource):
 
     def start(self) -> None:
         if self._reader is None:
-            self._reader = threading.Thread(target=self._read, name='view_reader', daemon=True)
+            self._reader = ReportedThread(self._read, 'view_reader', on_death=self._died)
             self._reader.start()
         self._playing.start()
 
@@ -196,8 +197,15 @@ class RecordingSource(ViewSource):
             problem = self._recording.read(self._timeline, self._closing.is_set)
         except (TactileError, OSError) as error:  # the file has gone, the disk of the timeline is full
             problem = f'not read to its end: {error}'
-        self.store.put_problem(problem)
+        if problem:
+            self.store.put_problem(problem)
         self.is_complete = True
+
+    def _died(self, error: Exception) -> None:
+        """Nothing more is read, or shown."""
+        self.store.put_error(error)
+        self.is_complete = True
+        self.play(False)
 
     def _run(self, stopping: threading.Event) -> None:
         last = time.monotonic()

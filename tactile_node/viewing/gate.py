@@ -11,13 +11,13 @@ import asyncio
 import ipaddress
 import re
 import socket
-import threading
 from collections.abc import Callable, Coroutine
 from http import HTTPStatus
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
 from tactile_node.errors import ConfigurationError
+from tactile_node.threads import ReportedThread
 
 LOOPBACK = '127.0.0.1'
 LARGEST_HEAD = 16_384  #: of a request [bytes]
@@ -107,7 +107,7 @@ class Gate:
     def __init__(self, port: int, inner: tuple[str, int], on_taken: OnTaken = lambda page, update: None):
         self._inner, self._on_taken = inner, on_taken
         self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, name='view_gate', daemon=True)
+        self._thread = ReportedThread(self._loop.run_forever, 'view_gate')
         self._thread.start()
         try:
             self._server = self._call(asyncio.start_server(self._connected, LOOPBACK, port, limit=LARGEST_HEAD))

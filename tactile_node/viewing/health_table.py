@@ -2,11 +2,10 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
 
 from markupsafe import Markup
 
-from tactile_node.viewing.page_parts import DrawnPad, macros, said_of
+from tactile_node.viewing.page_parts import macros
 from tactile_node.viewing.states import BusFacts, NodeFacts, PadFacts
 
 MOST_FAULTY_TAXELS = 8  #: faulty taxels that are listed
@@ -33,11 +32,11 @@ class HealthHistory:
         return self._facts[0][2], stamp - self._facts[0][0]
 
 
-def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFacts, float] | None = None,
-                 pads: Sequence[DrawnPad] = ()) -> str:
+def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFacts, float] | None = None) -> str:
     """Return the table; it says so where nothing is known, or where ``facts`` are old by their ``age`` [s].
 
-    ``before``, of `HealthHistory`: what is lost since then is red, else all; ``pads`` say whether they are live.
+    ``before``, of `HealthHistory`: what is lost since then is red, else all. The table does not say whether a pad is
+    live: the page updates the pads more often, and would contradict it.
     """
     if facts is None:
         return '<div class="tactile-note">no status of a bus comes from this source</div>'
@@ -52,10 +51,9 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     earlier, span = before or (BusFacts('', 0.0, {}, ()), None)
     rows += [_counted(_words(name), str(count), count - earlier.counts.get(name, 0), span)
              for name, count in facts.counts.items()]
-    said = {pad.name: (said_of(pad), not pad.is_live) for pad in pads}
     before_by_pad = {pad.pad: pad for pad in earlier.pads}
     for pad in facts.pads:
-        rows.append((Markup('<b>{}</b>').format(pad.pad), *said.get(pad.pad, ('', False))))
+        rows.append((Markup('<b>{}</b>').format(pad.pad), '', False))
         rows += _pad_rows(pad, before_by_pad.get(pad.pad, NO_PAD), span)
     return str(macros().health(rows))
 

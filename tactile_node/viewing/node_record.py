@@ -5,13 +5,12 @@ COB-IDs are those of the predefined connection set, which devices rarely change.
 
 from collections import Counter
 from collections.abc import Mapping
-from functools import lru_cache
 
 import can
 import numpy as np
 
 from tactile_node.cia301.emergency import decode_emergency
-from tactile_node.cia301.frame_bits import Frame, worst_case_bits
+from tactile_node.cia301.frame_bits import load_bits
 from tactile_node.cia301.heartbeat import nmt_state
 from tactile_node.cia301.objects import (
     DEVICE_NAME,
@@ -60,8 +59,8 @@ class BusRecord:
             self._channels.add(str(message.channel or ''))
         if message.is_error_frame:
             return
-        self._bits[int((stamp - self.begin) // LOAD_WINDOW)] += _bits(message.dlc, message.is_extended_id,
-                                                                      message.is_remote_frame)
+        self._bits[int((stamp - self.begin) // LOAD_WINDOW)] += load_bits(message.dlc, message.is_extended_id,
+                                                                          message.is_remote_frame)
         if message.arbitration_id == NMT and not message.is_extended_id and len(message.data) == NMT_BYTES:
             self._commands.add(SeenCommand(stamp, message.data[0], message.data[1]))
 
@@ -83,12 +82,6 @@ class BusRecord:
         shares = None if self._bit_rate is None else read_only(rates / self._bit_rate)
         return LoadCurve(LOAD_WINDOW, read_only(self.begin + np.array(places) * LOAD_WINDOW), read_only(rates), shares,
                        mean if self._bit_rate is None else mean / self._bit_rate)
-
-
-@lru_cache(maxsize=256)
-def _bits(length: int, is_extended: bool, is_remote: bool) -> int:
-    data = b'' if is_remote else bytes(min(length, 8))
-    return worst_case_bits(Frame(0, data, is_extended, is_remote))
 
 
 #: name of what a ticket needs to name a device, by index and sub-index

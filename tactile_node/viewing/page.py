@@ -8,6 +8,7 @@ from collections.abc import Callable
 from html import escape
 from typing import TYPE_CHECKING
 
+from tactile_node.threads import ReportedThread
 from tactile_node.viewing.charts import force_chart
 from tactile_node.viewing.health_table import HealthHistory, health_table
 from tactile_node.viewing.pads_3d import Pads3d, Planes
@@ -72,7 +73,7 @@ class Page:
         self._is_connected = is_connected
         self._scales = Scales(full_scale)
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f'view_page_{client.client_id}', daemon=True)
+        self._thread = ReportedThread(self._run, f'view_page_{client.client_id}')
         self._taken: deque[tuple[float, float]] = deque()  # when [s], with data of which age [s]
         self._number = 0
         self._is_taken = threading.Event()
@@ -191,7 +192,7 @@ class Page:
         age, before = time.monotonic() - shown.bus_acquired, None
         if shown.bus is not None and self._source.player is None:
             before = self._history.before(shown.bus, shown.bus_acquired)
-        self._health.content = health_table(shown.bus, age, before, drawn if self._source.player is None else ())
+        self._health.content = health_table(shown.bus, age, before)
         if self._controls is not None:
             self._controls.update()
         self._planes_html.content = self._planes_picture(drawn) if self._planes_wanted.value else ''

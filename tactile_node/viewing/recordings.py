@@ -140,12 +140,13 @@ READ_POLL = 0.2      #: for the end of the reading [s]
 
 
 class LogRecording:
-    """A CAN log; ``channel`` chooses one bus of a log of several."""
+    """A CAN log; ``channel`` chooses one bus of a log of several, ``eds`` are those of the pads, as of LogSource."""
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], channel: str = '', any_device: bool = False,
-                 window: TimeWindow = WHOLE):
+                 window: TimeWindow = WHOLE, eds: Sequence[str] = ('',)):
         self._path, self._settings = path, pads
         self._channel, self._any_device, self._window = channel, any_device, window
+        self._eds = eds
         self._geometry = {pad.name: (pad.layout.pitch, pad.layout.value.unit) for pad in pads}
         self.title = path
         self.pads = tuple(pad.name for pad in pads)
@@ -179,7 +180,7 @@ class LogRecording:
 
     def _source(self, on_frame: Callable[[str, TaxelFrame], None], on_time: Callable[[float], None]) -> LogSource:
         return LogSource(self._path, self._settings, on_frame, pace=None, channel=self._channel, on_time=on_time,
-                         any_device=self._any_device, window=self._window)
+                         any_device=self._any_device, window=self._window, eds=self._eds)
 
 
 def _of_others(source: LogSource) -> str:

@@ -7,6 +7,7 @@ import threading
 from contextlib import redirect_stdout
 from typing import TYPE_CHECKING
 
+from tactile_node.threads import ReportedThread, call_guarded
 from tactile_node.viewing.gate import LOOPBACK, Gate
 from tactile_node.viewing.page import Page
 from tactile_node.viewing.source import ViewSource
@@ -40,7 +41,7 @@ class ViewServer:
         self.port = self._gate.port
         self._viser.on_client_connect(self._connected)
         self._viser.on_client_disconnect(self._disconnected)
-        self._thread = threading.Thread(target=self._switch_source, name='view_server', daemon=True)
+        self._thread = ReportedThread(self._switch_source, 'view_server')
         self._thread.start()
 
     def close(self) -> None:
@@ -90,7 +91,9 @@ class ViewServer:
                     self._changed.wait_for(lambda: self._is_closing or bool(self._pages), LINGER_TIME)
                 is_wanted = bool(self._pages) and not self._is_closing
             if is_wanted != self.is_source_on:
-                (self._source.start if is_wanted else self._source.stop)()
+                error = call_guarded(self._source.start if is_wanted else self._source.stop)
+                if error is not None:  # the next browser starts it again
+                    self._source.store.put_error(error)
                 self.is_source_on = is_wanted
             if self._is_closing and not self.is_source_on:
                 return

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tactile_node.assembly.fault_text import failure_of, failure_text
 from tactile_node.viewing.states import BusFacts, GraspFacts, PadState
 
 if TYPE_CHECKING:
@@ -59,6 +60,10 @@ class Store:
 
     def put_problem(self, problem: str) -> None:
         self._change(problem=problem)
+
+    def put_error(self, error: Exception) -> None:
+        """Show ``error``, which has ended the source, as its problem."""
+        self.put_problem(failure_text(failure_of(error)))
 
     def forget(self, pad: str) -> None:
         """Nothing is known of a pad, as before its first frame."""
