@@ -44,7 +44,7 @@ ORIGINS = {
     'zstandard': Origin('mcap-ros2-support', 'mcap'),  # mcap requires it; rosdep has no key
 }
 OF_TESTS = {'jsonschema': 'python3-jsonschema', 'py_trees': 'py_trees', 'pytest': 'python3-pytest',
-            'rosidl_adapter': 'rosidl_default_generators'}
+            'rosidl_adapter': 'rosidl_default_generators', 'rosidl_generator_py': 'rosidl_default_generators'}
 #: Nothing imports them: they run the package
 NOT_MODULES = {'rosidl_default_runtime', 'ros2launch', 'xacro'}
 #: Nothing imports them: the messages of an action are made of them
