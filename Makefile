@@ -76,11 +76,13 @@ demo: setup  ## simulated gripper skin, five shapes, live in the terminal; resul
 check: lint  ## style and the fast tests: what to run while you work (under a minute)
 	@$(BIN)/python -m pytest test -q -m 'not slow and not bus and not ros'
 
-# All lanes run, also where one fails. Lanes in real time go first: what only computes begins when lane-bus has ended.
+# Tests in real time go first, with the machine to themselves; what only computes follows. All lanes run, also where
+# one has failed.
 test: setup  ## everything that checks the project, with the time that it took
 	@failed=0; \
 	TIMEFORMAT='make test took %0R s, of the processor %0U s and %0S s'; \
-	time $(MAKE) --no-print-directory --keep-going --jobs 3 $(LANES) || failed=1; \
+	time { for lanes in '$(REAL_TIME_LANES)' '$(COMPUTING_LANES)'; do \
+		$(MAKE) --no-print-directory --keep-going --jobs 2 $$lanes || failed=1; done; }; \
 	TIMEFORMAT='the tests on a real CAN stack took %0R s'; \
 	time $(MAKE) --no-print-directory lane-socketcan || failed=1; \
 	[ ! -f build/socketcan/not_run ] || \
@@ -88,10 +90,12 @@ test: setup  ## everything that checks the project, with the time that it took
 	exit $$failed
 
 # Each line begins with its lane. By exec the tests get the signal that ends make.
-LANES := lane-ros lane-bus lane-compute
-.PHONY: $(LANES) lane-socketcan
-$(LANES) lane-socketcan: export OMP_NUM_THREADS := 1
-$(LANES) lane-socketcan: LANE = exec > >(trap '' INT TERM; exec sed -u 's/^/$(@:lane-%=%) | /') 2>&1;
+REAL_TIME_LANES := lane-ros lane-bus
+COMPUTING_LANES := lane-slow lane-fast
+LANES := $(REAL_TIME_LANES) $(COMPUTING_LANES) lane-socketcan
+.PHONY: $(LANES)
+$(LANES): export OMP_NUM_THREADS := 1
+$(LANES): LANE = exec > >(trap '' INT TERM; exec sed -u 's/^/$(@:lane-%=%) | /') 2>&1;
 LANE_TESTS = $(BIN)/python -m pytest test -q -p no:cacheprovider
 
 lane-ros: setup
@@ -100,8 +104,11 @@ lane-ros: setup
 lane-bus: setup
 	@$(LANE) exec $(LANE_TESTS) -m 'bus and not ros'
 
-lane-compute: setup | lane-bus
-	@$(LANE) $(MAKE) --no-print-directory lint && exec $(LANE_TESTS) -m 'not bus and not ros'
+lane-slow: setup
+	@$(LANE) exec $(LANE_TESTS) -m 'slow and not bus and not ros'
+
+lane-fast: setup
+	@$(LANE) $(MAKE) --no-print-directory lint && exec $(LANE_TESTS) -m 'not slow and not bus and not ros'
 
 lane-socketcan: setup
 	@$(LANE) $(MAKE) --no-print-directory socketcan || { [ $$? -eq 2 ] && [ -f build/socketcan/not_run ]; }
