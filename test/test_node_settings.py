@@ -198,7 +198,7 @@ def drops_incomplete(driver):
 CHANGES = {
     'skin_driver': (Parameter('drop_incomplete', value=True), drops_incomplete),
     'processor': (Parameter('features', value=['all']), lambda node: node._groups),
-    'grasp': (Parameter('gap', value=0.02), lambda node: node._opening.current(0.0).gap == 0.02)}
+    'grasp': (Parameter('gap', value=0.02), lambda node: node._opening.current().gap == 0.02)}
 
 
 @pytest.mark.parametrize('name', CHANGES)
