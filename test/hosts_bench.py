@@ -4,6 +4,7 @@ Every process is started as a user starts it, by `tactile bringup`. Claims, reco
 of misled_bench.py; all processes share the steady clock of this machine.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -23,6 +24,10 @@ TOPICS = ('grasp=grasp', 'left=left/shape', 'right=right/shape', 'health=/diagno
 SIDES = {'bus': 'bus', 'thinking': 'perception'}  #: host -> side of `tactile bringup`
 DISCOVERY_PORT = 11811  # Fast DDS's default of a discovery server
 SENDING = 'sock_alloc_send'  # function of the kernel in which a thread waits for room in a socket
+
+
+NODES = {'/skin_driver', *(f'/{pad}/{role}' for pad in PADS for role in ('processor', 'classifier')), '/grasp'}
+CLIENT = Path(__file__).with_name('hosts_client.py')
 
 
 def missing(shapes: list[Record]) -> int:
@@ -152,3 +157,18 @@ class HostsWorld(World):
         stack.callback(process.wait)
         stack.callback(process.kill)
         time.sleep(0.5)
+
+
+def use_from_other_host(world: HostsWorld) -> None:
+    """Call services and actions across the link: check_grasp is asked where the grasp node runs, tare at the driver."""
+    world.hold(0.0)
+    with world.on_second([sys.executable, str(CLIENT)], stdout=subprocess.PIPE, text=True) as client:
+        answer = json.loads(client.communicate(timeout=3 * TIMEOUT)[0])
+    assert answer['check'] == answer['waited'] == answer['held']
+    assert answer['tare_refusal'] in (answer['contact'], answer['pressed'])
+    assert answer['pads'] == list(PADS)
+    assert answer['states'] == answer['expected_states']
+    assert answer['active'] and answer['logged']
+    assert answer['reported']
+    world.wait(lambda: NODES <= {name.split(':')[0] for name in world.values}, 'the diagnostics of each node')
+    world.hold_again(time.monotonic())

@@ -44,6 +44,7 @@ from tactile_skin.srv import Tare
 
 FROZEN_AFTER = 0.5  # s, parameter of the driver
 HELD_BACK = 5.0  # s
+SMALL = {'side': 5.0}  # taxels, of an object that nine rows cover
 BURST = 10  # messages
 SETTLED = 0.3  # s after which the truth must be seen again
 MINUTE = 60.0
@@ -63,12 +64,16 @@ def skin_freezes() -> list[Finding]:
                            FalseClaim('stable', stable, FROZEN_AFTER + PERIOD + WITHDRAWN))
 
 
-def bus_fails(period: float = PERIOD) -> list[Finding]:
+def bus_fails() -> list[Finding]:
     """The CAN adapter is unplugged."""
-    with World(period=period) as world:
-        world.hold()
-        world.skin.unplug()
-        return _after(world, 1.0, WITHDRAWN + PERIOD)
+    with World() as world:
+        return unplugged(world)
+
+
+def unplugged(world: World) -> list[Finding]:
+    world.hold()
+    world.skin.unplug()
+    return _after(world, 1.0, WITHDRAWN + PERIOD)
 
 
 def one_pad_loses_power() -> list[Finding]:
@@ -109,16 +114,20 @@ def nodes_start_while_held() -> list[Finding]:
         return world.watch(since, 0.0, EMPTY, LEFT_EMPTY)
 
 
-def rows_are_hidden(period: float = PERIOD) -> list[Finding]:
+def rows_are_hidden() -> list[Finding]:
     """The TPDOs of the nine rows under the object are lost on the left pad."""
-    with World({'side': 5.0}, period=period) as world:
-        world.hold()
-        layout = gripper_pads()[0].layout
-        lost = {layout.tpdos[2 * row + half].cob_id.of(NODE_IDS[0]) for row in range(3, 12) for half in (0, 1)}
-        world.skin.lose(lost)
-        since = time.monotonic()
-        return world.watch(since, 1.5, EMPTY, LEFT_EMPTY, FalseClaim('stable', stable, WITHDRAWN + PERIOD),
-                           FalseClaim('a force', _has_force, SETTLED, 'left'))
+    with World(SMALL) as world:
+        return rows_lost(world)
+
+
+def rows_lost(world: World) -> list[Finding]:
+    world.hold()
+    layout = gripper_pads()[0].layout
+    lost = {layout.tpdos[2 * row + half].cob_id.of(NODE_IDS[0]) for row in range(3, 12) for half in (0, 1)}
+    world.skin.lose(lost)
+    since = time.monotonic()
+    return world.watch(since, 1.5, EMPTY, LEFT_EMPTY, FalseClaim('stable', stable, WITHDRAWN + PERIOD),
+                       FalseClaim('a force', _has_force, SETTLED, 'left'))
 
 
 def a_part_is_hidden() -> list[Finding]:
@@ -175,22 +184,26 @@ def messages_held_back(link: str = 'shape') -> list[Finding]:
         return world.watch(since, 0.0, FalseClaim('current', current, WITHDRAWN + PERIOD), EMPTY)
 
 
-def malformed_messages(period: float = PERIOD) -> list[Finding]:
+def malformed_messages() -> list[Finding]:
     """Default-constructed and contradictory messages on every topic of the left pad, every 50 ms."""
-    with World(period=period) as world:
-        world.hold()
-        peer = world.peer()
-        publishers = [(peer.create_publisher(kind, f'left/{topic}', QOS), kind) for topic, kind in (
-            ('taxels', TaxelArray), ('contact', Contact), ('shape', ContactShape))]
-        since = time.monotonic()
-        while time.monotonic() < since + 1.5:
-            for publisher, kind in publishers:
-                publisher.publish(kind())
-            publishers[0][0].publish(TaxelArray(rows=4_000_000_000, cols=4_000_000_000, pitch=float('nan'), unit='psi'))
-            publishers[0][0].publish(TaxelArray(rows=2, cols=2, pitch=0.004, unit='Pa', values=array('f', [0.0] * 4),
-                                                status=array('B', [0] * 4)))
-            time.sleep(0.05)
-        return world.watch(since, 0.0, EMPTY, FalseClaim('not stable', negated(stable), (0.02 + world.unstable) * 1.5))
+    with World() as world:
+        return malformed_sent(world)
+
+
+def malformed_sent(world: World) -> list[Finding]:
+    world.hold()
+    peer = world.peer()
+    publishers = [(peer.create_publisher(kind, f'left/{topic}', QOS), kind) for topic, kind in (
+        ('taxels', TaxelArray), ('contact', Contact), ('shape', ContactShape))]
+    since = time.monotonic()
+    while time.monotonic() < since + 1.5:
+        for publisher, kind in publishers:
+            publisher.publish(kind())
+        publishers[0][0].publish(TaxelArray(rows=4_000_000_000, cols=4_000_000_000, pitch=float('nan'), unit='psi'))
+        publishers[0][0].publish(TaxelArray(rows=2, cols=2, pitch=0.004, unit='Pa', values=array('f', [0.0] * 4),
+                                            status=array('B', [0] * 4)))
+        time.sleep(0.05)
+    return world.watch(since, 0.0, EMPTY, FalseClaim('not stable', negated(stable), (0.02 + world.unstable) * 1.5))
 
 
 def tare_is_requested() -> list[Finding]:

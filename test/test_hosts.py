@@ -1,10 +1,9 @@
 """Driver and planner on two hosts: what crosses the link, what a consumer sees when the cable is pulled; `make hosts`.
 
-There is a world for each way of discovery, and each test is in one of them. With TACTILE_LONG both have all tests, each
-side is started again, and durations are asserted. Link and hosts are those of two_hosts.py.
+The hosts find each other by address; those of test_link.py do so by a discovery server. With TACTILE_LONG there is a
+world for each way, each side is started again, and durations are asserted. Link and hosts are those of two_hosts.py.
 """
 
-import json
 import os
 import signal
 import subprocess
@@ -15,8 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hosts_bench import HostsWorld, missing
-from misled_bench import TIMEOUT, FalseClaim, current, empty
+from hosts_bench import HostsWorld, missing, use_from_other_host
+from misled_bench import FalseClaim, current, empty
 from two_hosts import Hosts, NoHostsError
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
@@ -27,10 +26,8 @@ WITHDRAWN = max(0.1, 3 * PERIOD)  # s in which freshness must be withdrawn
 TAXELS = 256
 VALUE_BYTES = 4  # of a taxel in TaxelArray
 FRAMES = 20
-CLIENT, RIVAL = (Path(__file__).with_name(name) for name in ('hosts_client.py', 'rival_driver.py'))
+RIVAL = Path(__file__).with_name('rival_driver.py')
 WAYS = [False, True]  # with a discovery server
-NODES = {'/skin_driver', *(f'/{pad}/{role}' for pad in ('left', 'right') for role in ('processor', 'classifier')),
-         '/grasp'}
 
 
 def name_of(has_server: bool) -> str:
@@ -38,7 +35,6 @@ def name_of(has_server: bool) -> str:
 
 
 first_way = pytest.mark.parametrize('world', WAYS if LONG else WAYS[:1], ids=name_of, indirect=True, scope='module')
-other_way = pytest.mark.parametrize('world', WAYS if LONG else WAYS[1:], ids=name_of, indirect=True, scope='module')
 
 
 @pytest.fixture(scope='module')
@@ -149,20 +145,10 @@ def test_a_reader_that_stops_holds_up_no_driver(world):
     world.hold_again(time.monotonic())
 
 
-@other_way
+@pytest.mark.skipif(not LONG, reason='TACTILE_LONG is not set: test_link.py has it')
+@first_way
 def test_services_actions_and_reports_reach_the_other_host(world):
-    """check_grasp is asked where the grasp node runs; the driver's services and reports cross the link."""
-    world.hold(0.0)
-    with world.on_second([sys.executable, str(CLIENT)], stdout=subprocess.PIPE, text=True) as client:
-        answer = json.loads(client.communicate(timeout=3 * TIMEOUT)[0])
-    assert answer['check'] == answer['waited'] == answer['held']
-    assert answer['tare_refusal'] in (answer['contact'], answer['pressed'])
-    assert answer['pads'] == ['left', 'right']
-    assert answer['states'] == answer['expected_states']
-    assert answer['active'] and answer['logged']
-    assert answer['reported']
-    world.wait(lambda: NODES <= {name.split(':')[0] for name in world.values}, 'the diagnostics of each node')
-    world.hold_again(time.monotonic())
+    use_from_other_host(world)
 
 
 @first_way

@@ -1,15 +1,20 @@
-"""The chain on two hosts that a bad link joins: nothing false is believed or lost silently."""
+"""The chain on two hosts that a bad link joins: nothing false is believed or lost silently.
 
+The hosts find each other by a discovery server, or with TACTILE_LONG by address; test_hosts.py has the other way.
+"""
+
+import os
 import time
 from pathlib import Path
 
 import pytest
-from hosts_bench import TOPICS, HostsWorld, missing
+from hosts_bench import TOPICS, HostsWorld, missing, use_from_other_host
 from misled_bench import FalseClaim, current, empty
 from two_hosts import LossyHosts, NoHostsError
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
+LONG = bool(os.environ.get('TACTILE_LONG'))
 FRAME_PERIOD = 0.08  # s between two frames: a busy machine keeps up
 LOOK_SECONDS = 3.0
 LINK_RATE = '300kbit'  # half of what the taxels need
@@ -22,11 +27,16 @@ HOST_ENVIRONMENT = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(DDS_PROFILE), 'ROS_AUT
 def world():
     try:
         with LossyHosts() as hosts, HostsWorld(hosts, topics=(*TOPICS, '--best-effort'), period=FRAME_PERIOD,
-                                               environment=HOST_ENVIRONMENT, given=('best_effort:=true',)) as found:
+                                               discovery_server=not LONG, environment=HOST_ENVIRONMENT,
+                                               given=('best_effort:=true',)) as found:
             found.hold()
             yield found
     except NoHostsError as error:
         pytest.skip(str(error))
+
+
+def test_services_actions_and_reports_reach_the_other_host(world):
+    use_from_other_host(world)
 
 
 def missed_since(world, since) -> int:

@@ -446,15 +446,14 @@ def test_values_at_the_end_of_float32_leave_no_nan_in_the_fusion(chain):
     assert check_contact_shape(shapes[-1]) is None and np.isfinite(shapes[-1].probabilities).all()
 
 
-@pytest.mark.parametrize('bad_side', ['left', 'right'])
-def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain, bad_side):
+def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain):
     """As a lossless replay, for the shapes do not come in the pace of their stamps."""
     chain.add(GraspNode(parameter_overrides=[Parameter('lossless', value=True)]))
     grasps = chain.listen(Grasp, '/grasp')
     publishers = {side: chain.publisher(ContactShape, f'/{side}/shape', lossless=True) for side in ('left', 'right')}
     cases = cases_of(check_contact_shape)
-    good_side = 'left' if bad_side == 'right' else 'right'
     for sequence, (change, _) in enumerate(cases, start=1):
+        bad_side, good_side = ('left', 'right')[::1 if sequence % 2 else -1]
         publishers[bad_side].publish(malformed(good_shape, change, sequence))
         for side in (good_side, bad_side):
             publishers[side].publish(good_shape(sequence))

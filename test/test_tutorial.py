@@ -58,8 +58,11 @@ def test_a_newcomer_gets_a_shape_on_a_topic(tmp_path):
 def test_a_planner_waits_for_a_grasp(tmp_path):
     with ExitStack() as stack:
         started(stack, 'tactile bringup --simulate', tmp_path / 'skin', PLANNER)
-        found = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True, timeout=TIMEOUT,
-                               stdout=subprocess.PIPE, check=True).stdout
+        deadline, found = time.monotonic() + TIMEOUT, ''
+        while not found:  # it says so where a grasp is lost while it is asked for, as on a busy machine
+            assert time.monotonic() < deadline
+            found = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True,
+                                   timeout=TIMEOUT, stdout=subprocess.PIPE).stdout
     name, *rest = found.split(', ')
     assert name in SHAPES and rest[-1] == 'width not known\n'  # the page gives no opening
 
