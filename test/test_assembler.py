@@ -498,3 +498,11 @@ def test_of_two_nodes_each_has_its_own_order(tmp_path):
         send(assembler, (ROW_2, '0A0A'), (0x382, '0A0A'), (ROW_1, '0A0A'), at=number + 0.2)
     assembler.end_period()
     assert assembler.statistics().orders == (TpdoOrder(1, ('2', '1'), ('1', '2')), None)
+
+
+def test_without_sync_the_order_of_tpdos_takes_no_memory(assembler):
+    """A period lasts until the next SYNC, which may never come."""
+    assembler.sync(0.0)
+    for number in range(1000):
+        assembler.feed((ROW_1, ROW_2, ROW_3)[number % 3], bytes([number % 250] * 2), 0.1)
+    assert len(assembler._period.runs[0].received) <= 4

@@ -57,7 +57,7 @@ class SenderRun:
         self._last_data = b''
         self._aside: dict[int, bytes] = {}  # a suspect run, after the sender has begun the next one
         self.is_aside_proved = False  #: the sender has begun its next run: what is aside is of the period before
-        self.received: list[int] = []  #: ranks, in the order in which they came
+        self.received: list[int] = []  #: ranks, in the order in which they came; at most one more than a sweep has
         self.is_seen = False  # anything was received
         self._is_suspect = False
         self._ended_suspect = False
@@ -166,7 +166,8 @@ class SenderRun:
     def note_received(self, rank: int, data: bytes) -> None:
         """This TPDO was received, used or not."""
         self.last = rank
-        self.received.append(rank)
+        if len(self.received) <= len(self._own):  # without SYNC a period never ends: the list must not grow with it
+            self.received.append(rank)
         self._last_data = bytes(data)
         self.is_seen = True
 
