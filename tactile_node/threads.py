@@ -1,4 +1,4 @@
-"""The threads of this package: an exception that nobody expected is logged with its traceback, whatever it ends."""
+"""The threads of this package. Each logs an unforeseen exception with its traceback."""
 
 import logging
 import threading

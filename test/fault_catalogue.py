@@ -329,7 +329,7 @@ def one_tpdo_switched_off_unseen(bench: FaultBench) -> None:
     bench.wait(lambda: NodeFault.TPDO_MISSING in bench.log.facts or bench.node().outages.count, 'not logged')
     bench.assert_no_outage()  # an outage would have switched it on
     bench.detect(NodeFault.TPDO_MISSING)
-    bench.end_of_cause().recover()  # until it was logged nobody knew that there was anything to end
+    bench.end_of_cause().recover()  # the repair begins at the report: until then no one could know of the fault
     bench.assert_no_outage()
     assert NodeFault.RECONFIGURED not in bench.log.facts
 
@@ -942,7 +942,7 @@ ESSENTIAL = {
     'wall_clock_set_back': 'the stamps go on while the wall clock goes back',
     'polled_uploads_damaged': 'LossReason.BROKEN, of a polled pad',
     'adapter_stalls_for_0.3_s': 'LossReason.LATE: a backlog of one device',
-    'driver_stalls_for_2_s': 'STALLED: nobody is blamed'}
+    'driver_stalls_for_2_s': 'STALLED: the driver blames no node'}
 
 
 class Beside:

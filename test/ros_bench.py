@@ -141,7 +141,7 @@ class TimedBench(RosBench):
             self.step()
 
     def until_joined(self, condition: Callable[[], object]) -> None:
-        """Wait for the middleware, which joins endpoints in a time of its own."""
+        """Wait in real time until the middleware has matched the endpoints."""
         super().until(condition)
 
 

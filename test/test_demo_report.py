@@ -81,7 +81,7 @@ def test_a_machine_that_is_too_slow_is_named(latency, frames, skin_late, is_slow
 
 
 def test_a_script_goes_on_when_a_device_is_started_again(monkeypatch):
-    """The seconds of the device begin anew; what touches it does not."""
+    """The device counts its seconds from 0 again, and the script of touches goes on."""
     monkeypatch.setattr('examples.demo.skin.time', SimpleNamespace(time=lambda: 1000.0))
     script, touch = Script(), scripted_touches(1, [25.0], 16, 16)[0]
     pad, middle = TouchedPad((touch,), 16, 16, 1), (touch.begin + touch.end) / 2

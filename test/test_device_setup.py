@@ -16,7 +16,10 @@ from tactile_node.sources.node_monitor import NodeMonitor
 from tactile_node.sources.node_traffic import BusSeen
 
 NODE = make_pad('pad', 32, 'sim16x16.yaml').nodes[0]
-READ_ONLY, UNKNOWN, WRONG_STATE = 0x0601_0002, 0x0602_0000, 0x0800_0022  # abort codes of CiA 301
+#: abort codes of CiA 301
+READ_ONLY = 0x0601_0002
+UNKNOWN = 0x0602_0000
+WRONG_STATE = 0x0800_0022
 SYNC, HEARTBEAT = (0x1005, 0), (0x1017, 0)
 
 

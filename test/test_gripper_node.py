@@ -21,7 +21,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control
 LIMITS = TouchLimits()
 MAX_AGE = LIMITS.max_age
 #: N by which the force rises between two frames
-FAST_RISE, SLOW_RISE = (speed * PERIOD * LIMITS.stiffness for speed in (LIMITS.fast_speed, LIMITS.slow_speed))
+FAST_RISE = LIMITS.fast_speed * PERIOD * LIMITS.stiffness
+SLOW_RISE = LIMITS.slow_speed * PERIOD * LIMITS.stiffness
 BLIND_TRAVEL = LIMITS.fast_speed * (MAX_AGE + LOOK_PERIOD + STEP)  # m, until it stops
 SILENT = None
 SUCCEEDED, ABORTED, CANCELED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_ABORTED, GoalStatus.STATUS_CANCELED

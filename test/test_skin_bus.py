@@ -69,7 +69,7 @@ def test_stop_and_start_again():
         bench.driver.stop()
         device = bench.simulator.devices[32]
         assert wait_until(lambda: not device.operational)
-        # a sweep may still be under way: what the device has sent is read anew each time
+        # the last sweep may still be under way, so the count of sent frames can rise
         assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == device.frames_sent)
         bench.driver.start()
         assert bench.take_until(lambda frame: frame.sequence == 0)

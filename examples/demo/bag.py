@@ -1,7 +1,7 @@
 """Writes topics into an MCAP bag that `ros2 bag` and Foxglove read, without rosbag2 being installed.
 
-A process of its own, as `ros2 bag record` is. It prints a line when it has subscribed, records until its standard input
-ends, and prints how many messages it has written.
+The demo starts this module as a separate process, as `ros2 bag record` is one. The recorder prints a line when it has
+subscribed, records until its standard input ends, and then prints how many messages it has written.
 
     python -m examples.demo.bag FOLDER PAD ...
 """

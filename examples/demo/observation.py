@@ -18,7 +18,7 @@ class Performance(NamedTuple):
     The simulated skin needs little time and waits for nothing but a processor. So its lateness is that of the machine.
     """
 
-    latency: Sequence[float]  #: of each shape, from SYNC to its arrival [s]
+    latency: Sequence[float]  #: time from SYNC to the arrival of each shape [s]
     frames: int               #: that all pads acquired meanwhile
     skin_late: float          #: 99 % of the skin's CAN frames were late by no more [s]
 
@@ -95,7 +95,7 @@ class Verdict(NamedTuple):
     frames: int
     taxels: np.ndarray  #: the middle frame [Pa]
     fit: SeenFit | None  #: of the same frame
-    pitch: float  #: of the pad [m]
+    pitch: float  #: distance of two taxels of the pad [m]
 
     @property
     def is_right_shape(self) -> bool:

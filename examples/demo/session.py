@@ -24,7 +24,7 @@ from tactile_node.nodes.spinning import Spinner
 from tactile_node.viewing.terminal import draw, side_by_side
 
 ROOT = Path(__file__).resolve().parents[2]
-FULL_SCALE = 100e3  #: of LAYOUT [Pa]
+FULL_SCALE = 100e3  #: full scale of LAYOUT [Pa]
 SYNC_PERIOD = 0.05  #: 20 frames a second of each pad [s]
 DRAW_PERIOD = 0.1  #: [s]
 LEAD = 0.2  #: time between the decision to begin and the begin of the script [s]
@@ -79,11 +79,11 @@ class DemoSession:
     """A context: everything is up inside, and down again after it."""
 
     def __init__(self, folder: Path, seed: int, areas: Sequence[float]):
-        self.pitch = demo_pads()[0].layout.pitch  #: of both pads [m]
+        self.pitch = demo_pads()[0].layout.pitch  #: distance of two taxels, on both pads [m]
         self._touches = scripts_of(seed, areas)
         self._skin_words = [str(seed), *map(str, areas)]
         self._folder = folder.resolve()
-        self._begin: float | None = None  # of the script [s, Unix epoch]
+        self._begin: float | None = None  # when the script begins [s, Unix epoch]
         self._height = 0
         self.recorded = 0  #: messages in the bag
         self.performance = Performance((), frames=0, skin_late=0.0)

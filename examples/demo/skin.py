@@ -1,4 +1,4 @@
-"""The simulated skin of the demo, in a process of its own as hardware is: an slcan adapter on a pseudo-terminal.
+"""The simulated skin of the demo, a separate process as hardware would be: an slcan adapter on a pseudo-terminal.
 
 Prints the port. A line on its standard input gives the time at which the script of touches begins [s, Unix epoch]; the
 end of that input is its end. Then it prints the report of the wire as JSON.
@@ -21,7 +21,7 @@ from tactile_node.simulator.slcan_pty import SlcanPty
 class Script:
     """The clock of the touches, which stands before them until ``begin`` is known [s, Unix epoch].
 
-    It goes on when the driver starts a device again; the device's own clock would begin the script anew.
+    The script goes on when the driver starts a device again. The device's own clock would start the script again.
     """
 
     begin = math.inf

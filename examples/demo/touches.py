@@ -11,7 +11,9 @@ from tactile_node.simulator.touches import SimulatedTouch
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from tactile_node.skin.pads import LivePad, make_pad
 
-PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 64), 'sim16x16.yaml'
+PADS = 'left', 'right'
+NODE_IDS = 32, 64
+LAYOUT = 'sim16x16.yaml'
 LARGEST = 60.0  # taxels: what every shape finds room for on 16x16
 TOUCH, GAP = 0.8, 0.3  # how long an object is held, is away [s]
 PRESSURE = 0.6  # of full scale

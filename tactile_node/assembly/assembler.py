@@ -67,10 +67,11 @@ class FrameAssembler(PadAssembler):
         self._one_clock = one_clock
         self._node_ids = tuple(node_ids)
         self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
-        self._ranks_of_nodes = [np.array([rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node])
-                                for node in range(len(node_ids))]
+        self._layout_orders = [[rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node]
+                               for node in range(len(node_ids))]
+        self._ranks_of_nodes = [np.array(ranks) for ranks in self._layout_orders]
         self._names = [tpdo.name for tpdo in layout.tpdos]  # by rank
-        self._orders: list[list[int]] = [own.tolist() for own in self._ranks_of_nodes]  # in which their TPDOs came
+        self._orders = list(self._layout_orders)  # in which the TPDOs of each node came
         self._syncs = 0
         self._distinct = [0] * len(layout.tpdos)  # by rank
         self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
@@ -136,30 +137,29 @@ class FrameAssembler(PadAssembler):
     def statistics(self) -> PadStatistics:
         return super().statistics()._replace(
             distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in own) for own in self._ranks_of_nodes),
-            orders=tuple(map(self._order, self._node_ids, self._orders, self._ranks_of_nodes)),
+            orders=tuple(map(self._order, self._node_ids, self._orders, self._layout_orders)),
             fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
             syncs=self._syncs)  # after what they have caused, for another thread counts on meanwhile
 
-    def _order(self, node_id: int, order: list[int], own: np.ndarray) -> TpdoOrder | None:
-        ranks = own.tolist()
-        if order == ranks:
+    def _order(self, node_id: int, sent: list[int], layout: list[int]) -> TpdoOrder | None:
+        if sent == layout:
             return None
-        return TpdoOrder(node_id, *(tuple(self._names[rank] for rank in each) for each in (order, ranks)))
+        return TpdoOrder(node_id, *(tuple(self._names[rank] for rank in ranks) for ranks in (sent, layout)))
 
     def _note_orders(self) -> None:
-        """Note in which order each node's TPDOs came, where the period has brought each of them once.
+        """Note in which order the TPDOs of each node came, if each came once in this period.
 
-        The end of a late sweep and the beginning of the next one look like another order. So that is one only if no
-        sweep can be late (OUT_OF_ORDER, or with several nodes a discarded period). While it stays, none is taken for
-        late.
+        The end of a late sweep followed by the beginning of the next one looks like another order. So the assembler
+        takes another order for one only if no sweep can be late: after OUT_OF_ORDER or, with several nodes, in a
+        discarded period. As long as a node keeps that order, the assembler takes no sweep for a late one.
         """
         period = self._period
         if period is None:
             return
         for node, run in enumerate(period.runs):
-            order, own = run.received, self._ranks_of_nodes[node].tolist()
-            is_proved = order == own or self._changed_order == self._sequence or period.is_discarded
-            if sorted(order) == own and is_proved:
+            order, layout_order = run.received, self._layout_orders[node]
+            is_proved = order == layout_order or self._changed_order == self._sequence or period.is_discarded
+            if sorted(order) == layout_order and is_proved:
                 self._orders[node] = order
             elif order == self._orders[node]:
                 self._changed_order = self._sequence

@@ -65,8 +65,9 @@ def node_text(pad: str, node: NodeHealth) -> str:
 def _details(node: NodeHealth) -> str:
     """What else is known of the fault."""
     if node.fault in (NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS):
-        facts = [_tpdos(node.missing_tpdos), '' if node.tpdo_order is None else order_text(node.tpdo_order)]
-        return ': ' * any(facts) + '; '.join(filter(None, facts))
+        facts = [_tpdos(node.missing_tpdos)] if node.missing_tpdos else []
+        facts += [order_text(node.tpdo_order)] if node.tpdo_order is not None else []
+        return f': {"; ".join(facts)}' if facts else ''
     if node.fault is NodeFault.TWO_SENDERS and node.surplus_tpdos:
         return f': more than SYNC asks for of {_tpdos(node.surplus_tpdos)}'
     if node.fault is NodeFault.NOT_OPERATIONAL and node.device_errors is not None:

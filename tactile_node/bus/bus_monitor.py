@@ -7,15 +7,13 @@ import can
 from tactile_node.assembly.health import ErrorCounters, ForeignCommand
 from tactile_node.cia301 import objects
 from tactile_node.cia301.emergency import EmergencyLog
-from tactile_node.cia301.frame_bits import Frame, load_bits, worst_case_bits
+from tactile_node.cia301.frame_bits import load_bits
 from tactile_node.cia301.heartbeat import Heartbeats, nmt_state
 from tactile_node.cia301.sdo import written_object
 
 #: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
 BUS_OFF, CONTROLLER, RESTARTED, COUNTERS = 0x040, 0x004, 0x100, 0x200
 PASSIVE, ACTIVE = 0x30, 0x40
-#: the most bits of a standard frame, by its data bytes
-FRAME_BITS = tuple(worst_case_bits(Frame(0, bytes(n))) for n in range(9))
 
 #: objects that decide what TPDOs a node sends, and when
 DECIDES_TPDOS = frozenset((objects.COB_ID_SYNC, *objects.COMMUNICATION_RECORDS, *objects.MAPPING_RECORDS))
@@ -57,14 +55,14 @@ class BusMonitor:
     def feed(self, can_id: int, data: bytes) -> None:
         """A data frame of another node, with an 11-bit identifier."""
         self.can_frames += 1
-        self.bits += load_bits(len(data), False, False)
+        self.bits += load_bits(len(data))
         watched = self._watched.get(can_id)
         if watched is not None:
             watched(can_id, data)
 
     def feed_own(self, size: int) -> None:
         """A frame of ``size`` bytes that we sent; it counts for the load."""
-        self.bits += FRAME_BITS[size]
+        self.bits += load_bits(size)
 
     def feed_other(self, message: can.Message) -> None:
         """Count a remote frame, or one with a 29-bit identifier, for the load: nothing else of it is used."""

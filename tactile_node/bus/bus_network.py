@@ -33,7 +33,7 @@ _REMEDIES = {
     'kvaser': 'Use the interface socketcan with the Linux driver kvaser_usb: on Linux, python-can 4.6 opens no adapter '
               'through CANlib (docs/adapters.md).',
     'pcan': 'Use the interface socketcan with the Linux driver peak_usb, or install PCAN-Basic (docs/adapters.md).'}
-#: of the adapter's maker, which python-can loads
+#: interface -> library of the adapter's maker that python-can loads
 _LIBRARIES = {'kvaser': 'CANlib', 'pcan': 'PCAN-Basic'}
 
 

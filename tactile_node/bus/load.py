@@ -3,12 +3,11 @@
 from collections.abc import Iterable
 from math import ceil
 
-from tactile_node.bus.bus_monitor import FRAME_BITS
-from tactile_node.cia301.objects import MAX_PDO_BYTES
+from tactile_node.cia301.frame_bits import load_bits
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout import SkinLayout
 
-SYNC_BITS = FRAME_BITS[0]  #: SYNC has no data here (CiA 301, 7.2.5: its counter is optional)
+SYNC_BITS = load_bits(0)  #: SYNC has no data here (CiA 301, 7.2.5: its counter is optional)
 
 
 def sweep_bits(layout: SkinLayout) -> int:
@@ -26,7 +25,7 @@ def sweep_bits(layout: SkinLayout) -> int:
 
 def tpdo_bits(layout: SkinLayout) -> int:
     """Return the bits of all TPDOs of a sweep, likewise."""
-    return sum(FRAME_BITS[min(tpdo.length, MAX_PDO_BYTES)] for tpdo in layout.tpdos)
+    return sum(load_bits(tpdo.length) for tpdo in layout.tpdos)
 
 
 MOST_LOAD = 0.9  #: share of the bus's time; beyond, other traffic (heartbeats, SDO, EMCY) delays sweeps

@@ -18,7 +18,8 @@ from can.util import CAN_FD_DLC
 from tactile_node.bus.reception import Batch
 
 END = b'\r'
-ENDS = bytes.maketrans(b'\a\n', 2 * END)  # what else ends a line: refused; some firmware writes CR LF
+#: other ends of a line become END: BELL of a refused command, and LF because some firmware writes CR LF
+ENDS = bytes.maketrans(b'\a\n', 2 * END)
 
 LONGEST_LINE = 160  # characters: more than a CAN FD frame takes, so the end of a line is missing
 HEXADECIMAL = frozenset('0123456789abcdefABCDEF')

@@ -48,8 +48,8 @@ def worst_case_bits(frame: Frame) -> int:
 
 
 @lru_cache(maxsize=256)
-def load_bits(size: int, is_extended: bool, is_remote: bool) -> int:
-    """Return the bits by which a received frame of ``size`` bytes counts for the load of its bus.
+def load_bits(size: int, is_extended: bool = False, is_remote: bool = False) -> int:
+    """Return the bits that a frame of ``size`` bytes adds to the load of its bus.
 
     A classical controller has 8 bytes at most, but an adapter may report more.
     """

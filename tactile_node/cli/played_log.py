@@ -67,6 +67,6 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
     played = PlayedLog(frames, source, source.finished.is_set())
     if must_be_used and not played.has_ended:
         raise KeyboardInterrupt
-    for error in played.unused if must_be_used else ():
-        raise error
+    if must_be_used and (unused := played.unused):
+        raise unused[0]
     return played

@@ -11,7 +11,8 @@ import time
 from tactile_node.cli.options import add_number, pad_names
 from tactile_node.errors import TareRefusal
 
-DEFAULT_WAIT = 10.0  #: s
+DEFAULT_WAIT = 10.0  #: time for which the command tries again [s]
+PRESSED = TareRefusal.PRESSED, TareRefusal.CONTACT
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -33,9 +34,9 @@ def run(args: argparse.Namespace) -> int:
         for pad in args.pads or client.pads():
             end = time.monotonic() + args.wait
             answer = client.tare(pad, args.frames, args.on_device)
-            if answer.refusal in (TareRefusal.PRESSED, TareRefusal.CONTACT) and args.wait:
+            if answer.refusal in PRESSED and args.wait:
                 print(f'tactile: {answer.message}\ntactile: trying again for {args.wait:g} s', file=sys.stderr)
-            while answer.refusal in (TareRefusal.PRESSED, TareRefusal.CONTACT) and time.monotonic() < end:
+            while answer.refusal in PRESSED and time.monotonic() < end:
                 answer = client.tare(pad, args.frames, args.on_device)
             is_done &= answer.success
             print(answer.message if answer.success else f'tactile: error: {answer.message}',

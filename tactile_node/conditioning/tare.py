@@ -60,7 +60,7 @@ class ContactGuard(NamedTuple):
 
     press: float
     raised: float
-    unit: str  #: of the taxels
+    unit: str  #: unit of the taxels
     gains: np.ndarray | float = 1.0  #: (rows, cols) or one for all
 
     @classmethod
@@ -113,7 +113,7 @@ class Tare(NamedTuple):
     frames: int         #: averaged
     noise: float        #: standard deviation of a taxel around its zero, root mean square over the pad
     known: np.ndarray   #: bool, (rows, cols): where the offset was measured
-    unit: str           #: of offset and noise
+    unit: str           #: unit of offset and noise
 
     @property
     def largest(self) -> float:

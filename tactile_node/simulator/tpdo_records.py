@@ -53,18 +53,18 @@ class TpdoRecords:
         """Return the TPDOs ``numbers`` (from 0) that are sent, as their records stand now, in the layout's order."""
         found = []
         for number in numbers:
-            tpdo = self._compile(number)
+            frames = self._frames(number + 1)
+            tpdo = self._compile(number, is_multiplexed=any(head for _, head in frames))
             if tpdo is not None:
-                found += [tpdo._replace(rank=rank, head=head) for rank, head in self._frames(number + 1)]
+                found += [tpdo._replace(rank=rank, head=head) for rank, head in frames]
         return sorted(found, key=lambda tpdo: tpdo.rank)
 
-    def _compile(self, number: int) -> ConfiguredTpdo | None:
+    def _compile(self, number: int, *, is_multiplexed: bool) -> ConfiguredTpdo | None:
         cob_id = self._number(objects.TPDO_COMMUNICATION + number, 1)
         kind = self._number(objects.TPDO_COMMUNICATION + number, objects.TRANSMISSION_TYPE)
         has_timer = kind >= objects.MANUFACTURER_EVENT
         timer = self._time(number, objects.EVENT_TIMER, objects.EVENT_TIMER_UNIT) if has_timer else 0.0
         count = self._number(objects.TPDO_MAPPING + number, 0)
-        is_multiplexed = any(head for _, head in self._frames(number + 1))
         if cob_id & objects.DISABLED:
             return None
         if count == objects.SAM_MPDO and (kind == objects.MANUFACTURER_EVENT or timer):
