@@ -206,6 +206,32 @@ def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
     assert answered == [('right', 1), ('left', 2)]
 
 
+def test_what_only_viewers_read_is_made_after_the_shapes_of_both_pads():
+    """Images and features take as long as a shape, and a planner waits for the shape."""
+    process, made = Process(), []
+    try:
+        for pad in ('left', 'right'):
+            process.input(f'/{pad}/classifier')._accept = lambda each, pad=pad: made.append(f'shape of {pad}')
+            views = process.nodes[f'/{pad}/processor']._views
+            views.publish = lambda contact, pad=pad: made.append(f'images of {pad}')
+            process.input(f'/{pad}/processor').put(pad_frame(1), acquired=PERIOD)
+        for _ in range(3):
+            process.system._hand_over._take_turn()
+    finally:
+        process.system.destroy()
+        process.peer.destroy_node()
+    assert made == ['shape of left', 'shape of right', 'images of left', 'images of right']
+
+
+def test_images_that_cannot_be_made_are_counted_and_cost_no_shape():
+    with Process() as process:
+        def fail(_):
+            raise ValueError('no colours')
+        process.nodes['/left/processor']._views.publish = fail
+        until(lambda: (process.send(), time.sleep(PERIOD), process.input('/left/classifier').counts.processed > 5)[-1])
+        until(lambda: process.input('/left/processor').counts.dropped[RejectReason.PROCESSING_FAILED] > 5)
+
+
 def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(monkeypatch):
     with Process() as process:
         stage = process.input('/left/classifier')

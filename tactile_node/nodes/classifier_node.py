@@ -14,7 +14,7 @@ from tactile_node.nodes.run import run_node
 from tactile_node.nodes.view_topics import ShapeView
 from tactile_node.pose.pipeline import DEFAULT_FUSION, ContactPipeline, StreamedContact
 from tactile_node.ros.contact_messages import PadContact, pad_contact_of
-from tactile_node.ros.message_age import age_message
+from tactile_node.ros.message_age import Arrival, age_message
 from tactile_node.ros.message_checks import check_contact
 from tactile_node.ros.motion_messages import event_message
 from tactile_node.ros.parameters import declare, read
@@ -60,33 +60,39 @@ class ClassifierNode(StageNode):
     def accept(self, contact: PadContact) -> None:
         """Recognise ``contact`` and send its shape on."""
         result = self._pipeline.recognise(contact.found, seconds(contact.header.stamp))
-        shape = self._shape(contact, result)
+        arrival = self._contacts.arrival
+        shape = self._shape(contact, result, arrival)
         shape.bare.left_out = self._contacts.left_out
-        self._shapes.send(shape, self._contacts.arrival.acquired)
+        self._shapes.send(shape, arrival.acquired)
         if shape.bare.fit_valid and is_wanted(self._poses, self._settings.lossless):
             self._poses.publish(pose_message(shape.bare))
         for event in result.motion.events:
-            self._events.publish(event_message(event, contact.header, contact.sequence, self._age()))
+            self._events.publish(event_message(event, contact.header, contact.sequence, _age(arrival)))
         self.recognised += 1
-        if is_wanted(self._all_shapes, self._settings.lossless):
-            self._publish_all(contact, result)
-        self._view.publish(contact, shape.bare)
+        self._contacts.postpone(lambda: self._publish_more(contact, result, shape.bare, arrival))
 
-    def _publish_all(self, contact: PadContact, largest: StreamedContact) -> None:
+    def _publish_more(self, contact: PadContact, result: StreamedContact, bare: ContactShape, arrival: Arrival) -> None:
+        """Publish what no other stage reads."""
+        if is_wanted(self._all_shapes, self._settings.lossless):
+            self._publish_all(contact, result, arrival)
+        self._view.publish(contact, bare)
+
+    def _publish_all(self, contact: PadContact, largest: StreamedContact, arrival: Arrival) -> None:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)
-        shapes = [self._shape(contact, each).whole for each in results]
+        shapes = [self._shape(contact, each, arrival).whole for each in results]
         together = shapes_message(contact, largest.contact.contacts, shapes)
-        together.age = self._age()
+        together.age = _age(arrival)
         self._all_shapes.publish(together)
 
-    def _shape(self, contact: PadContact, result: StreamedContact) -> PadShape:
+    def _shape(self, contact: PadContact, result: StreamedContact, arrival: Arrival) -> PadShape:
         shape = pad_shape(contact.frame, result, self._settings.method, self._settings.solid_height)
-        shape.bare.age = self._age()
+        shape.bare.age = _age(arrival)
         return shape
 
-    def _age(self) -> Duration:
-        """Return the age of what is made of the present contact, when it is sent."""
-        return age_message(self._contacts.arrival.age(time.monotonic()))
+
+def _age(arrival: Arrival) -> Duration:
+    """Return the age, now that it is sent, of what was made of the contact that came at ``arrival``."""
+    return age_message(arrival.age(time.monotonic()))
 
 
 def main() -> int:

@@ -3,6 +3,7 @@
 The driver's thread puts a taxel frame in a bounded slot of the processor and wakes the executor. There the processor
 takes every frame; when none waits, a classifier takes its newest contact, and grasp each shape. The classifiers go in
 rounds, the oldest contact first, so that both pads of a SYNC come out in one grasp, as a rule, before the next SYNC's.
+What no stage waits for, such as images, is made at the end of a round, so that it delays no shape.
 Results arrive in one way, whichever way they came: counted, and refused beside those of a second source.
 """
 
@@ -57,6 +58,7 @@ class HandOver:
         self._is_working = False
         self._is_released = False
         self._round: deque[tuple[StageInput, Waiting]] = deque()  # classifiers, with what waited when it began
+        self._postponed: deque[tuple[StageInput, Callable[[], None]]] = deque()  # to the end of the round
 
     def add(self, stage: 'StageInput') -> None:
         """Let ``stage`` be handed what is sent on its topic."""
@@ -66,6 +68,7 @@ class HandOver:
         """Hand nothing more to ``stage``, whose node ends."""
         self._inputs = {topic: each for topic, each in self._inputs.items() if each is not stage}
         self._round = deque(each for each in self._round if each[0] is not stage)
+        self._postponed = deque(each for each in self._postponed if each[0] is not stage)
         with self._changed:
             self._changed.notify_all()
 
@@ -87,6 +90,11 @@ class HandOver:
             self._awake = executor
         with suppress(AttributeError, InvalidHandle):  # errors of rclpy's own executors just after their shutdown
             executor.create_task(self._work)
+
+    def postpone(self, stage: 'StageInput', publish: Callable[[], None]) -> None:
+        """Have ``stage`` call ``publish`` at the end of the round: no other stage waits for what that publishes."""
+        self._postponed.append((stage, publish))
+        self.wake()
 
     def wait_until_answered(self) -> None:
         """Return when nothing waits and nothing is worked on: a log goes no faster than its consumers.
@@ -112,7 +120,7 @@ class HandOver:
         return not (self._is_working or self._has_work())
 
     def _has_work(self) -> bool:
-        return bool(self._round) or any(stage.waits for stage in self._inputs.values())
+        return bool(self._round or self._postponed) or any(stage.waits for stage in self._inputs.values())
 
     def _work(self) -> None:
         """Take one turn; the next in another task, after other callbacks."""
@@ -128,7 +136,7 @@ class HandOver:
             self.wake()
 
     def _take_turn(self) -> None:
-        """Take every frame that waits, then one newest contact."""
+        """Take every frame that waits, then one newest contact; after the last of a round, what was postponed."""
         self._work_on_all()
         if not self._round:
             found = ((stage, stage.take()) for stage in self._inputs.values() if stage.takes_newest and stage.waits)
@@ -137,6 +145,9 @@ class HandOver:
             stage, waiting = self._round.popleft()
             stage.work(waiting)
             self._work_on_all()
+        while self._postponed and not self._round:
+            stage, publish = self._postponed.popleft()
+            stage.call(publish)
 
     def _work_on_all(self) -> None:
         """Once: frames that never end must not keep the classifiers waiting."""
@@ -205,6 +216,17 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         for results in [waiting] if self.takes_newest else [[each] for each in waiting]:
             usable = [result for result, acquired in results if self._is_usable(result, acquired)]
             self._work_on(usable, self._accept)
+
+    def postpone(self, publish: Callable[[], None]) -> None:
+        """Call ``publish`` when no shape waits any more."""
+        self._hand_over.postpone(self, publish)
+
+    def call(self, publish: Callable[[], None]) -> None:
+        """Call ``publish``, whose failure must not end the executor."""
+        try:
+            publish()
+        except Exception as error:
+            self._failed(error)
 
     @property
     def health(self) -> StreamHealth:

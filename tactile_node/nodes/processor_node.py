@@ -24,7 +24,7 @@ from tactile_node.ros.contact_messages import (
     find_in,
     pad_frame_of,
 )
-from tactile_node.ros.message_age import age_message
+from tactile_node.ros.message_age import Arrival, age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import declare, follow_changes, read
 from tactile_node.ros.qos import is_wanted
@@ -77,10 +77,15 @@ class ProcessorNode(StageNode):
             logger.warning('%s: %s', self._taxels.topic, error, extra=of_node(self, fact=error))
             self._scales = {}  # once
         contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
-        self._contacts.send(contact, self._taxels.arrival.acquired)
+        arrival = self._taxels.arrival
+        self._contacts.send(contact, arrival.acquired)
+        self._taxels.postpone(lambda: self._publish_more(contact, arrival))
+
+    def _publish_more(self, contact: PadContact, arrival: Arrival) -> None:
+        """Publish what no other stage reads."""
         if is_wanted(self._features, self._settings.lossless):
             features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
-            features.age = age_message(self._taxels.arrival.age(time.monotonic()))
+            features.age = age_message(arrival.age(time.monotonic()))
             self._features.publish(features)
         self._views.publish(contact)
 
