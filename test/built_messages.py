@@ -3,6 +3,8 @@
 A build takes 20 s of processor time, once, and can send its messages. Generated Python classes take 1 s and cannot.
 
 Only what our code uses of them, by the names of the real packages: geometry2, MoveIt 2, ros2_control, tactile_toolbox.
+
+    python test/built_messages.py PACKAGE ...
 """
 
 import ctypes
@@ -167,3 +169,9 @@ def _build(package: str, folder: Path) -> None:
         done = subprocess.run([cmake, *map(str, arguments)], env=environment, stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT, text=True)
         assert done.returncode == 0, done.stdout[-3000:]
+
+
+if __name__ == '__main__':
+    for package in sys.argv[1:]:
+        with built_messages(package, BUILT):
+            pass

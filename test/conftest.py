@@ -52,20 +52,39 @@ MARK = re.compile(r'pytest\.mark\.(ros|bus|slow)')
 MODULE_MARKS = re.compile(r'^pytestmark = (\[.*?\]|.*?)$', re.MULTILINE | re.DOTALL)
 
 
+def pytest_addoption(parser):
+    parser.addoption('--part', default='1/1', metavar='K/N', help='only every Nth test file, from the Kth on: N runs '
+                     'beside each other then share the tests')
+
+
 def pytest_ignore_collect(collection_path, config):
-    """Import only modules that may have a test with the marks of ``-m``: importing all takes 15 s in each lane."""
-    if collection_path.suffix != '.py' or not config.option.markexpr:
+    """Leave out the files of other parts, and those without a test of this run.
+
+    Importing all of them takes 15 s in each lane.
+    """
+    if collection_path.suffix != '.py' or collection_path.parent != Path(__file__).parent:
         return None
-    text = collection_path.read_text()
+    part, parts = map(int, config.getoption('part').split('/'))
+    files = config.stash.setdefault(FILES, sorted(
+        path.name for path in collection_path.parent.glob('test_*.py') if may_have_tests(path, config.option.markexpr)))
+    return None if collection_path.name in files[part - 1::parts] else True
+
+
+def may_have_tests(path, markexpr):
+    """Return whether the file may have a test with the marks of ``markexpr``, by its text: it is not imported."""
+    if not markexpr:
+        return True
+    text = path.read_text()
     module_marks = MODULE_MARKS.search(text)
     certain = set(MARK.findall(module_marks[0])) if module_marks else set()
     choices = [(True,) if mark in certain else (True, False) if f'mark.{mark}' in text else (False,)
                for mark in ('ros', 'bus', 'slow')]
-    may_match = any(eval(config.option.markexpr, {'ros': ros, 'bus': bus, 'slow': slow})
-                    for ros, bus, slow in itertools.product(*choices))
-    return None if may_match else True
+    return any(eval(markexpr, {'ros': ros, 'bus': bus, 'slow': slow})
+               for ros, bus, slow in itertools.product(*choices))
 
 
+#: Names of the files that may have a test with the marks of this run
+FILES = pytest.StashKey[list]()
 #: Test file -> processor time [s] of collecting it and running its tests
 PROCESSOR_TIME = pytest.StashKey[Counter]()
 
