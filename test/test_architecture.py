@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import draw_architecture as picture
@@ -31,6 +32,7 @@ CAN = {'can', 'canopen'}
 REPORTED = ('foreign', 'blemish', 'stamp', 'idle', 'spots', 'mechanics')
 
 
+@cache
 def imports(path: Path) -> set[str]:
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):

@@ -1,6 +1,10 @@
-"""A skin's response, from presses of one known disc to the sizes of others; on a skin whose response is hidden."""
+"""A skin's response, from presses of one known disc to the sizes of others; on a skin whose response is hidden.
+
+With TACTILE_LONG each press has more frames, and the others are pressed more often.
+"""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -23,6 +27,9 @@ from training.ground_truth.layer import sample, stress_field
 from training.ground_truth.mechanics import solve
 from training.ground_truth.seeds import Purpose, generator
 
+LONG = bool(os.environ.get('TACTILE_LONG'))
+FRAMES = 4 if LONG else 2  #: of each press of the disc
+OTHER_PRESSES, OTHER_FRAMES = (6, 6) if LONG else (4, 4)
 RADIUS = 0.0104  #: of the known disc [m]
 OTHERS = {'square': (0.0150,), 'rectangle': (0.0180, 0.0110)}  #: pressed after the calibration
 
@@ -36,7 +43,7 @@ def rng():
 def response_file(rng, tmp_path_factory):
     """What `tactile calibrate` writes after presses of the known disc."""
     folder = tmp_path_factory.mktemp('calibrated')
-    write_log(folder / 'presses.log', pressed(rng, *solved('circle', (RADIUS,), 0.02), presses=6, frames=4))
+    write_log(folder / 'presses.log', pressed(rng, *solved('circle', (RADIUS,), 0.02), presses=6, frames=FRAMES))
     output = folder / 'skin.response.yaml'
     assert main(['calibrate', str(folder / 'presses.log'), '--radius', str(RADIUS), '-o', str(output)]) == 0
     return output
@@ -47,7 +54,7 @@ def other_log(rng, tmp_path_factory):
     """Presses of the others, each with its shape and lengths, in one log."""
     path = tmp_path_factory.mktemp('others') / 'others.log'
     write_log(path, [frame for shape, lengths in OTHERS.items()
-                     for frame in pressed(rng, *solved(shape, lengths, 0.15), presses=6, frames=6)])
+                     for frame in pressed(rng, *solved(shape, lengths, 0.15), OTHER_PRESSES, OTHER_FRAMES)])
     return path
 
 
@@ -73,7 +80,7 @@ def test_sizes_of_other_objects_are_right_after_one_calibration(response_file, o
         assert main(['classify', str(frames), '--pitch', str(PITCH), *options]) == 0
         found[name] = length_errors(capsys.readouterr().out)
     for shape in OTHERS:
-        assert min(len(found[name][shape]) for name in found) > 25, shape
+        assert min(len(found[name][shape]) for name in found) > 0.7 * OTHER_PRESSES * OTHER_FRAMES, shape
         assert np.median(found['without'][shape]) > 0.025, shape
         assert abs(np.median(found['with'][shape])) < 0.015, shape
 
@@ -103,7 +110,7 @@ def test_the_file_says_what_it_was_found_from(response_file):
 
 def test_a_square_is_no_disc(rng, tmp_path, capsys):
     """With its area's radius it was accepted, and other objects came out 12 % too large, surely."""
-    write_log(tmp_path / 'square.log', pressed(rng, *solved('square', (0.0168,), 0.02), presses=6, frames=4))
+    write_log(tmp_path / 'square.log', pressed(rng, *solved('square', (0.0168,), 0.02), presses=6, frames=FRAMES))
     output = tmp_path / 'r.yaml'
     assert main(['calibrate', str(tmp_path / 'square.log'), '--radius', '0.0095', '-o', str(output)]) == 2
     assert 'no_circle' in capsys.readouterr().out and not output.exists()
@@ -223,7 +230,7 @@ def presses(count, radius=5.0):
 
 @pytest.mark.parametrize('given, known, says', [
     (LEAST_PRESSES - 1, Disc(0.01), 'presses'), (8, Disc(-0.01), 'known disc'), (8, Disc(float('nan')), 'known disc'),
-    (8, Disc(0.01, 0.02), 'known disc'), (8, Disc(0.015), 'presses of a known disc')])
+    (8, Disc(0.01, 0.02), 'known disc'), (LEAST_PRESSES, Disc(0.015), 'presses of a known disc')])
 def test_a_calibration_that_cannot_be_is_refused(given, known, says):
     with pytest.raises(InputError) as error:
         calibrate(presses(given), known, 0.002, 'Pa')

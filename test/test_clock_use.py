@@ -6,6 +6,8 @@ A module that is not here takes the stamps of messages and a steady clock. See d
 import ast
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(path for folder in ('tactile_node', 'examples', 'launch') for path in (ROOT / folder).rglob('*.py'))
 #: By module: what it takes the time of its host for
@@ -43,8 +45,16 @@ def name_of(node: ast.expr) -> str:
     return getattr(node, 'id', '')
 
 
-def calls(path: Path) -> list[ast.Call]:
-    return [node for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))) if isinstance(node, ast.Call)]
+@pytest.fixture(scope='module')
+def nodes():
+    """Each file with the calls and the assignments in it."""
+    return [(path, node) for path in FILES for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
+            if isinstance(node, (ast.Call, ast.Assign))]
+
+
+@pytest.fixture(scope='module')
+def calls(nodes):
+    return [(path, node) for path, node in nodes if isinstance(node, ast.Call)]
 
 
 def reads_wall_clock(call: ast.Call) -> bool:
@@ -53,27 +63,26 @@ def reads_wall_clock(call: ast.Call) -> bool:
             or name.endswith(('get_clock().now', '_clock.now')))
 
 
-def test_the_modules_that_look_at_the_wall_clock_are_those_of_the_list():
-    found = {str(path.relative_to(ROOT)) for path in FILES if any(map(reads_wall_clock, calls(path)))}
+def test_the_modules_that_look_at_the_wall_clock_are_those_of_the_list(calls):
+    found = {str(path.relative_to(ROOT)) for path, call in calls if reads_wall_clock(call)}
     assert found == set(WALL_CLOCK)
 
 
-def test_every_timer_is_on_a_steady_clock():
+def test_every_timer_is_on_a_steady_clock(calls):
     """By default it is on the node's, which stands still while the wall clock is set back."""
-    timers = [(path, call) for path in FILES for call in calls(path) if name_of(call.func).endswith('create_timer')]
+    timers = [(path, call) for path, call in calls if name_of(call.func).endswith('create_timer')]
     assert timers
     for path, call in timers:
         given = {keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords}
         assert given.get('clock') == 'Clock(clock_type=ClockType.STEADY_TIME)', (path, call.lineno)
 
 
-def test_no_qos_compares_the_clocks_of_hosts():
-    profiles = [(path, call) for path in FILES for call in calls(path) if name_of(call.func) == 'QoSProfile']
+def test_no_qos_compares_the_clocks_of_hosts(nodes, calls):
+    profiles = [(path, call) for path, call in calls if name_of(call.func) == 'QoSProfile']
     assert profiles
     for path, call in profiles:
         assert not QOS & {keyword.arg for keyword in call.keywords}, (path, call.lineno)
-    for path in FILES:
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
-            targets = node.targets if isinstance(node, ast.Assign) else []
-            assert not any(isinstance(each, ast.Attribute) and each.attr in {'lifespan', 'liveliness'}
-                           for each in targets), path
+    for path, node in nodes:
+        targets = node.targets if isinstance(node, ast.Assign) else []
+        assert not any(isinstance(each, ast.Attribute) and each.attr in {'lifespan', 'liveliness'}
+                       for each in targets), path

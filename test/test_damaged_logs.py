@@ -6,6 +6,9 @@ import re
 import struct
 import time
 from datetime import datetime
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import can
 import numpy as np
@@ -184,13 +187,23 @@ def test_a_header_without_which_no_line_can_be_read_is_an_error(tmp_path):
 BLF_FRAMES = 6000  # in several containers
 
 
+@cache
+def blf_bytes(compression):
+    """A BLF of numbered frames that python-can has written."""
+    random = np.random.default_rng(1)
+    with TemporaryDirectory() as folder:
+        path = Path(folder, 'x.blf')
+        with can.BLFWriter(str(path), compression_level=compression) as writer:
+            for n in range(BLF_FRAMES):
+                data = n.to_bytes(2, 'big') + random.bytes(6)
+                writer(can.Message(1.7e9 + n / 1000, 0x181, False, data=data, channel=0))
+        return path.read_bytes()
+
+
 def blf_log(folder, change=lambda content: content, compression=-1):
-    """A BLF of numbered frames that python-can has written; ``change``: its bytes."""
-    path, random = folder / 'x.blf', np.random.default_rng(1)
-    with can.BLFWriter(str(path), compression_level=compression) as writer:
-        for n in range(BLF_FRAMES):
-            writer(can.Message(1.7e9 + n / 1000, 0x181, False, data=n.to_bytes(2, 'big') + random.bytes(6), channel=0))
-    path.write_bytes(change(path.read_bytes()))
+    """That BLF in ``folder``; ``change``: its bytes."""
+    path = folder / 'x.blf'
+    path.write_bytes(change(blf_bytes(compression)))
     return path
 
 

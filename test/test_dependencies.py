@@ -4,6 +4,7 @@ import ast
 import configparser
 import re
 import sys
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -65,10 +66,15 @@ def imported(folder: str) -> dict[str, str]:
     files = sorted((ROOT / folder).rglob('*.py'))
     names = {path.stem for path in files}
     for path in files:
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
-            for module in _modules(node):
-                found.setdefault(module.partition('.')[0], str(path.relative_to(ROOT)))
+        for module in modules_of(path):
+            found.setdefault(module.partition('.')[0], str(path.relative_to(ROOT)))
     return {name: file for name, file in found.items() if name not in {*sys.stdlib_module_names, *OURS, *names}}
+
+
+@cache
+def modules_of(path: Path) -> tuple[str, ...]:
+    """Return the modules that a file imports."""
+    return tuple(module for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))) for module in _modules(node))
 
 
 def _modules(node: ast.AST) -> list[str]:
@@ -84,8 +90,7 @@ def _modules(node: ast.AST) -> list[str]:
 
 def test_no_module_is_imported_that_a_supported_ros_has_not():
     for path in [*(ROOT / 'tactile_node').rglob('*.py'), *(ROOT / 'examples').rglob('*.py')]:
-        found = {module for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))) for module in _modules(node)}
-        assert not {'.'.join(module.split('.')[:2]) for module in found} & NOT_IN_EVERY_ROS, path
+        assert not {'.'.join(module.split('.')[:2]) for module in modules_of(path)} & NOT_IN_EVERY_ROS, path
 
 
 def keys(*tags: str) -> set[str]:

@@ -5,6 +5,7 @@ written here sends the number of its scan in every taxel, so that a frame of two
 """
 
 import itertools
+import os
 import re
 
 import numpy as np
@@ -19,6 +20,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.skin.taxel_codec import without_values
 from tactile_node.taxel_frame import TaxelStatus, without_any_value
 
+LONG = bool(os.environ.get('TACTILE_LONG'))
 T = 0.02
 MAX_AGE = 0.05
 SWEEPS = TINY + 'event_driven: {transmission_type: 254, event_timer: 0.02, frames: sweeps}\n'
@@ -37,10 +39,13 @@ tpdos:
 RANKS = 0x181, 0x281, 0x381
 
 
-def made(folder, text, **options):
-    layout = tiny_layout(folder, text)
+def of_layout(layout):
     kind = SweepAssembler if layout.event_driven.is_sweeps else SnapshotAssembler
-    return telling(kind(layout, layout.event_driven, (1,)), **options)
+    return kind(layout, layout.event_driven, (1,))
+
+
+def made(folder, text, **options):
+    return telling(of_layout(tiny_layout(folder, text)), **options)
 
 
 @pytest.fixture
@@ -91,8 +96,9 @@ def test_a_lost_tpdo_leaves_its_taxels_stale(sweeps, lost, stamp):
 
 def test_no_frame_of_any_loss_pattern_mixes_two_sweeps(tmp_path):
     """Three sweeps of three TPDOs, each of which is lost or not: all 512 cases."""
+    layout = tiny_layout(tmp_path, SWEEPS)
     for kept in itertools.product((False, True), repeat=9):
-        assembler, results = made(tmp_path, SWEEPS), ()
+        assembler, results = of_layout(layout), ()
         for place in np.flatnonzero(kept):
             scan, rank = divmod(int(place), 3)
             results += send(assembler, rank, 5 + scan * T + 0.001 * rank, 20 + scan)
@@ -267,9 +273,9 @@ def test_a_tpdo_that_stops_is_stale_within_its_age_and_never_valid_after(snapsho
 
 def test_no_random_fault_makes_old_values_valid_or_ages_wrong(tmp_path):
     """TPDOs of any rate, lost, doubled, stamps that jitter: each value is the last sent, its age that of its stamp."""
-    random = np.random.default_rng(9)
-    for _ in range(60):
-        assembler, given, last = made(tmp_path, SNAPSHOTS), [], {}
+    random, layout = np.random.default_rng(9), tiny_layout(tmp_path, SNAPSHOTS)
+    for _ in range(60 if LONG else 30):
+        assembler, given, last = of_layout(layout), [], {}
         rates = random.uniform(0.002, 0.1, 3)
         events = sorted((at, rank) for rank in range(3) for at in np.cumsum(random.exponential(rates[rank], 60)))
         for number, (at, rank) in enumerate(events):

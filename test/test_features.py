@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 
 import by_definition
 import numpy as np
@@ -30,8 +31,10 @@ def test_every_feature_is_that_of_the_definition(name):
 
 @pytest.mark.parametrize('name', assorted())
 def test_every_rotated_pattern_is_that_of_the_definition(name):
-    mask = assorted()[name]
-    for angle, rotated in zip(ANGLES, rotated_patterns(mask)):
+    """For every angle with TACTILE_LONG, else for every third one, from another one on for each pattern."""
+    mask, begin = assorted()[name], list(assorted()).index(name) % 3
+    chosen = slice(None) if os.environ.get('TACTILE_LONG') else slice(begin, None, 3)
+    for angle, rotated in [*zip(ANGLES, rotated_patterns(mask))][chosen]:
         np.testing.assert_array_equal(cropped(rotated),
                                       cropped(by_definition.rotated(mask, int(angle))), f'{angle}°')
 

@@ -25,6 +25,7 @@ from training.ground_truth.mechanics import solve
 PUNCHES = {
     'circle': (0.564,), 'square': (1.0,), 'rectangle': (1.4, 0.714), 'right_triangle': (1.73, 1.155, 1.0),
     'isosceles_triangle': (1.41, 1.41)}
+LONG = bool(os.environ.get('TACTILE_LONG'))
 PERIOD, FRAMES, SIDE, MIDDLE, DEPTH = 0.02, 40, 32, 14.0, 0.6
 INSIDE = 5.99  #: chi squared of two places, 95 %
 
@@ -97,9 +98,9 @@ def apart(fits: Followed) -> np.ndarray:
     return np.hypot(*fits.apart.T)
 
 
-#: each way with two shapes, each shape with three ways or more; with TACTILE_LONG all together
+#: each way with a shape, each shape with a way or two; with TACTILE_LONG all together
 PAIRS = [(shape, way) for i, way in enumerate(WAYS) for j, shape in enumerate(PUNCHES)
-         if os.environ.get('TACTILE_LONG') or (i + j) % len(PUNCHES) in (0, 2)]
+         if LONG or (i + j) % len(PUNCHES) == 0]
 
 
 @cache
@@ -120,7 +121,7 @@ def test_it_is_no_surer_than_it_is_right(shape, way):
     assert followed.inside.mean() >= min(searched.inside.mean(), 0.95) - 1 / FRAMES
 
 
-@pytest.mark.parametrize('shape', PUNCHES)
+@pytest.mark.parametrize('shape', PUNCHES if LONG else ('rectangle', 'isosceles_triangle'))
 def test_it_does_not_lag_behind_a_slide(shape):
     """0.5 pitch a frame: 50 mm/s at 50 Hz on taxels 2 mm apart."""
     searched, followed = both(shape, 'slides by 0.5 pitch a frame')
@@ -216,5 +217,5 @@ def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
 @pytest.mark.parametrize('load, hidden', [(0.05, 0), (0.1, 0), (0.2, 0), (1.0, 13), (1.0, 15)])
 def test_a_circle_first_seen_badly_is_as_large_as_searched_for(load, hidden):
     """Touched lightly, or with half of it hidden, it may look like a cone, which is larger."""
-    pairs = np.array([first_press(number, load, hidden) for number in range(40)])
+    pairs = np.array([first_press(number, load, hidden) for number in range(40 if LONG else 12)])
     assert abs(pairs[:, 0] - pairs[:, 1]).max() < 0.1

@@ -1,10 +1,14 @@
 """Labels by hand: one for each frame of a recording, none without."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 from bench.recognition import cases
-from bench.recognition.cases import frame_labels, recorded
+from bench.recognition.cases import frame_labels
+
+recorded = cache(cases.recorded)
 
 
 @pytest.mark.parametrize('recording', ['nus_ring_session', 'nus_square_excerpt', 'nus_square_moving'])

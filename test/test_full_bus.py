@@ -9,7 +9,8 @@ from wire_worlds import HOST, ONE, TWO, TWO_NODES, WIRE, period_at, played, rand
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
 LOADS = (0.8, 0.9, 0.95, 0.98) if LONG else (0.8, 0.98)
-SWEEPS, EVENT = 600, 200  #: in a world; the number of the one to which something happens
+#: in a world; the number of the one to which something happens
+SWEEPS, EVENT = (600, 200) if LONG else (180, 60)
 
 
 @pytest.mark.parametrize('clock', [HOST, WIRE])

@@ -1,5 +1,6 @@
 """What two faces say together: known answers by hand, random draws, and sides that contradict each other."""
 
+import os
 from math import atan2, cos, isnan, nan, pi, radians, sin
 
 import numpy as np
@@ -9,6 +10,7 @@ from tactile_node.grasp import held_object as module
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.held_object import SAME_FACES, Face, FaceFit, HeldObject, held_object
 
+LONG = bool(os.environ.get('TACTILE_LONG'))
 CLASSES = 'circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle'
 SYMMETRY = dict(zip(CLASSES, (0, 4, 2, 1, 1)))
 SIZES = {'circle': ('radius',), 'square': ('side',), 'rectangle': ('long', 'short'),
@@ -102,7 +104,8 @@ def test_confidences_are_frequencies():
     """Faces drawn as the model says, each side's answer as likely as it claims: 80 % sure ones are right so often."""
     rng = np.random.default_rng(3)
     claimed, right = [], []
-    for _ in range(20000):
+    draws = 20000 if LONG else 10000
+    for _ in range(draws):
         left = rng.integers(5)
         true = left, left if rng.random() < SAME_FACES else (left + rng.integers(1, 5)) % 5
         said = []
@@ -113,7 +116,7 @@ def test_confidences_are_frequencies():
         if name != 'unknown':
             claimed.append(confidence)
             right.append(CLASSES[true[0]] == CLASSES[true[1]] == name)
-    assert len(right) > 8000 and np.mean(right) == pytest.approx(np.mean(claimed), abs=0.015)
+    assert len(right) > 0.4 * draws and np.mean(right) == pytest.approx(np.mean(claimed), abs=0.015)
 
 
 # Sizes
@@ -320,7 +323,7 @@ def test_nothing_known_claims_nothing():
 def test_true_values_are_within_two_deviations_as_often_as_they_should_be(name, gripper):
     """95.4 % of normal ones; more where two results that disagree by chance widen it (Birge)."""
     rng, inside, widths = np.random.default_rng(7), [], []
-    for _ in range(2000):
+    for _ in range(2000 if LONG else 1000):
         yaw, sds = rng.uniform(-pi, pi), rng.uniform(0.005, 0.02, 2)
         size, size_sds = rng.uniform(0.01, 0.03), rng.uniform(1e-4, 4e-4, 2)
         count, faces = len(SIZES[name]), faces_of(name, yaw, gripper, sds * rng.standard_normal(2))

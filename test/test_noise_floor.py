@@ -1,6 +1,7 @@
 """The noise floor of a pad: what is learnt of it, and what rests on the pad while it is."""
 
 import os
+from itertools import product
 
 import numpy as np
 import pytest
@@ -15,8 +16,8 @@ ROWS, COLS = np.mgrid[:12, :12]
 SQUARE = (ROWS >= 3) & (ROWS < 9) & (COLS >= 4) & (COLS < 9)
 NOISE = {'Pa': 1e3, 'N': 0.0035, None: 10.0}  #: standard deviation, 1 % of the full scale
 LONG = bool(os.environ.get('TACTILE_LONG'))
-UNITS = pytest.mark.parametrize('unit', NOISE)
 WHOLE, HALF, MOST = np.ones(SHAPE, bool), COLS < 6, ROWS < 11
+MASKS = {'whole': WHOLE, 'half': HALF, '11 of 12': MOST}
 
 
 def patterns(heights, unit, mask=SQUARE, *, seed=1, fixed=None):
@@ -37,15 +38,20 @@ def check_held(heights, unit, mask, *, from_height):
         assert np.median(pattern.noise[mask]) < 2 * NOISE[unit]
 
 
-@UNITS
-@pytest.mark.parametrize('seconds', [1, 10, *LONG * [60]])
+def each(*short, **names):
+    """With TACTILE_LONG all combinations of the values of ``names``, else those in ``short``."""
+    every = [dict(zip(names, values)) for values in product(*names.values())]
+    chosen = every if LONG else [dict(zip(names, values)) for values in short]
+    return pytest.mark.parametrize(tuple(names), [tuple(case.values()) for case in chosen])
+
+
+@each((1, 'Pa'), (1, 'N'), (10, None), seconds=(1, 10, 60), unit=NOISE)
 def test_a_contact_that_grows_slowly_is_never_noise(seconds, unit):
     heights = np.concatenate((np.zeros(50), np.linspace(0, 30, 50 * seconds), np.full(100, 30.0)))
     check_held(heights, unit, SQUARE, from_height=10)
 
 
-@UNITS
-@pytest.mark.parametrize('frames', [1000, *LONG * [2000]])
+@each((1000, 'Pa'), (1000, None), frames=(1000, 2000), unit=NOISE)
 def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
     """1,000 frames are twice as many as are remembered; then it is let go, and the pad is free at once."""
     heights = np.concatenate((np.full(frames, 20.0), np.zeros(5)))
@@ -54,19 +60,17 @@ def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
     assert not free.contacts and free.pad_seen
 
 
-@UNITS
-@pytest.mark.parametrize('mask', [WHOLE, HALF, MOST], ids=['whole', 'half', '11 of 12'])
+@each(('whole', 'Pa'), ('whole', None), ('half', 'N'), ('11 of 12', None), mask=MASKS, unit=NOISE)
 def test_an_object_that_covers_the_pad_after_rest_is_held(mask, unit):
     heights = np.concatenate((np.zeros(60), np.full(600, 20.0)))
-    check_held(heights, unit, mask, from_height=10)
+    check_held(heights, unit, MASKS[mask], from_height=10)
 
 
-@pytest.mark.parametrize('unit', ['Pa', 'N'])
-@pytest.mark.parametrize('mask', [WHOLE, HALF, MOST], ids=['whole', 'half', '11 of 12'])
-@pytest.mark.parametrize('seconds', [0, 5, *LONG * [20]])
+@each((0, 'whole', 'N'), (0, 'half', 'Pa'), (0, '11 of 12', 'N'), (5, 'whole', 'Pa'), (5, 'half', 'N'),
+      (5, '11 of 12', 'Pa'), seconds=(0, 5, 20), mask=MASKS, unit=('Pa', 'N'))
 def test_with_a_unit_the_pad_may_be_covered_from_the_start_or_slowly(seconds, mask, unit):
     heights = np.concatenate((np.linspace(0, 20, 50 * seconds), np.full(300, 20.0)))
-    check_held(heights, unit, mask, from_height=12)
+    check_held(heights, unit, MASKS[mask], from_height=12)
 
 
 @pytest.mark.parametrize('unit', ['Pa', 'N'])
@@ -78,7 +82,7 @@ def test_a_contact_between_noise_and_fixed_thresholds_is_not_learned(unit):
     assert not last.contacts and last.noise[SQUARE].max() < 2 * NOISE[unit]
 
 
-@UNITS
+@each(('Pa',), (None,), unit=NOISE)
 def test_the_noise_of_each_taxel_is_found(unit):
     """An idle pad with taxels of half to twice the noise: within a fifth of what was drawn for nine in ten."""
     rng = np.random.default_rng(3)

@@ -1,12 +1,13 @@
 """A recording that rotates loses nothing between two files; one that meets a full disk counts exactly what it lacks."""
 
+import os
 import subprocess
 import sys
-from random import Random
+from pathlib import Path
 
-import can
 import pytest
-from test_can_commands import ROOT, run
+from numbered_frames import numbered
+from test_can_commands import run
 
 from tactile_node.cli import record
 from tactile_node.errors import ConfigurationError
@@ -15,12 +16,7 @@ from tactile_node.logs.log_writer import CanLogWriter
 
 SUFFIXES = ['.log', '.log.gz', '.mcap']
 FRAMES = 1500
-
-
-def numbered(count):
-    random = Random(3)  # or a compressed file would stay small
-    return [can.Message(1.7e9 + n / 1000, 0x181, False, data=n.to_bytes(4, 'little') + random.randbytes(4),
-                        channel='can0') for n in range(count)]
+ROOT = Path(__file__).resolve().parents[1]
 
 
 def numbers(path):
@@ -70,9 +66,8 @@ def test_a_next_file_that_cannot_be_made_ends_the_recording(tmp_path):
 
 FULL = '''
 import resource, sys, time
-import can
+from numbered_frames import numbered
 from tactile_node.logs import log_writer
-from test_recording_files import numbered
 log_writer.FLUSH_PERIOD = 0.01
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]),) * 2)
 writer = log_writer.CanLogWriter(sys.argv[1], largest=int(sys.argv[2]))
@@ -91,8 +86,9 @@ def test_a_full_disk_costs_exactly_what_is_counted(tmp_path, suffix, largest):
     """A greatest size of files stands for the disk; with rotation from 5,000 bytes on it is never reached."""
     path, room = tmp_path / f'x{suffix}', 12_000 if suffix == '.log.gz' else 40_000
     # -B: the limit would cut short the bytecode that Python keeps of what is imported, for everyone
+    environment = os.environ | {'PYTHONPATH': f'{ROOT}:{ROOT / "test"}'}
     done = subprocess.run([sys.executable, '-B', '-c', FULL, str(path), str(largest), str(room)], text=True,
-                          env={'PYTHONPATH': f'{ROOT}:{ROOT / "test"}'}, capture_output=True, timeout=120, check=True)
+                          env=environment, capture_output=True, timeout=120, check=True)
     kept, lost, has_failed, parts = done.stdout.split()
     found = numbers(path)
     if largest:

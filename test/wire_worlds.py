@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import cache
 from itertools import chain
 from typing import NamedTuple
 
@@ -90,7 +91,8 @@ class Receiver:
         data = bytes(8)
         if frame.can_id in self._tpdos:
             layout, length = self._tpdos[frame.can_id]
-            data = coded(frame.number, layout)[:length]
+            value = layout.value
+            data = coded(frame.number % CODES + 1, value.bits, value.byte_order)[:length]
         self.router.feed(frame.can_id, data, stamp, after)
 
     def seen(self, nodes: Sequence[Sequence[Node]]) -> list[Seen]:
@@ -167,10 +169,10 @@ def rising(times: np.ndarray) -> np.ndarray:
     return np.maximum.accumulate(times) + 1e-9 * np.arange(len(times))
 
 
-def coded(number: int, layout) -> bytes:
-    """Eight bytes of which every taxel of these layouts reads ``number`` modulo CODES, plus 1."""
-    code, bits = number % CODES + 1, layout.value.bits
-    if layout.value.byte_order == 'little':
+@cache
+def coded(code: int, bits: int, byte_order: str) -> bytes:
+    """Eight bytes in which every value of ``bits`` is ``code``."""
+    if byte_order == 'little':
         word = sum(code << place for place in range(0, 64 - bits + 1, bits))
         return word.to_bytes(8, 'little')
     word = sum(code << 64 - bits - place for place in range(0, 64 - bits + 1, bits))

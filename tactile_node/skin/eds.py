@@ -1,5 +1,6 @@
 """Loads an EDS (CiA 306) through canopen. An error names the section and the key that canopen cannot read."""
 
+import pickle
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable
@@ -55,9 +56,16 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
     except OSError as error:
         raise ConfigurationError(str(path), expected='an EDS file', got=error.strerror or str(error),
                                  remedy='Check the path and its permissions.') from error
+    dictionary: ObjectDictionary = pickle.loads(_pickled(path, text, node_id))
+    return dictionary
+
+
+@lru_cache(maxsize=8)  # pickled, because a caller may change its dictionary; canopen takes ten times as long to read it
+def _pickled(path: Path, text: str, node_id: int) -> bytes:
+    """Return the object dictionary of ``text``, the content of ``path``. Raises ConfigurationError."""
     checked = _checked(path, text)
     try:
-        return _import_eds(StringIO(checked), node_id)
+        return pickle.dumps(_import_eds(StringIO(checked), node_id))
     except Exception as error:  # canopen lets KeyError, ValueError, configparser's and others through
         _refuse(path, 'an EDS that canopen can read', f'{type(error).__name__}: {error}'.replace('\n', ' '))
 
