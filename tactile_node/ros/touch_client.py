@@ -99,7 +99,7 @@ class TouchClient:
         while (ending := goal.ending) is None:
             if self._steady() > end:
                 raise TimeoutError(f'touch_gripper has not answered for {timeout:g} s')
-            if self._node.executor is None:
+            if self._node.executor is None or self._node not in self._node.executor.get_nodes():
                 rclpy.spin_once(self._node, timeout_sec=LOOK_PERIOD)
             else:
                 time.sleep(LOOK_PERIOD)
