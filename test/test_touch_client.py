@@ -65,7 +65,8 @@ def test_result_and_outcome_are_of_the_same_goal(world, is_result_first):
         assert goal.ending is None
         step()
         bench.wait(0.3)
-    assert goal.ending.status == GoalStatus.STATUS_SUCCEEDED and goal.ending.state == GripperState(0.03, 2.0, True, False)
+    assert goal.ending.status == GoalStatus.STATUS_SUCCEEDED
+    assert goal.ending.state == GripperState(0.03, 2.0, stalled=True)
     assert goal.ending.outcome.outcome == Outcome.FORCE_REACHED and goal.of_hold is None
     server.publish(Outcome.HOLD_ENDED, of_hold=True)
     bench.until(lambda: goal.of_hold)

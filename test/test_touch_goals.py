@@ -26,7 +26,8 @@ int main() {
     goals.on_outcome({A, 3, false}, 10.2); say("then_outcome", goals.take(A, 10.2));
     say("is_forgotten", goals.take(A, 20.0)); }
   { Goals goals; goals.on_outcome({A, 2, false}, 10.0); say("outcome_first", goals.take(A, 20.0));
-    goals.on_outcome({A, 19, true}, 20.0); goals.on_result(A, "stalled", 20.0); say("then_result", goals.take(A, 20.0)); }
+    goals.on_outcome({A, 19, true}, 20.0); goals.on_result(A, "stalled", 20.0);
+    say("then_result", goals.take(A, 20.0)); }
   { Goals goals; goals.on_result(A, "aborted", 10.0); say("waits", goals.take(A, 11.0));
     say("lost", goals.take(A, 11.1)); }
   { Goals goals; goals.on_outcome({A, 2, false}, 10.0);

@@ -90,7 +90,8 @@ class GripperNode(Node):
         self._law = LinearGap(settings.gap_offset, settings.gap_scale)
         self._interface = gripper_interface(settings.action_type, settings.joint)
         self._touch, self._ages = NO_TOUCH, InputAge(steady=steady)
-        self._grasp, self._acquired, self._last = None, -math.inf, None
+        self._grasp, self._acquired = None, -math.inf
+        self._last: Outcome | None = None
         self._gap, self._gap_measured = math.nan, -math.inf  # the last that was measured [m], and when [s]
         self._cancels = _is_cancel(settings.stop_by)
         self._client = GripperClient(self, self._interface, settings.gripper_action, self._law,

@@ -91,7 +91,7 @@ class TouchClient:
         return sent
 
     def wait(self, goal: TouchGoal, timeout: float) -> TouchEnding:
-        """Return how ``goal`` ended; spin the node unless an executor has it. Raises TimeoutError after ``timeout`` [s].
+        """Return how ``goal`` ended; spin the node unless an executor has it. Raises TimeoutError after ``timeout``.
 
         A goal whose server died never ends. Not for a callback of the node: look at `TouchGoal.ending` there.
         """
