@@ -30,9 +30,9 @@ from tactile_node.grasp.closing import Outcome as Ending
 from tactile_node.nodes.spinning import spinning
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge
+from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import Grasp, GripperOutcome
 
-TOUCH_ACTION = 'touch_gripper/gripper_cmd'
 #: Of this gripper: a pad presses by 2000 N/m of its own finger, so by half of it a metre of the gap (drive.STIFFNESS).
 PARAMETERS: Mapping[str, Any] = MappingProxyType({
     'gripper_action': ACTION, 'joint': JOINT, 'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.1,
@@ -77,8 +77,8 @@ class PlannerNode(Node):
     def __init__(self) -> None:
         super().__init__('planner')
         self._planner, self._ages = Planner(), InputAge()
-        self.grasp, self.outcomes, self.holds = Grasp(), list[GripperOutcome](), list[str]()
-        self.closers = {name: ActionClient(self, ParallelGripperCommand, name) for name in (ACTION, TOUCH_ACTION)}
+        self.grasp, self.holds = Grasp(), list[str]()
+        self.gripper, self.touch = ActionClient(self, ParallelGripperCommand, ACTION), TouchClient(self)
         self.create_subscription(Grasp, 'grasp', self._on_grasp, qos_profile_sensor_data)
         self.create_subscription(GripperOutcome, 'touch_gripper/outcome', self._on_outcome, 10)
 
@@ -89,8 +89,6 @@ class PlannerNode(Node):
     def _on_outcome(self, outcome: GripperOutcome) -> None:
         if outcome.of_hold:
             self.holds.append(Ending(outcome.outcome).name)
-        else:
-            self.outcomes.append(outcome)
 
     def _on_grasp(self, grasp: Grasp) -> None:
         if check_grasp(grasp) is None:
@@ -125,7 +123,7 @@ class Session(ExitStack):
                     '--gap-source', 'joint_states', '--gap-joints', JOINT)
         self._start(sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--ros-args', *(
             word for name, value in self._parameters.items() for word in ('-p', f'{name}:={value}')))
-        self.until(lambda: all(client.server_is_ready() for client in self._node.closers.values()))
+        self.until(lambda: self._node.gripper.server_is_ready() and self._node.touch.is_ready)
         self.until_open()
         self.wait(1.0)  # until ages are known in each process
 
@@ -168,19 +166,21 @@ class Session(ExitStack):
 
     def drive(self, position: float, *, effort: float = 0.0, touch: bool = False) -> str:
         """Send the gripper to a gap, by its own action or until it ``touch``es; how the goal ended."""
+        end = time.monotonic() + PATIENCE
+        if touch:
+            sent = self._node.touch.send(position, effort=effort)
+            self.until(lambda: sent.ending or time.monotonic() > end)
+            if sent.ending is None:
+                return 'UNDER_WAY'
+            return 'OUTCOME_LOST' if sent.ending.outcome is None else Ending(sent.ending.outcome.outcome).name
         goal = ParallelGripperCommand.Goal()
         goal.command.position, goal.command.effort = [position], [effort]
-        sent = self._node.closers[TOUCH_ACTION if touch else ACTION].send_goal_async(goal)
-        self.until(sent.done)
-        handle = sent.result()
-        result, end = handle.get_result_async(), time.monotonic() + PATIENCE
+        accepted = self._node.gripper.send_goal_async(goal)
+        self.until(accepted.done)
+        result = accepted.result().get_result_async()
         self.until(lambda: result.done() or time.monotonic() > end)
         if not result.done():
             return 'UNDER_WAY'
-        if touch:
-            self.until(lambda: self._node.outcomes and (
-                bytes(self._node.outcomes[-1].goal_id) == bytes(handle.goal_id.uuid)))
-            return Ending(self._node.outcomes[-1].outcome).name
         return 'STALLED' if result.result().result.stalled else 'REACHED'
 
     @property

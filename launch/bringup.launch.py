@@ -1,12 +1,14 @@
 """Starts the nodes of one CAN bus in one process, or those of one side of it: `tactile bringup` with arguments.
 
-The process checks the values: a wrong one is one error of that process, and the other nodes of the robot stay. Only the
+With `gripper_action` it starts the gripper node as a second process.
+
+Each process checks the values: a wrong one is one error of its process, and the other nodes of the robot stay. Only the
 names are checked here, because launch takes any name without a word.
 """
 
 import os
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 
 from launch.action import Action
@@ -36,7 +38,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def start(context: LaunchContext) -> list[Action]:
-    """Start the process. It names its nodes and puts them in namespaces: it takes that of the launch alone.
+    """Start the processes. Bringup names its nodes and puts them in namespaces: it takes that of the launch alone.
 
     Only what was given becomes an option: the rest is left to the parameter file and the nodes' defaults.
     """
@@ -44,12 +46,22 @@ def start(context: LaunchContext) -> list[Action]:
     given = {name: LaunchConfiguration(name).perform(context) for name in DECLARED}
     options = [f'--{name.replace("_", "-")}={given[name]}' for name in (*OPTIONS, *OTHER_SPELLINGS.values())
                if given[name]]
-    process = Node(package='tactile_skin', executable='tactile', exec_name='tactile',
-                   namespace=given['namespace'] or None, output='screen',
-                   arguments=['bringup', *options, f'--end-with={os.getpid()}'],
-                   respawn=given['on_exit'] == 'respawn', respawn_delay=RESPAWN_DELAY,
-                   on_exit=end_launch if given['on_exit'] == 'shutdown' else None)
-    return [*warnings_of_misspelt(context.launch_configurations), process]
+    processes = [process('tactile', ['bringup', *options, f'--end-with={os.getpid()}'], given)]
+    if given['gripper_action']:
+        words = [f'--end-with={os.getpid()}', '--ros-args']
+        words += ['--params-file', given['params_file']] if given['params_file'] else []
+        for name in ('gripper_action', 'use_sim_time'):  # after the file: rcl takes the last one
+            words += ['-p', f'{name}:={given[name]}'] if given[name] else []
+        processes.append(process('gripper_node', words, given))
+    return [*warnings_of_misspelt(context.launch_configurations), *processes]
+
+
+def process(executable: str, arguments: Sequence[str], given: Mapping[str, str]) -> Node:
+    """Return the process of an ``executable``; ``given``: the launch arguments."""
+    return Node(package='tactile_skin', executable=executable, exec_name=executable,
+                namespace=given['namespace'] or None, output='screen', arguments=list(arguments),
+                respawn=given['on_exit'] == 'respawn', respawn_delay=RESPAWN_DELAY,
+                on_exit=end_launch if given['on_exit'] == 'shutdown' else None)
 
 
 def refuse_undeclared(words: Sequence[str]) -> None:

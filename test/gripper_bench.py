@@ -10,14 +10,16 @@ import sys
 from contextlib import contextmanager
 
 from built_messages import environment_with
-from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.parameter import Parameter
 from ros_bench import TimedBench
 
+from tactile_node.nodes.duplicate_watch import HOLD_TIME
 from tactile_node.nodes.gripper_node import GripperNode
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.time_messages import time_message
+from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import ContactShape, Grasp, GripperOutcome
 
 STEP = 0.005  # s, of the motor
@@ -163,32 +165,41 @@ class Client:
     """Commands the gripper node as a planner commands a gripper."""
 
     def __init__(self, bench, interface, action='/touch_gripper/gripper_cmd'):
-        self._bench, self._interface = bench, interface
-        node = bench.add('client')
-        self._client = ActionClient(node, interface.action, action)
+        self._bench = bench
+        node = self.node = bench.add('client')
+        self._client = TouchClient(node, action, action_type=interface.action.__name__, steady=bench.steady)
         bench.stack.callback(self._client.destroy)
-        self.outcomes: list[GripperOutcome] = []
-        node.create_subscription(GripperOutcome, '/touch_gripper/outcome', self.outcomes.append, 10)
+        self.outcomes: list[GripperOutcome] = []  # of every goal and hold
+        node.create_subscription(GripperOutcome, f'{action.rpartition("/")[0]}/outcome', self.outcomes.append, 10)
         self.until_ready()
-        bench.until_joined(lambda: node.count_publishers('/touch_gripper/outcome'))
 
     def until_ready(self):
-        self._bench.until_joined(self._client.server_is_ready)
+        self._bench.until_joined(lambda: self._client.is_ready)
 
     def send(self, position=0.0, speed=0.0, effort=0.0, goal=None):
-        goal = goal or self._interface.goal(Command(position, speed, effort))
-        sent = self._client.send_goal_async(goal)
-        self._bench.until(sent.done)
-        return sent.result()
+        """Return the goal, which was accepted."""
+        sent = self._client.send(position, speed, effort, goal=goal)
+        self._bench.until(lambda: sent.handle is not None)
+        return sent
 
-    def result(self, handle):
+    def result(self, sent):
         """Return status, state and outcome of a goal."""
-        asked = handle.get_result_async()
-        self._bench.until(asked.done)
-        mine = handle.goal_id.uuid.tolist()
-        self._bench.until(lambda: any(each.goal_id.tolist() == mine for each in self.outcomes))
-        outcome, = (each for each in self.outcomes if each.goal_id.tolist() == mine)
-        return asked.result().status, self._interface.state(asked.result().result), outcome
+        self._bench.until(lambda: sent.ending is not None)
+        return sent.ending
+
+
+@contextmanager
+def started_node(*parameters, words=(), ros=(), log=None):
+    """Run a gripper node in a process; ``words``, ``ros``: more arguments, ``log``: a file for what it logs."""
+    given = [word for each in ('max_age:=5.0', 'fast_speed:=0.002', 'slow_speed:=0.002', *parameters)
+             for word in ('-p', each)]
+    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', *words, '--ros-args', *given,
+                                *ros], env=environment_with('control_msgs'), stderr=log)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
 
 
 class GripperBench(TimedBench):
@@ -205,6 +216,7 @@ class GripperBench(TimedBench):
                                                                           for name, value in given.items()]))
         self.client = Client(self, self.interface)
         self.until_joined(lambda: self.node.count_publishers('/grasp'))
+        self.until_listened()
         self.until_seen()
 
     def on_step(self):
@@ -213,26 +225,28 @@ class GripperBench(TimedBench):
             self.pads.step()
 
     @contextmanager
-    def node_as_process(self, *parameters):
+    def node_as_process(self, *parameters, **options):
         """Run the gripper node in another process instead of here, and kill it at the end.
 
         On a busy machine no pad is unseen, and no gripper too slow: this one is ten times as fast as it is sent.
         """
-        words = [word for each in ('max_age:=5.0', 'fast_speed:=0.002', 'slow_speed:=0.002', *parameters)
-                 for word in ('-p', each)]
         self.motor.slowness = 0.1
         self.node.destroy_node()
         self.executor.remove_node(self.node)
-        process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--ros-args', *words],
-                                   env=environment_with('control_msgs'))
-        try:
+        with started_node(*parameters, **options) as process:
             self.client.until_ready()
             self.until(lambda: self.close(position=START - 0.001)[2].outcome != GripperOutcome.NOT_SEEN)
             self.motor.commands.clear()
             yield process
-        finally:
-            process.kill()
-            process.wait()
+
+    def until_listened(self):
+        """Wait until the node closes: it listens for others of its kind first."""
+        while not self.node._watch.has_listened:
+            if self.time is None:
+                self.wait(STEP)
+            else:  # in one leap, as long as a process that is not stopped
+                self.time.advance(HOLD_TIME)
+                self.settle()
 
     def until_seen(self):
         """Wait until what the pads feel is believed: ages settle."""

@@ -62,17 +62,24 @@ def actions_of(path, given):
 
 
 def process_of(path, **given):
-    """The one process that the launch starts."""
+    """The process of `tactile bringup`, which is the only one that the launch starts."""
+    process, = processes_of(path, **given)
+    return process
+
+
+def processes_of(path, **given):
+    """The processes that the launch starts, bringup first."""
     found, _ = declared(path)
     defaults = {each.given[0]: each.named['default_value'] for each in found}
     assert given.keys() <= defaults.keys()
     for each in found:
         choices = each.named.get('choices')
         assert not choices or given.get(each.given[0], each.named['default_value']) in choices
-    action, = actions_of(path, given)
-    assert type(action).__name__ == 'Node'
-    assert (action.named['package'], action.named['executable']) == ('tactile_skin', 'tactile')
-    return action.named
+    actions = actions_of(path, given)
+    assert {type(action).__name__ for action in actions} == {'Node'}
+    assert {action.named['package'] for action in actions} == {'tactile_skin'}
+    assert actions[0].named['executable'] == 'tactile'
+    return [action.named for action in actions]
 
 
 def nodes_of(process, namespace=''):

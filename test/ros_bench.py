@@ -73,19 +73,24 @@ class VirtualTime:
             timer.look()
 
     def of(self, kind: type) -> type:
-        """Return a node class like ``kind`` whose timers are on this clock."""
+        """Return a node class like ``kind`` whose timers are on this clock, and end with the node."""
         def create_timer(node: Any, period: float, callback: Callable[[], None], clock: Clock) -> 'VirtualTimer':
             assert clock.clock_type == ClockType.STEADY_TIME, 'another clock stands still without /clock'
-            self.timers.append(VirtualTimer(self, period, callback))
+            self.timers.append(VirtualTimer(self, period, callback, node))
             return self.timers[-1]
-        return type(kind.__name__, (kind,), {'create_timer': create_timer})
+
+        def destroy_node(node: Any) -> None:
+            self.timers = [each for each in self.timers if each.node is not node]
+            kind.destroy_node(node)
+        return type(kind.__name__, (kind,), {'create_timer': create_timer, 'destroy_node': destroy_node})
 
 
 class VirtualTimer:
     """The part of a timer of rclpy that the nodes use."""
 
-    def __init__(self, clock: VirtualTime, period: float, callback: Callable[[], None]):
+    def __init__(self, clock: VirtualTime, period: float, callback: Callable[[], None], node: Any):
         self._clock = clock
+        self.node = node
         self._callback = callback
         self.timer_period_ns = round(period * 1e9)
         self.reset()

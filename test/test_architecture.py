@@ -25,7 +25,8 @@ ALLOWED = {
     'ros': {'assembly', 'bus', 'cia301', 'skin', *NUMERICAL},
     'nodes': {'assembly', 'bus', 'logs', 'ros', 'skin', 'sources', 'viewing', *NUMERICAL}}
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
-       'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'visualization_msgs', 'launch', 'launch_ros'}
+       'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'visualization_msgs', 'unique_identifier_msgs',
+       'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
 
 #: modules of bench/recognition/ that draw what is reported: worlds that training has never seen

@@ -225,7 +225,7 @@ def test_a_cancel_of_the_goal_that_has_ended_changes_nothing(make_bench):
     bench.motor.move_to(bench.pads.width + 0.001)
     handle = bench.client.send(position=0.0, effort=FORCE)
     bench.client.result(handle)
-    answer = handle.cancel_goal_async()
+    answer = handle.cancel()
     bench.until(answer.done)
     assert not answer.result().goals_canceling
     bench.pads.width -= SHRINKS

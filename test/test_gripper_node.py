@@ -206,7 +206,7 @@ def test_a_cancelled_goal_stops_the_gripper(make_bench):
     bench = make_bench()
     handle = bench.client.send(position=0.0)
     bench.wait(0.3)
-    handle.cancel_goal_async()
+    handle.cancel()
     status, _, outcome = bench.client.result(handle)
     assert (status, outcome.outcome, bench.motor.moves) == (CANCELED, Outcome.CANCELED, False)
 
@@ -297,7 +297,7 @@ def test_an_empty_result_is_no_opening(make_bench):
     bench.pads.knows_gap, bench.motor.is_terse = False, True
     handle = bench.client.send(position=0.0)
     bench.wait(0.2)
-    handle.cancel_goal_async()
+    handle.cancel()
     assert bench.client.result(handle)[2].outcome == Outcome.CANCELED
     assert bench.close(position=0.03)[2].outcome == Outcome.TOUCHED and bench.pads.strongest <= THRESHOLD + FAST_RISE
 
@@ -342,7 +342,7 @@ def test_a_cancel_that_is_not_confirmed_is_not_reported_as_done(make_bench):
     handle = bench.client.send(position=0.0)
     bench.wait(0.2)
     bench.motor.fall_silent()
-    handle.cancel_goal_async()
+    handle.cancel()
     status, _, outcome = bench.client.result(handle)
     assert (status, outcome.outcome) == (ABORTED, Outcome.NOT_STOPPED)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from launch_stand_in import actions_of, declared, nodes_of, process_of, put_stand_ins
+from launch_stand_in import actions_of, declared, nodes_of, process_of, processes_of, put_stand_ins
 
 from tactile_node.cli.bringup import ARGUMENTS, OTHER_SPELLINGS, PARAMETERS
 from tactile_node.cli.main import _parser
@@ -29,7 +29,7 @@ NODES = DriverSettings, ClassifierSettings, GraspNodeSettings
 #: argument -> parameter of another name
 RENAMED = {'grasp_frame': 'frame_id'}
 #: arguments that set no parameter of our nodes
-OTHERS = {'namespace', 'on_exit', 'side', 'simulate', 'use_sim_time', 'params_file'}
+OTHERS = {'gripper_action', 'namespace', 'on_exit', 'side', 'simulate', 'use_sim_time', 'params_file'}
 
 
 @pytest.fixture(autouse=True)
@@ -49,8 +49,9 @@ def test_the_launch_file_declares_its_arguments():
     assert all(len(action.named['description']) > 10 for action in found)
 
 
-def test_every_argument_is_an_option_of_the_command_but_what_ends_with_the_launch():
-    assert {f'--{name.replace("_", "-")}' for name in ARGUMENTS} - options_of_the_command().keys() == {'--on-exit'}
+def test_every_argument_is_an_option_of_the_command_but_what_the_launch_alone_does():
+    assert {f'--{name.replace("_", "-")}' for name in ARGUMENTS} - options_of_the_command().keys() == {
+        '--on-exit', '--gripper-action'}
 
 
 @pytest.mark.parametrize('name', sorted(ARGUMENTS.keys() - OTHERS))
@@ -157,6 +158,36 @@ def test_a_replay_is_lossless():
 
 def test_the_process_ends_with_the_launch():
     assert process_of(FILE, **GRIPPER)['arguments'][-1] == f'--end-with={os.getpid()}'
+
+
+PARAMETER_FILE = '''/**/touch_gripper:
+  ros__parameters: {gripper_action: of_the_file, widest: 0.05}
+'''
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize('namespace', ['', 'hand'])
+def test_the_gripper_node_is_a_second_process_in_the_same_namespace(namespace, tmp_path):
+    """With the parameter file, whose values give way to the arguments, as those of bringup."""
+    import rclpy
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(PARAMETER_FILE)
+    bringup, gripper = processes_of(FILE, **GRIPPER, gripper_action='arm/gripper_cmd', namespace=namespace,
+                                    params_file=str(path), use_sim_time='true', on_exit='shutdown')
+    assert gripper['executable'] == 'gripper_node' and gripper['arguments'][0] == f'--end-with={os.getpid()}'
+    assert not any('gripper' in word for word in bringup['arguments'] if str(path) not in word)
+    for name in ('namespace', 'respawn', 'output'):
+        assert gripper[name] == bringup[name]
+    ended = gripper['on_exit'](SimpleNamespace(returncode=0, process_name='gripper_node-2'),
+                               SimpleNamespace(is_shutdown=False))
+    assert [type(action).__name__ for action in ended] == ['Shutdown']
+    rclpy.init(args=[*gripper['arguments'], '-r', f'__ns:=/{namespace}'])  # as launch_ros adds it
+    try:
+        node = rclpy.create_node('touch_gripper', automatically_declare_parameters_from_overrides=True)
+        assert {name: node.get_parameter(name).value for name in ('gripper_action', 'widest', 'use_sim_time')} == {
+            'gripper_action': 'arm/gripper_cmd', 'widest': 0.05, 'use_sim_time': True}
+    finally:
+        rclpy.shutdown()
 
 
 @pytest.mark.parametrize(('given', 'respawns', 'ends'), [

@@ -81,7 +81,9 @@ OPTIONS = {
     'params_file': Option('ROS 2 parameter file for all nodes; what is given beside it wins over it')}
 #: of the launch file
 ARGUMENTS = {
-    **OPTIONS, 'namespace': Option('namespace of all nodes and topics, below that of PushRosNamespace'),
+    **OPTIONS, 'gripper_action': Option("the gripper's own action, as gripper_controller/gripper_cmd: starts "
+                                        'touch_gripper in front of it, in a process of its own (default: it does not)'),
+    'namespace': Option('namespace of all nodes and topics, below that of PushRosNamespace'),
     'on_exit': Option('when the process ends: keep (default): nothing more; respawn: start it again; shutdown: end the '
                       'whole launch, with code 1 where the process has failed',
                       choices=('keep', 'respawn', 'shutdown'))}

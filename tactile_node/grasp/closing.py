@@ -43,6 +43,7 @@ class Outcome(IntEnum):
     NOT_STOPPED = 17      #: the gripper did not confirm that it stopped
     NOT_OPENING = 18      #: the force rises while it should open
     HOLD_ENDED = 19       #: the travel of the hold is used
+    DUPLICATE = 21        #: another process commands the same gripper, or has the same name
 
 
 #: The gripper does what the goal asked for.

@@ -71,12 +71,17 @@ class GripperClient:
         """Whether the gripper rejected the goal that was to stop it."""
         return self._latest is not None and self._latest.holds and self._latest.failure is Outcome.GRIPPER_REFUSED
 
+    @property
+    def is_there(self) -> bool:
+        """False if the graph shows no server; True proves nothing."""
+        return self._client.server_is_ready()
+
     def failure(self, now: float) -> Outcome | None:
         """Return why the latest command cannot be relied on at ``now`` [s]."""
         sent = self._latest
         if sent is None or sent.result is not None:
             return None
-        if sent.failure is None and not self._client.server_is_ready():
+        if sent.failure is None and not self.is_there:
             sent.failure = Outcome.NO_GRIPPER
         elif sent.failure is None and sent.handle is None and now - sent.at > self._timeout:
             sent.failure = Outcome.GRIPPER_SILENT

@@ -29,11 +29,14 @@ from tactile_node.grasp.closing import (
 from tactile_node.grasp.holding import Holding, HoldLimits
 from tactile_node.grasp.opening import HIGHEST_GAP, GapSource, LinearGap
 from tactile_node.grasp.tracker import GraspContact
+from tactile_node.nodes.duplicate_watch import DuplicateWatch, duplicate_text
 from tactile_node.nodes.grasp_requests import allow_feedback
 from tactile_node.nodes.gripper_client import GripperClient, GripperResult
-from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.guarded_subscription import GuardedSubscription, publisher_names
+from tactile_node.nodes.node_health import MessageHealth, publish_status
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.grasp_checks import check_grasp
+from tactile_node.ros.gripper_health import GripperFacts, gripper_status, unseen_text
 from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface, touch_of
 from tactile_node.ros.gripper_settings import GripperSettings, limits_of
 from tactile_node.ros.message_age import InputAge, age_seconds
@@ -62,6 +65,8 @@ class _Run:
     deadline: float = math.inf         #: of opening [s]
     speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not, or it is stopped
     outcome: Outcome | None = None     #: once it is known
+    reason: str = ''                   #: of the outcome, for people
+    waits: bool = False                #: until this process has listened for duplicates; then it is started anew
     by_cancel: bool = True             #: how it is being stopped: by a cancel, or by a goal at where it is
     stop_since: float = math.inf       #: [s]
 
@@ -85,6 +90,8 @@ class GripperNode(Node):
         self._law = LinearGap(settings.gap_offset, settings.gap_scale)
         self._interface = gripper_interface(settings.action_type, settings.joint)
         self._touch, self._ages = NO_TOUCH, InputAge(steady=steady)
+        self._grasp, self._acquired = None, -math.inf
+        self._last: Outcome | None = None
         self._gap, self._gap_measured = math.nan, -math.inf  # the last that was measured [m], and when [s]
         self._cancels = _is_cancel(settings.stop_by)
         self._client = GripperClient(self, self._interface, settings.gripper_action, self._law,
@@ -93,6 +100,10 @@ class GripperNode(Node):
         self._outcomes = self.create_publisher(GripperOutcome, '~/outcome', QoSProfile(depth=10))
         self._grasps = GuardedSubscription(self, Grasp, 'grasp', self._on_grasp, settings.input_qos, check=check_grasp,
                                            newest_only=True, steady=steady)
+        self._watch = DuplicateWatch(self, (f'{settings.gripper_action}/touch_gripper', '~/heartbeat'), steady=steady)
+        MessageHealth(self, [self._grasps], settings)
+        publish_status(self, lambda: gripper_status(
+            self.get_fully_qualified_name(), self.resolve_topic_name(settings.gripper_action), self._facts()))
         # On the steady clock: with use_sim_time and no /clock a gripper would close on
         self._timer = self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
@@ -112,6 +123,7 @@ class GripperNode(Node):
 
     def _on_grasp(self, grasp: Grasp) -> None:
         arrival = self._ages.arrived(grasp)
+        self._grasp, self._acquired = grasp, arrival.acquired
         is_only_one = self.count_publishers(self._grasps.topic) <= 1  # of two, either may be wrong
         self._touch = touch_of(grasp, arrival.acquired).after(self._touch) if is_only_one else NO_TOUCH
         held_back = arrival.age_on_arrival - age_seconds(grasp.age)  # NaN: a pad has no age; inf: not known
@@ -123,6 +135,10 @@ class GripperNode(Node):
             self._run.handle.publish_feedback(self._interface.fill(self._interface.action.Feedback(), self._state()))
 
     def _on_accepted(self, handle: ServerGoalHandle) -> None:
+        allow_feedback(handle)
+        self._start(handle)
+
+    def _start(self, handle: ServerGoalHandle) -> None:
         try:
             run = self._started(handle, self._interface.command(handle.request))
         except RefusedGoalError as error:
@@ -132,7 +148,7 @@ class GripperNode(Node):
         if self._run is not None:
             self._run.outcome = Outcome.REPLACED
             self._finish(self._run)
-        allow_feedback(handle)
+        run.waits = not (self._opens_fully(run) or self._watch.has_listened)
         self._begin(run)
         self._look()
 
@@ -159,6 +175,10 @@ class GripperNode(Node):
         is_widest = opening >= self._limits.widest
         return opening >= present - NEAR * is_widest if math.isfinite(present) else is_widest
 
+    def _opens_fully(self, run: _Run) -> bool:
+        """Return True for a goal that no other command can turn into one to close."""
+        return run.closing is None and run.holding is None and run.opening >= self._limits.widest
+
     def _opening(self) -> float:
         """Return the opening as measured now [m]; NaN: not known."""
         is_current = self._steady() - self._gap_measured <= self._limits.max_age
@@ -172,11 +192,17 @@ class GripperNode(Node):
         run, now = self._run, self._steady()
         if run is None:
             return
+        if run.waits and run.outcome is None and self._watch.has_listened:
+            self._run = None
+            self._start(run.handle)
+            return
         if run.outcome is None:
             run.outcome = self._outcome(run, now)
+            run.reason = self._reason(run.outcome)
             if run.outcome is None and self._drives(run):
                 return
-            if not self._client.is_stopped and (run.outcome is not None or run.speed):
+            is_to_stop = run.outcome is not None or run.speed or (run.waits and run.stop_since == math.inf)
+            if not self._client.is_stopped and is_to_stop:
                 self._stop(run, self._cancels, now)
             run.speed = 0.0
         if self._client.is_stopped:
@@ -190,6 +216,10 @@ class GripperNode(Node):
     def _outcome(self, run: _Run, now: float) -> Outcome | None:
         if run.holding is None and run.handle.is_cancel_requested:
             return Outcome.CANCELED
+        if self._watch.topics and not self._opens_fully(run):
+            return Outcome.DUPLICATE
+        if run.waits:
+            return None
         failure = self._client.failure(now) if run.speed else None
         if failure is not None:
             return failure
@@ -199,6 +229,18 @@ class GripperNode(Node):
             now, self._touch, self._opening(), is_still=self._client.is_stopped)
         result = self._client.result if run.speed else None
         return stop if stop in SUCCESSES or result is None else self._ending(run, result, stop)
+
+    def _reason(self, outcome: Outcome | None) -> str:
+        if outcome is Outcome.NOT_SEEN:
+            topic = self._grasps.topic
+            return unseen_text(topic, self._grasps.counts, publisher_names(self, topic), self._grasp,
+                               self._steady() - self._acquired, self._limits.max_age)
+        return duplicate_text(self._watch.topics) if outcome is Outcome.DUPLICATE else ''
+
+    def _facts(self) -> GripperFacts:
+        work = 'none' if self._run is None else 'hold' if self._run.holding is not None else 'goal'
+        return GripperFacts(duplicate_text(self._watch.topics), self._client.is_there, work, self._last,
+                            self._steady() - self._touch.acquired)
 
     def _why_not_hold(self, run: _Run, holding: Holding, now: float) -> Outcome | None:
         if run.speed and self._client.result is not None:
@@ -223,6 +265,8 @@ class GripperNode(Node):
 
     def _drives(self, run: _Run) -> bool:
         """Send the gripper on its way, and again where its speed changes; whether it is to move."""
+        if run.waits:
+            return False
         if run.holding is not None:
             run.opening = run.holding.target
         of_goal = run.closing or run.holding
@@ -256,9 +300,9 @@ class GripperNode(Node):
         if run is self._run:
             self._run = None
             self._timer.cancel()
-        outcome = run.outcome or Outcome.NOT_KNOWN
+        outcome = self._last = run.outcome or Outcome.NOT_KNOWN
         state = self._state(outcome)
-        self._publish(run, outcome, reason)
+        self._publish(run, outcome, reason or run.reason)
         if run.holding is not None:
             return
         is_held = run.closing is not None and self._touch.contact is GraspContact.TWO_SIDED and self._is_current()
@@ -282,8 +326,8 @@ class GripperNode(Node):
         message.header.stamp = self.get_clock().now().to_msg()
         self._outcomes.publish(message)
         is_usual = outcome in SUCCESSES or (run.holding is not None and outcome is Outcome.REPLACED)
-        if not is_usual and not reason:
-            logger.warning('%s ended: %s', 'hold' if run.holding else 'goal', outcome.name, extra=of_node(self))
+        if not is_usual and outcome is not Outcome.REFUSED:
+            logger.warning('%s ended: %s', 'hold' if run.holding else 'goal', message.message, extra=of_node(self))
 
 
 def _is_cancel(stop_by: str) -> bool:

@@ -2,6 +2,7 @@
 
 import gc
 import sys
+from argparse import ArgumentParser
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from threading import Event
@@ -19,7 +20,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_node.errors import ConfigurationError, TactileError
-from tactile_node.interruption import ignore_interruptions, interruption
+from tactile_node.interruption import ignore_interruptions, interruption, stop_with
 from tactile_node.node_graph import NodeDescription
 from tactile_node.nodes.spinning import Spinner, spinning
 from tactile_node.nodes.system import System
@@ -32,6 +33,7 @@ NAME_ERRORS = (InvalidNamespaceException, InvalidNodeNameException, InvalidTopic
 def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], None] | None = None) -> int:
     """Spin the node that ``make`` returns until SIGINT or SIGTERM, which set an event; first call ``start`` with both.
 
+    `--end-with PID` sets the event when that process ends: SIGTERM to `ros2 run` leaves its child behind.
     rclpy's signal handlers are off: they invalidate the context while the executor still uses it.
     Returns the exit code: 0 on a signal, 2 for a TactileError, whose message goes to stderr.
     """
@@ -41,8 +43,13 @@ def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], No
         stack.callback(rclpy.try_shutdown)
         try:
             with translate_rclpy_errors():
+                parser = ArgumentParser(allow_abbrev=False)
+                parser.add_argument('--end-with', type=int, metavar='PID', help='end when this process ends')
+                end_with = parser.parse_known_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])[0].end_with
                 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
                 node = make()
+            if end_with is not None:
+                stop_with(end_with, stop_requested)
             forward_logs_to(node)
             try:
                 with spinning([node]) as spinner:

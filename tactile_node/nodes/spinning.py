@@ -118,7 +118,8 @@ class FrameExecutor(SingleThreadedExecutor):
             self._watcher.join()
         if self._found is not None and not self._found.executing():
             self._found.cancel()
-            self._found_entity._executor_event = False  # as its handler does: another executor may take it
+            if self._found_entity is not None:  # a task, as of an answer to an action client, has none
+                self._found_entity._executor_event = False  # as its handler does: another executor may take it
         return bool(super().shutdown(timeout_sec))
 
     def _watch(self) -> None:

@@ -1,0 +1,71 @@
+"""Finds other processes that command the same gripper, or that have the same name, by their heartbeats.
+
+The graph of the middleware decides nothing: it shows a killed process for 20 s, and a silent one for ever.
+"""
+
+import logging
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from uuid import uuid4
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from unique_identifier_msgs.msg import UUID
+
+from tactile_node.ros.rosout_handler import of_node
+
+HEARTBEAT_PERIOD = 0.2  #: s
+HOLD_TIME = 1.0  #: s without a heartbeat, after which another process has ended: five are missing
+LISTEN_TIME = 5.0  #: s for which a process listens before it closes; discovery takes up to 2.8 s (docs/closing.md)
+
+logger = logging.getLogger(__name__)
+
+
+class DuplicateWatch:
+    """Sends the identity of this process on ``topics``, and hears others there; ``steady``: the clock [s]."""
+
+    def __init__(self, node: Node, topics: Sequence[str], *, steady: Callable[[], float]):
+        self._node, self._steady = node, steady
+        self._identity = UUID(uuid=list(uuid4().bytes))
+        self._heard: dict[str, float] = {}  # topic -> when another identity was heard there [s]
+        self._ran, self._listens_since = -math.inf, math.inf  # [s]
+        self._logged: tuple[str, ...] = ()
+        self._publishers = [node.create_publisher(UUID, topic, QoSProfile(depth=10)) for topic in topics]
+        for publisher in self._publishers:
+            node.create_subscription(UUID, publisher.topic_name, partial(self._hear, publisher.topic_name),
+                                     QoSProfile(depth=10))
+        node.create_timer(HEARTBEAT_PERIOD, self._run, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Topics on which another process was heard within HOLD_TIME."""
+        return tuple(topic for topic, heard in self._heard.items() if self._steady() - heard <= HOLD_TIME)
+
+    @property
+    def has_listened(self) -> bool:
+        """False after a start, and after a pause of this process, until it has run for LISTEN_TIME."""
+        now = self._steady()
+        return now - self._ran <= HOLD_TIME and now - self._listens_since >= LISTEN_TIME
+
+    def _hear(self, topic: str, message: UUID) -> None:
+        if message != self._identity:
+            self._heard[topic] = self._steady()
+
+    def _run(self) -> None:
+        now, found = self._steady(), self.topics
+        if now - self._ran > HOLD_TIME:
+            self._listens_since = now
+        self._ran = now
+        for publisher in self._publishers:
+            publisher.publish(self._identity)
+        if found != self._logged:
+            logger.error('%s', duplicate_text(found) or 'the other touch_gripper has ended', extra=of_node(self._node))
+            self._logged = found
+
+
+def duplicate_text(topics: Sequence[str]) -> str:
+    """Return the sentence for ``topics`` on which another process is heard; '' for none."""
+    return '' if not topics else (f'nothing closes, because another touch_gripper is heard on {", ".join(topics)}: end '
+                                  f'one (`ros2 topic info -v {topics[0]}` names them)')

@@ -1,0 +1,117 @@
+"""A client of `touch_gripper` for planners: a goal, and how that goal ended, by its id."""
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+from uuid import uuid4
+from weakref import WeakValueDictionary
+
+import rclpy
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from unique_identifier_msgs.msg import UUID
+
+from tactile_node.ros.gripper_messages import PARALLEL, Command, GripperState, gripper_interface
+from tactile_skin.msg import GripperOutcome
+
+OUTCOME_WAIT = 1.0  #: s after the result; then the outcome is taken for lost
+LOOK_PERIOD = 0.005  #: s
+
+
+class TouchEnding(NamedTuple):
+    """How a goal ended."""
+
+    status: int                     #: of GoalStatus; STATUS_UNKNOWN: it was rejected
+    state: GripperState
+    outcome: GripperOutcome | None  #: None: it was lost
+
+
+class TouchGoal:
+    """A goal that was sent. ``handle``: of rclpy, None until it is accepted."""
+
+    def __init__(self, steady: Callable[[], float]):
+        self._steady = steady
+        self._result: tuple[int, GripperState] | None = None
+        self._result_at = math.inf  # [s]
+        self.handle: Any = None
+        self.outcome: GripperOutcome | None = None
+        self.of_hold: GripperOutcome | None = None  #: how the hold after it ended, once it has
+
+    @property
+    def ending(self) -> TouchEnding | None:
+        """How it ended, whichever of result and outcome came first; None: it is under way."""
+        is_known = self.outcome is not None or self._steady() - self._result_at > OUTCOME_WAIT
+        return TouchEnding(*self._result, self.outcome) if self._result is not None and is_known else None
+
+    def cancel(self) -> Any:
+        """Cancel it, which must have been accepted; return rclpy's future."""
+        return self.handle.cancel_goal_async()
+
+    def _accept(self, handle: Any, state: Callable[[Any], GripperState]) -> None:
+        if not handle.accepted:
+            self._end(GoalStatus.STATUS_UNKNOWN, GripperState())
+            return
+        self.handle = handle
+        handle.get_result_async().add_done_callback(
+            lambda done: self._end(done.result().status, state(done.result().result)))
+
+    def _end(self, status: int, state: GripperState) -> None:
+        self._result, self._result_at = (status, state), self._steady()
+
+
+class TouchClient:
+    """Sends goals to the ``action`` of a gripper node and finds the outcome of each; see docs/closing.md.
+
+    ``steady``: the clock [s]. Raises ConfigurationError for another ``action_type``, and without control_msgs.
+    """
+
+    def __init__(self, node: Node, action: str = 'touch_gripper/gripper_cmd', *, action_type: str = PARALLEL,
+                 joint: str = '', steady: Callable[[], float] = time.monotonic):
+        self._node, self._steady = node, steady
+        self._interface = gripper_interface(action_type, joint)
+        self._goals: WeakValueDictionary[bytes, TouchGoal] = WeakValueDictionary()  # those that the caller keeps
+        self._client = ActionClient(node, self._interface.action, action)
+        self._outcomes = node.create_subscription(GripperOutcome, f'{action.rpartition("/")[0]}/outcome',
+                                                  self._on_outcome, 10)
+
+    @property
+    def is_ready(self) -> bool:
+        """True if a gripper node was found, with its outcomes."""
+        return self._client.server_is_ready() and self._node.count_publishers(self._outcomes.topic_name) > 0
+
+    def send(self, position: float, speed: float = 0.0, effort: float = 0.0, *, goal: Any = None) -> TouchGoal:
+        """Send a goal in the gripper's own units, or a whole ``goal`` of the action; keep what it returns."""
+        sent, goal_id = TouchGoal(self._steady), uuid4().bytes
+        self._goals[goal_id] = sent
+        message = self._interface.goal(Command(position, speed, effort)) if goal is None else goal
+        future = self._client.send_goal_async(message, goal_uuid=UUID(uuid=list(goal_id)))
+        future.add_done_callback(lambda done: sent._accept(done.result(), self._interface.state))
+        return sent
+
+    def wait(self, goal: TouchGoal, timeout: float) -> TouchEnding:
+        """Return how ``goal`` ended; spin the node unless an executor has it. Raises TimeoutError after ``timeout``.
+
+        A goal whose server died never ends. Not for a callback of the node: look at `TouchGoal.ending` there.
+        """
+        end = self._steady() + timeout
+        while (ending := goal.ending) is None:
+            if self._steady() > end:
+                raise TimeoutError(f'touch_gripper has not answered for {timeout:g} s')
+            if self._node.executor is None or self._node not in self._node.executor.get_nodes():
+                rclpy.spin_once(self._node, timeout_sec=LOOK_PERIOD)
+            else:
+                time.sleep(LOOK_PERIOD)
+        return ending
+
+    def destroy(self) -> None:
+        self._client.destroy()
+        self._node.destroy_subscription(self._outcomes)
+
+    def _on_outcome(self, outcome: GripperOutcome) -> None:
+        goal = self._goals.get(bytes(outcome.goal_id))
+        if goal is not None and outcome.of_hold:
+            goal.of_hold = outcome
+        elif goal is not None:
+            goal.outcome = outcome

@@ -1,0 +1,174 @@
+"""Two gripper nodes in front of one gripper, or of one name: nothing closes, and both say so."""
+
+import signal
+import subprocess
+import sys
+from functools import partial
+
+import pytest
+from action_msgs.msg import GoalStatus
+from built_messages import environment_with
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from gripper_bench import PERIOD, Client, GripperBench, started_node
+from rclpy.parameter import Parameter
+
+from tactile_node.grasp.closing import Outcome
+from tactile_node.nodes.duplicate_watch import HOLD_TIME, LISTEN_TIME
+from tactile_node.nodes.gripper_node import GripperNode
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
+
+ABORTED = GoalStatus.STATUS_ABORTED
+OTHER = '/other_gripper/gripper_cmd'
+SAME_NAME, OTHER_NAME = (), ('-r', '__node:=other_gripper')
+
+
+@pytest.fixture
+def make_bench(ros):
+    return partial(GripperBench, ros)
+
+
+def servers(bench, action):
+    return bench.client.node.count_services(f'{action}/_action/send_goal')
+
+
+class Diagnostics:
+    """The latest entry of each name, beside those of other names."""
+
+    def __init__(self, bench):
+        self.found: dict[str, DiagnosticStatus] = {}
+        bench.add('diagnostics').create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
+
+    def _take(self, message):
+        self.found |= {each.name: each for each in message.status}
+
+    def level(self, name):
+        return self.found[name].level if name in self.found else None
+
+
+# With processes, in real time
+
+@pytest.mark.parametrize(('ros_words', 'action'), [(SAME_NAME, '/touch_gripper/gripper_cmd'), (OTHER_NAME, OTHER)],
+                         ids=['same_name', 'other_name'])
+def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_path, ros_words, action):
+    """The goal comes as soon as the client can see the second process; later ones when both have heard each other."""
+    bench, logs = make_bench(is_real_time=True), [tmp_path / name for name in ('first', 'second')]
+    diagnostics = Diagnostics(bench)
+    with logs[0].open('w') as first_log, logs[1].open('w') as second_log:
+        with bench.node_as_process(log=first_log) as first:
+            with started_node(ros=ros_words, log=second_log) as second:
+                bench.until_joined(lambda: servers(bench, action) == 1 + (ros_words == SAME_NAME))
+                other = bench.client if ros_words == SAME_NAME else Client(bench, bench.interface, action)
+                sent = other.send(position=0.0)
+                ending = other.result(sent)
+                assert len(bench.motor.commands) <= 1  # of a first process that had not heard the second one
+                assert ending.outcome.outcome == Outcome.DUPLICATE
+                bench.until(lambda: all('another touch_gripper is heard' in log.read_text() for log in logs))
+                bench.until(lambda: not bench.motor.moves)
+                assert len(bench.motor.commands) <= 1
+                bench.motor.commands.clear()
+                for client in (bench.client, other):
+                    status, _, outcome = client.result(client.send(position=0.0, effort=5.0))
+                    assert (status, outcome.outcome) == (ABORTED, Outcome.DUPLICATE)
+                    assert 'ros2 topic info' in outcome.message
+                bench.until(lambda: all(diagnostics.level(f'/{name}: gripper') == DiagnosticStatus.ERROR
+                                        for name in ('touch_gripper', action.split('/')[1])))
+                assert not bench.motor.commands
+                sent = other.send(position=0.08)
+                bench.until(lambda: bench.motor.opening == 0.08 and sent.ending)
+                assert {command.position for command in bench.motor.commands} == {0.08}
+                second.send_signal(signal.SIGKILL)
+                second.wait()
+            assert first.poll() is None
+            bench.motor.move_to(0.06)
+            bench.until(lambda: bench.client.result(
+                bench.client.send(position=0.059)).outcome.outcome == Outcome.REACHED)
+            bench.until(lambda: 'has ended' in logs[0].read_text())
+            bench.until(lambda: diagnostics.level('/touch_gripper: gripper') == DiagnosticStatus.OK)
+
+
+def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
+    """SIGSTOP: it is no duplicate meanwhile. Awake again, it may have the other one's goals in its queue."""
+    bench = make_bench(is_real_time=True)
+    with bench.node_as_process():
+        with started_node() as second:
+            bench.until_joined(lambda: servers(bench, '/touch_gripper/gripper_cmd') == 2)
+            bench.until(lambda: bench.close(position=0.0).outcome.outcome == Outcome.DUPLICATE)
+            second.send_signal(signal.SIGSTOP)
+            bench.until(lambda: bench.close(position=0.059).outcome.outcome == Outcome.REACHED)
+            bench.motor.move_to(0.06)
+            bench.motor.commands.clear()
+            sent = bench.client.send(position=0.0)
+            bench.until(lambda: bench.motor.commands)
+            second.send_signal(signal.SIGCONT)
+            assert bench.client.result(sent).outcome.outcome == Outcome.DUPLICATE
+            bench.wait(1.0)
+            assert len(bench.motor.commands) == 1 and not bench.motor.moves
+
+
+@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGKILL])
+def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
+    """SIGTERM to `ros2 run` leaves its child behind; ROS arguments work beside the option."""
+    bench = make_bench(is_real_time=True)
+    parent = subprocess.Popen(['sleep', '1000'])
+    try:
+        with bench.node_as_process(words=['--end-with', str(parent.pid)]) as process:
+            assert process.poll() is None
+            parent.send_signal(number)
+            parent.wait()
+            assert process.wait(60) == 0
+    finally:
+        parent.kill()
+
+
+def test_a_process_that_is_no_number_is_one_error(tmp_path):
+    done = subprocess.run([sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--end-with', 'launch'],
+                          env=environment_with('control_msgs'), capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and '--end-with' in done.stderr and 'Traceback' not in done.stderr
+
+
+# In virtual time
+
+def add_second(bench, name='second', **parameters):
+    given = [Parameter(key, value=value) for key, value in parameters.items()]
+    return bench.add(bench.timed(GripperNode)(parameter_overrides=given,
+                                              cli_args=['--ros-args', '-r', f'__node:={name}']))
+
+
+@pytest.mark.parametrize('hold', [False, True])
+def test_a_close_under_way_stops_and_a_hold_ends(make_bench, hold):
+    bench = make_bench(parameters={'hold': hold})
+    sent = bench.client.send(position=0.0, effort=5.0)
+    bench.until((lambda: sent.ending is not None) if hold else (lambda: bench.motor.opening < 0.058))
+    add_second(bench)
+    bench.until(lambda: (sent.of_hold if hold else sent.outcome) is not None)
+    outcome = sent.of_hold if hold else sent.outcome
+    bench.wait(PERIOD)
+    assert (outcome.outcome, bench.motor.moves) == (Outcome.DUPLICATE, False)
+
+
+def test_a_goal_to_close_waits_after_a_start_and_one_to_open_does_not(make_bench):
+    bench = make_bench()
+    bench.node.destroy_node()
+    bench.node = bench.add(bench.timed(GripperNode)())
+    bench.client.until_ready()
+    bench.until_joined(lambda: bench.node.count_publishers('/grasp'))
+    bench.until_seen()
+    began = bench.steady()
+    sent = bench.client.send(position=0.0)
+    bench.wait(0.5)
+    assert sent.ending is None and not bench.motor.commands
+    assert bench.close(position=0.08).outcome.outcome == Outcome.REACHED and len(bench.motor.commands) == 1
+    assert sent.ending.outcome.outcome == Outcome.REPLACED
+    sent = bench.client.send(position=0.0)
+    assert bench.client.result(sent).outcome.outcome == Outcome.TOUCHED
+    assert LISTEN_TIME - HOLD_TIME < bench.steady() - began < LISTEN_TIME + 2.0
+
+
+def test_a_waiting_goal_can_be_cancelled(make_bench):
+    bench = make_bench()
+    bench.node._watch._listens_since = bench.steady()
+    sent = bench.client.send(position=0.0)
+    bench.wait(0.1)
+    sent.cancel()
+    assert bench.client.result(sent).outcome.outcome == Outcome.CANCELED and not bench.motor.commands

@@ -1,0 +1,130 @@
+"""What the gripper node says of itself: in /diagnostics, and in the text of an outcome NOT_SEEN."""
+
+import math
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from gripper_bench import PERIOD, GripperBench
+
+from tactile_node.grasp.closing import Outcome
+from tactile_node.ros.gripper_health import GripperFacts, gripper_status
+from tactile_skin.msg import Grasp
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
+
+MAX_AGE = 0.15  # s, the default
+
+
+@pytest.fixture
+def bench(ros):
+    return GripperBench(ros)
+
+
+def unseen(side):
+    def change(message):
+        message.contact = Grasp.UNSEEN
+        message.side_states[side] = Grasp.SIDE_UNSEEN
+        message.forces[side] = math.nan
+        return message
+    return change
+
+
+def not_fresh(message):
+    message.fresh = False
+    return message
+
+
+def malformed(message):
+    message.gap_source = 77
+    return message
+
+
+def refused(bench):
+    bench.wait(MAX_AGE + 2 * PERIOD)
+    outcome = bench.close(position=0.0).outcome
+    assert outcome.outcome == Outcome.NOT_SEEN and not bench.motor.commands
+    return outcome.message
+
+
+def test_before_bringup_runs_the_text_names_it(ros):
+    bench = GripperBench(ros)
+    bench.pads.is_silent = True
+    restart(bench)
+    assert refused(bench) == 'NOT_SEEN: no grasp has been received on /grasp: is bringup running?'
+
+
+def restart(bench):
+    """Have a node that has received nothing in the place of the present one."""
+    bench.node.destroy_node()
+    bench.node = bench.add(bench.timed(type(bench.node).__mro__[1])())
+    bench.client.until_ready()
+    bench.until_joined(lambda: bench.node.count_publishers('/grasp'))
+    bench.until_listened()
+
+
+def test_grasps_that_are_dropped_are_no_silence(bench):
+    bench.pads.change = malformed
+    restart(bench)
+    assert 'every grasp on /grasp was dropped' in refused(bench)
+
+
+@pytest.mark.parametrize(('change', 'says'), [
+    (unseen(0), 'the left pad is unseen'), (unseen(1), 'the right pad is unseen'),
+    (lambda message: unseen(0)(unseen(1)(message)), 'the left pad is unseen and the right pad is unseen'),
+    (not_fresh, 'not fresh')])
+def test_a_pad_that_is_unseen_is_named(bench, change, says):
+    bench.pads.change = change
+    message = refused(bench)
+    assert says in message and message.count('unseen') == says.count('unseen')
+
+
+def test_an_old_grasp_has_its_age_and_the_limit(bench):
+    bench.pads.is_silent = True
+    message = refused(bench)
+    age = float(message.split('the grasp is ')[1].split(' s old')[0])
+    assert MAX_AGE < age < MAX_AGE + 1.0 and message.endswith('max_age is 0.15 s')
+
+
+def test_two_publishers_are_named(bench):
+    bench.add('other').create_publisher(Grasp, '/grasp', 10)
+    bench.until_joined(lambda: bench.node.count_publishers('/grasp') == 2)
+    message = refused(bench)
+    assert '/other' in message and '/pads' in message
+
+
+FACTS = GripperFacts(duplicate='', is_served=True, work='none', last=None, grasp_age=0.02)
+
+
+@pytest.mark.parametrize(('facts', 'level', 'says'), [
+    (FACTS, DiagnosticStatus.OK, 'ready'),
+    (FACTS._replace(last=Outcome.LOST), DiagnosticStatus.OK, 'ready'),  # which is of the object
+    (FACTS._replace(is_served=False), DiagnosticStatus.WARN, '/arm/gripper_cmd'),
+    (FACTS._replace(last=Outcome.GRIPPER_SILENT), DiagnosticStatus.WARN, 'GRIPPER_SILENT'),
+    (FACTS._replace(last=Outcome.NOT_STOPPED), DiagnosticStatus.WARN, 'NOT_STOPPED'),
+    (FACTS._replace(duplicate='another one', is_served=False), DiagnosticStatus.ERROR, 'another one')])
+def test_the_level_is_of_the_worst_fact(facts, level, says):
+    found = gripper_status('/touch_gripper', '/arm/gripper_cmd', facts)
+    assert (found.name, found.level) == ('/touch_gripper: gripper', level) and says in found.message
+
+
+def test_the_values_are_facts():
+    def values(facts):
+        return {each.key: each.value for each in gripper_status('/touch_gripper', '/arm/gripper_cmd', facts).values}
+    assert values(FACTS._replace(work='hold', last=Outcome.TOUCHED)) == {
+        'duplicate': 'False', 'served': 'True', 'work': 'hold', 'last_outcome': 'TOUCHED', 'grasp_age_s': '0.020'}
+    assert values(FACTS._replace(grasp_age=math.inf))['grasp_age_s'] == 'not known'
+
+
+def test_the_node_publishes_both_entries_once_a_second(ros):
+    from diagnostic_msgs.msg import DiagnosticArray
+    bench, found = GripperBench(ros), []
+    bench.add('monitor').create_subscription(DiagnosticArray, '/diagnostics', lambda message: found.extend(
+        message.status), 10)
+    bench.until(lambda: found)
+    bench.close(position=0.0)
+    found.clear()
+    bench.wait(2.0)
+    names = [each.name for each in found]
+    assert names.count('/touch_gripper: gripper') == names.count('/touch_gripper') == 2
+    last = next(each for each in reversed(found) if each.name == '/touch_gripper: gripper')
+    assert {each.key: each.value for each in last.values}['last_outcome'] == 'TOUCHED'

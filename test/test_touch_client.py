@@ -1,0 +1,127 @@
+"""The client of a gripper node: how a goal ended, by its id, whichever of result and outcome comes first."""
+
+import pytest
+from action_msgs.msg import GoalStatus
+from gripper_bench import GripperBench
+from rclpy.action import ActionServer, GoalResponse
+from ros_bench import RosBench
+
+from tactile_node.grasp.closing import Outcome
+from tactile_node.nodes.spinning import spinning
+from tactile_node.ros.gripper_messages import GripperState, gripper_interface
+from tactile_node.ros.touch_client import OUTCOME_WAIT, TouchClient
+from tactile_skin.msg import GripperOutcome
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
+
+OTHER_ID = [7] * 16
+
+
+class Server:
+    """A gripper node that ends goals, and publishes outcomes, when the test says so."""
+
+    def __init__(self, node):
+        self.interface, self.handles, self.rejects = gripper_interface('ParallelGripperCommand', ''), [], False
+        self._outcomes = node.create_publisher(GripperOutcome, 'touch_gripper/outcome', 10)
+        self.action = ActionServer(
+            node, self.interface.action, 'touch_gripper/gripper_cmd', execute_callback=self._execute,
+            goal_callback=lambda goal: GoalResponse.REJECT if self.rejects else GoalResponse.ACCEPT,
+            handle_accepted_callback=self.handles.append)
+
+    def _execute(self, handle):
+        handle.succeed()
+        return self.interface.fill(self.interface.action.Result(), GripperState(0.03, 2.0, stalled=True))
+
+    def publish(self, outcome, goal_id=None, of_hold=False):
+        goal_id = self.handles[-1].goal_id.uuid if goal_id is None else goal_id
+        self._outcomes.publish(GripperOutcome(goal_id=goal_id, outcome=int(outcome), of_hold=of_hold))
+
+
+@pytest.fixture
+def world(ros):
+    """A bench, a server, a client and its clock [s], which stands still."""
+    bench, clock = RosBench(ros), [100.0]
+    server = Server(bench.add('touch_gripper'))
+    ros.callback(server.action.destroy)
+    client = TouchClient(bench.add('planner'), steady=lambda: clock[0])
+    ros.callback(client.destroy)
+    bench.until(lambda: client.is_ready)
+    return bench, server, client, clock
+
+
+def sent_goal(bench, server, client):
+    goal = client.send(position=0.0, effort=2.0)
+    bench.until(lambda: goal.handle is not None and server.handles)
+    return goal
+
+
+@pytest.mark.parametrize('is_result_first', [True, False])
+def test_result_and_outcome_are_of_the_same_goal(world, is_result_first):
+    bench, server, client, _ = world
+    goal = sent_goal(bench, server, client)
+    server.publish(Outcome.LOST, OTHER_ID)
+    steps = [lambda: server.handles[-1].execute(), lambda: server.publish(Outcome.FORCE_REACHED)]
+    for step in steps if is_result_first else reversed(steps):
+        assert goal.ending is None
+        step()
+        bench.wait(0.3)
+    assert goal.ending.status == GoalStatus.STATUS_SUCCEEDED
+    assert goal.ending.state == GripperState(0.03, 2.0, stalled=True)
+    assert goal.ending.outcome.outcome == Outcome.FORCE_REACHED and goal.of_hold is None
+    server.publish(Outcome.HOLD_ENDED, of_hold=True)
+    bench.until(lambda: goal.of_hold)
+    assert goal.of_hold.outcome == Outcome.HOLD_ENDED and goal.ending.outcome.outcome == Outcome.FORCE_REACHED
+
+
+def test_a_lost_outcome_ends_the_wait(world):
+    bench, server, client, clock = world
+    goal = sent_goal(bench, server, client)
+    server.handles[-1].execute()
+    bench.wait(0.3)
+    assert goal.ending is None
+    clock[0] += OUTCOME_WAIT + 0.01
+    assert goal.ending.status == GoalStatus.STATUS_SUCCEEDED and goal.ending.outcome is None
+
+
+def test_a_rejected_goal_ends(world):
+    bench, server, client, clock = world
+    server.rejects = True
+    goal = client.send(position=0.0)
+    bench.until(lambda: goal._result)
+    clock[0] += OUTCOME_WAIT + 0.01
+    assert goal.ending.status == GoalStatus.STATUS_UNKNOWN and goal.handle is None
+
+
+@pytest.mark.parametrize('is_spun', [True, False])
+def test_a_program_without_an_executor_waits_as_well(ros, is_spun):
+    """A gripper node without pads refuses to close; its client spins itself, or another thread spins it."""
+    import rclpy
+
+    from tactile_node.nodes.gripper_node import GripperNode
+    gripper, planner = GripperNode(), rclpy.create_node('planner')
+    ros.callback(gripper.destroy_node)
+    ros.callback(planner.destroy_node)
+    client = TouchClient(planner)
+    ros.callback(client.destroy)
+    with spinning([gripper, planner] if is_spun else [gripper]):
+        goal = client.send(position=0.0)
+        ending = client.wait(goal, 60.0)
+        assert (ending.status, ending.outcome.outcome) == (GoalStatus.STATUS_ABORTED, Outcome.NOT_SEEN)
+
+
+def test_the_wait_is_bounded(ros):
+    import rclpy
+    planner = rclpy.create_node('planner')
+    ros.callback(planner.destroy_node)
+    client = TouchClient(planner)
+    ros.callback(client.destroy)
+    with pytest.raises(TimeoutError, match='touch_gripper'):
+        client.wait(client.send(position=0.0), 0.2)
+
+
+def test_two_clients_each_get_their_own(ros):
+    bench = GripperBench(ros)
+    first = bench.client.send(position=0.0)
+    second = bench.client.send(position=0.08)
+    assert bench.client.result(first).outcome.outcome == Outcome.REPLACED
+    assert bench.client.result(second).outcome.outcome == Outcome.REACHED
