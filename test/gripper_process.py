@@ -1,7 +1,7 @@
 """A gripper's own action in a process of its own, which a test stops or kills: python gripper_process.py KIND.
 
-KIND: works, hangs (after it has accepted a goal it answers nothing) or rejects. It prints a line for each event, the first when it
-has discovered the client of its action.
+KIND: works, hangs (after it has accepted a goal it answers nothing) or rejects. It prints a line for each event, the
+first one when it has discovered the client of its action.
 """
 
 import sys

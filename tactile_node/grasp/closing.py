@@ -17,7 +17,7 @@ BLIND_TIME = 0.5   #: s for which it stops and waits to see again, before the go
 LOST_AFTER = 0.1   #: s without any contact, after both pads were touched: shorter ones are bounces
 START_TIME = 1.0   #: s that a gripper may take beyond its travel, to accept a command and to begin
 REST_TIME = 0.3    #: s for which the opening must not change, before it closes after a command without an answer
-REST_LIMIT = 2.0   #: s within which that must be so
+REST_LIMIT = 2.0   #: s within which that must be so, once it has answered
 REST_CHANGE = 2e-4  #: m, of the opening at rest
 SLOWNESS = 3.0     #: times the time that the commanded speed needs, after which it is too slow
 BEYOND = 1e-3      #: m by which a commanded opening may be below 0: controllers close a little more than fully
@@ -168,10 +168,6 @@ class Goal(NamedTuple):
     until_touched: bool  #: the client gave no force: it stops when both pads are touched
     speed_is_fixed: bool = False  #: the gripper takes none
 
-    def excess(self, touch: Touch) -> float:
-        """Return by how much the stronger pad reads more than the limit [N]; NaN: not known."""
-        return touch.strongest - self.force
-
     def slow_speed(self, limits: TouchLimits) -> float:
         """Return the speed from the first touch on [m/s]."""
         return self.speed if self.speed_is_fixed else min(limits.slow_speed, self.speed)
@@ -298,10 +294,7 @@ class Closing:
 
 
 class Clearing:
-    """Waits ``timeout`` [s] from ``now`` [s] on for the gripper to answer, and then until its opening is at rest.
-
-    A goal closes after that where a command before it got no answer: the gripper may still move by that one.
-    """
+    """Waits, before a goal closes after an unanswered command, for an answer within ``timeout`` [s], and for rest."""
 
     def __init__(self, now: float, timeout: float):
         self._limit = now + timeout
@@ -311,12 +304,11 @@ class Clearing:
 
     def look(self, now: float, opening: float, is_answered: bool) -> Outcome | None:
         """Return why the goal cannot close; None: go on. ``opening`` [m], NaN: not known, it counts as at rest."""
-        if self._rested is None and is_answered:
-            self._rested, self._opening, self._limit = now, opening, now + REST_LIMIT
-        if self._rested is not None and math.isfinite(opening) and not abs(opening - self._opening) <= REST_CHANGE:
-            self._rested, self._opening = now, opening
-        self.is_over = self._rested is not None and is_answered and now - self._rested >= REST_TIME
-        if self.is_over or now <= self._limit:
+        has_moved = math.isfinite(opening) and not abs(opening - self._opening) <= REST_CHANGE
+        if self._rested is None or has_moved:
+            self._rested, self._opening = now if is_answered else None, opening
+        self.is_over = is_answered and self._rested is not None and now - self._rested >= REST_TIME
+        if self.is_over or now <= self._limit + REST_LIMIT * (self._rested is not None):
             return None
         return Outcome.GRIPPER_SILENT if self._rested is None else Outcome.NOT_STOPPED
 

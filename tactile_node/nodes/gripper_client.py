@@ -32,14 +32,9 @@ class _Sent:
         self.failure: Outcome | None = None
         self.result: GripperResult | None = None
         self.is_cancelled = False      # as soon as it is accepted
-        self.is_answered = False       # the latest cancel was answered
-        self.is_kept = False           # by a refusal
+        self.is_ending: bool | None = None  # False: it refused the latest cancel; None: no answer
         self.is_unknown = False        # to the server that answers: the one that accepted it is gone, or stopped
         self.is_given_up = False       # it got no answer in time
-
-    @property
-    def is_doubtful(self) -> bool:
-        return self.is_given_up or self.is_unknown
 
 
 class GripperResult(NamedTuple):
@@ -87,17 +82,17 @@ class GripperClient:
     @property
     def is_doubtful(self) -> bool:
         """True if the gripper may still carry out a command whose server is gone, or stopped and may wake up."""
-        return any(each.is_doubtful for each in self._open)
+        return any(each.is_given_up or each.is_unknown for each in self._open)
 
     @property
     def is_silent(self) -> bool:
-        """True if the gripper did not answer the latest command, so that a goal to hold would not stop it either."""
+        """True if the latest command was not answered: a goal to hold would not be either."""
         return self._latest is not None and not self._latest.is_accepted and self._latest.failure in SILENCES
 
     def is_stop_vain(self, by_cancel: bool) -> bool:
-        """Return True if the gripper does not know the command to cancel, or rejected the goal that was to stop it."""
+        """Return True if the gripper refused the cancel or does not know the command, or rejected the goal to hold."""
         sent = self._latest
-        return sent is not None and (sent.is_unknown if by_cancel else
+        return sent is not None and (sent.is_unknown or sent.is_ending is False if by_cancel else
                                      sent.holds and sent.failure is Outcome.GRIPPER_REFUSED)
 
     def give_up(self, *, only_unaccepted: bool = False) -> None:
@@ -106,31 +101,21 @@ class GripperClient:
             if not only_unaccepted or self._is_overdue(sent):
                 sent.is_given_up = sent.is_cancelled = True
 
-    def clear(self) -> None:
-        """Cancel each doubtful command by its id, which leaves a later goal alone."""
-        for sent in self._open:
-            if sent.is_doubtful:
-                self._cancel(sent)
-
-    def is_cleared(self, is_measured: bool) -> bool:
-        """Return True if the gripper answered each of these cancels; ``is_measured``: also by a refusal."""
-        return all(each.is_answered and (is_measured or not each.is_kept) for each in self._open if each.is_doubtful)
+    @property
+    def is_cleared(self) -> bool:
+        """True if the gripper answered the cancel of each command that it has not ended, and refused none."""
+        return all(each.is_ending for each in self._open if each.is_given_up or each.is_unknown or not each.holds)
 
     def forget(self) -> None:
         """Forget the doubtful commands. One that is accepted later is cancelled at once all the same."""
-        self._open = [each for each in self._open if not each.is_doubtful]
-
-    @property
-    def is_there(self) -> bool:
-        """False if the graph shows no server; True proves nothing."""
-        return self._client.server_is_ready()
+        self._open = [each for each in self._open if not (each.is_given_up or each.is_unknown)]
 
     def failure(self) -> Outcome | None:
         """Return why the latest command cannot be relied on."""
         sent = self._latest
         if sent is None or sent.result is not None:
             return None
-        if sent.failure is None and not self.is_there:
+        if sent.failure is None and not self._client.server_is_ready():
             sent.failure = Outcome.NO_GRIPPER
             if not sent.is_accepted:  # nothing heard it
                 sent.is_cancelled = True
@@ -144,11 +129,9 @@ class GripperClient:
 
     def drive(self, opening: float, speed: float, *, holds: bool = False) -> None:
         """Send the gripper to ``opening`` [m] at ``speed`` [m/s]; 0: at its own."""
-        service = self._interface.action.Impl.SendGoalService
-        goal_id = service.Request().goal_id
+        goal_id = self._interface.action.Impl.SendGoalService.Request().goal_id
         goal_id.uuid = list(uuid.uuid4().bytes)
-        handle = ClientGoalHandle(self._client, goal_id, service.Response())
-        sent = self._latest = _Sent(handle, holds, self._steady())
+        sent = self._latest = _Sent(ClientGoalHandle(self._client, goal_id, None), holds, self._steady())
         self._open.append(sent)
         command = Command(self._law.reading(opening), abs(speed / self._law.scale), self._effort)
         future = self._client.send_goal_async(self._interface.goal(command),
@@ -165,17 +148,17 @@ class GripperClient:
             return
         for sent in self._open:
             sent.is_cancelled = True
-            if sent.is_accepted:
+            if sent.is_accepted or sent.is_given_up:  # by its id, so that a later goal goes on
                 self._cancel(sent)
 
     def _cancel(self, sent: _Sent) -> None:
-        sent.is_answered = False
+        sent.is_ending = None
         sent.handle.cancel_goal_async().add_done_callback(lambda done: self._on_cancelled(sent, done.result()))
 
     def _on_cancelled(self, sent: _Sent, answer: Any) -> None:
-        is_gone = answer.return_code in (answer.ERROR_UNKNOWN_GOAL_ID, answer.ERROR_GOAL_TERMINATED)
-        sent.is_answered, sent.is_kept = True, not is_gone and not answer.goals_canceling
         sent.is_unknown |= sent.is_accepted and answer.return_code == answer.ERROR_UNKNOWN_GOAL_ID
+        is_gone = answer.return_code in (answer.ERROR_UNKNOWN_GOAL_ID, answer.ERROR_GOAL_TERMINATED)
+        sent.is_ending = is_gone or bool(answer.goals_canceling)
 
     def _on_answer(self, sent: _Sent, future: Any) -> None:
         handle = future.result()

@@ -146,20 +146,13 @@ class GripperNode(Node):
         allow_feedback(handle)
         self._begin(run)
         if run.closing is not None and self._client.is_doubtful:
-            self._clear(run)
+            run.clearing = Clearing(self._steady(), self._settings.answer_timeout)
+            self._client.stop()
         self._look()
 
     def _begin(self, run: _Run) -> None:
         self._run = run
         self._timer.reset()
-
-    def _clear(self, run: _Run) -> None:
-        """Have ``run`` close only once the gripper has answered, and rests."""
-        now = self._steady()
-        run.clearing = Clearing(now, self._settings.answer_timeout)
-        if not self._client.is_stopped:
-            self._stop(run, self._cancels, now)
-        self._client.clear()
 
     def _started(self, handle: ServerGoalHandle, command: Command) -> _Run:
         opening, speed = self._law.gap(command.position), command.speed * abs(self._law.scale)
@@ -214,12 +207,13 @@ class GripperNode(Node):
         if run.holding is None and run.handle.is_cancel_requested:
             return Outcome.CANCELED
         if run.clearing is not None:
-            end = run.clearing.look(now, self._opening(), self._client.is_stopped and self._client.is_cleared(
-                math.isfinite(self._opening())))
+            end = run.clearing.look(now, self._opening(), self._client.is_cleared)
             if not run.clearing.is_over or run.closing is None:
-                return Outcome.NO_GRIPPER if end is Outcome.GRIPPER_SILENT and not self._client.is_there else end
+                return end
             self._client.forget()
             run.clearing, run.closing = None, Closing(run.closing.goal, self._limits, now, self._opening())
+        if not (run.opens or run.speed) and self._client.is_doubtful:
+            return Outcome.NOT_STOPPED
         failure = self._client.failure() if run.speed else None
         if failure is not None:
             return failure
@@ -314,9 +308,9 @@ class GripperNode(Node):
     def _publish(self, run: _Run, outcome: Outcome, reason: str) -> None:
         pads = (self._touch if self._is_current() else NO_TOUCH).pads
         texts = [reason] * bool(reason) + [IN_DOUBT] * self._client.is_doubtful
-        goal = run.closing.goal if run.closing is not None else None
-        if goal is not None and self._is_current() and goal.excess(self._touch) >= LEAST_EXCESS:
-            texts.append(f'{goal.excess(self._touch):.1f} N more than the {goal.force:g} N of the goal')
+        force = run.closing.goal.force if run.closing is not None and self._is_current() else math.nan
+        if self._touch.strongest - force >= LEAST_EXCESS:
+            texts.append(f'{self._touch.strongest - force:.1f} N more than the {force:g} N of the goal')
         text = f'{outcome.name}: {"; ".join(texts)}' if texts else outcome.name
         message = GripperOutcome(goal_id=run.handle.goal_id.uuid, outcome=int(outcome), of_hold=run.holding is not None,
                                  message=text, opening=self._opening(),
