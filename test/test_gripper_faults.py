@@ -1,7 +1,7 @@
-"""Each fault of a gripper's server against each kind of goal: the table in docs/closing.md. Restarts: test_gripper_crash.py.
+"""Each fault of a gripper's server against each kind of goal: the table in docs/closing.md.
 
-With TACTILE_LONG all of them, else each fault and each goal at least twice.
-"""
+Servers that are killed, in processes of their own: test_gripper_crash.py. With TACTILE_LONG all of them, else each
+fault and each goal at least twice.
 
 import os
 
@@ -61,5 +61,6 @@ def test_a_goal_that_meets_a_fault_ends_truly_and_poisons_none_after_it(ros, fau
     elif fault == 'accepts and hangs':  # up to its own effort
         assert not seen.moves_on and seen.strongest <= MOST + 1e-6
     else:
-        assert not seen.moves_on and seen.strongest <= (FORCE if goal in ('force', 'preempt', 'hold') else 0) + OVERSHOOT
+        force = FORCE if goal in ('force', 'preempt', 'hold') else 0.0
+        assert not seen.moves_on and seen.strongest <= force + OVERSHOOT
     assert recover(bench, fault) == (Outcome.REACHED, Outcome.TOUCHED)
