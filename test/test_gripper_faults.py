@@ -2,6 +2,7 @@
 
 Servers that are killed, in processes of their own: test_gripper_crash.py. With TACTILE_LONG all of them, else each
 fault and each goal at least twice.
+"""
 
 import os
 
