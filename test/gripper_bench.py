@@ -35,32 +35,51 @@ class Motor:
 
     def __init__(self, bench, interface, scale=1.0, offset=0.0):
         self._bench = bench
-        self.node = bench.add('motor')
         self.interface, self.scale, self.offset = interface, scale, offset
         self.opening, self.slowness = START, 1.0
         self.rejects = self.cancels = self.stays = False  # goals; it was cancelled; it refuses to be
         self.is_terse = False  # its results are empty
-        self.is_silent = False  # it does nothing any more, and answers nothing
+        self.is_silent = False  # its server answers nothing
+        self.goes_on = False  # its hardware carries out the last command while its server is silent
+        self.is_hasty = False  # it says at once that it is there
         self.most_goals = 1000
         self.commands: list[Command] = []
+        self.directions: list[str] = []  # in which they move it
         self.default_speed, self.blocked_at, self.moved_at = 0.02, -1.0, -math.inf
-        self._goal = None
         self._target, self._speed = self.opening, 0.0
+        self._servers = []
+        bench.stack.callback(self.kill)
+        self.start()
+
+    def start(self):
+        """Serve its action. A silent server before this one stays in the graph, as one that was killed does."""
+        self.is_silent, self._goal = False, None
+        self.node = self._bench.add('motor')
         self.server = ActionServer(
-            self.node, interface.action, '/gripper_controller/gripper_cmd', execute_callback=lambda handle: None,
+            self.node, self.interface.action, '/gripper_controller/gripper_cmd', execute_callback=lambda handle: None,
             goal_callback=lambda goal: GoalResponse.REJECT if self.rejects or len(self.commands) >= self.most_goals
             else GoalResponse.ACCEPT,
             cancel_callback=lambda handle: CancelResponse.REJECT if self.stays else CancelResponse.ACCEPT,
             handle_accepted_callback=self._accept)
-        bench.stack.callback(self.kill)
+        self._servers.append(self.server)
+
+    def restart(self):
+        """Serve its action by another server as well, and wait until the gripper node can see that."""
+        self.start()
+        self._bench.until_served(len(self._servers))
 
     def move_to(self, opening):
         """Be at ``opening`` [m] at once."""
         self.opening = self._target = opening
 
-    def fall_silent(self):
+    def fall_silent(self, goes_on=False):
         self._bench.executor.remove_node(self.node)
-        self.is_silent = True
+        self.is_silent, self.goes_on = True, goes_on
+
+    def wake(self):
+        """Answer all that has come while it was silent."""
+        self._bench.executor.add_node(self.node)
+        self.is_silent = False
 
     def die(self):
         """End its action, and wait until the gripper node can see that."""
@@ -68,32 +87,32 @@ class Motor:
         self._bench.until_joined(lambda: not self._bench.node._client._client.server_is_ready())
 
     def kill(self):
-        if self.server is not None:
-            self.server.destroy()
-            self.server = None
+        while self._servers:
+            self._servers.pop().destroy()
 
     def _accept(self, handle):
         if self._goal is not None:
             self._end(self._goal.abort)
         command = self.interface.command(handle.request)
         self.commands.append(command)
+        way = self.offset + self.scale * command.position - self.opening
+        self.directions.append('hold' if abs(way) < 1e-3 else 'open' if way > 0 else 'close')
         self._goal = handle
         self._target = self.offset + self.scale * command.position
         self._speed = abs(self.scale) * command.speed or self.default_speed
+        if self.is_hasty:
+            self._end(handle.succeed, reached_goal=True)
 
     def step(self):
         if self.is_silent:
+            if self.goes_on:
+                self._move()
             return
         if self._goal is not None and self._goal.is_cancel_requested:
             self.cancels = True
             self._target = self.opening
             self._end(self._goal.canceled)
-        travel = self._speed * STEP / self.slowness
-        target = max(self._target, self.blocked_at)
-        before = self.opening
-        self.opening += max(-travel, min(travel, target - self.opening))
-        if self.opening != before:
-            self.moved_at = self._bench.steady()
+        target = self._move()
         if self._goal is None:
             return
         if self.opening == self._target:
@@ -102,6 +121,15 @@ class Motor:
             self._end(self._goal.abort, stalled=True)
         else:
             self._goal.publish_feedback(self.interface.fill(self.interface.action.Feedback(), self._state()))
+
+    def _move(self):
+        travel = self._speed * STEP / self.slowness
+        target = max(self._target, self.blocked_at)
+        before = self.opening
+        self.opening += max(-travel, min(travel, target - self.opening))
+        if self.opening != before:
+            self.moved_at = self._bench.steady()
+        return target
 
     def _state(self, **flags):
         return GripperState((self.opening - self.offset) / self.scale, 1.0, **flags)
@@ -247,6 +275,11 @@ class GripperBench(TimedBench):
             else:  # in one leap, as long as a process that is not stopped
                 self.time.advance(HOLD_TIME)
                 self.settle()
+
+    def until_served(self, servers):
+        """Wait until the gripper node sees as many ``servers`` of the gripper's own action."""
+        service = '/gripper_controller/gripper_cmd/_action/send_goal'
+        self.until_joined(lambda: self.node.count_services(service) == servers)
 
     def until_seen(self):
         """Wait until what the pads feel is believed: ages settle."""

@@ -8,8 +8,12 @@ from tactile_node.errors import ConfigurationError, RefusedGoalError
 from tactile_node.grasp.closing import (
     BLIND_TIME,
     NO_TOUCH,
+    REST_CHANGE,
+    REST_LIMIT,
+    REST_TIME,
     SLOWNESS,
     START_TIME,
+    Clearing,
     Closing,
     Outcome,
     PadForce,
@@ -240,3 +244,50 @@ def test_a_speed_whose_overshoot_exceeds_the_force_is_refused_with_the_numbers()
 def test_limits_that_are_none_are_refused(changed):
     with pytest.raises(ConfigurationError):
         TouchLimits(**changed)
+
+
+@pytest.mark.parametrize('contact', [GraspContact.ONE_SIDED, GraspContact.TWO_SIDED])
+@pytest.mark.parametrize(('force', 'speed', 'least'), [(2.0, 0.0, 3.2), (2.0, 0.005, 2.3), (0.0, 0.0, 3.2)])
+def test_pads_that_read_more_than_the_goal_and_its_overshoot_are_already_pressed(contact, force, speed, least):
+    """0.06 s x 0.02 m/s x 1000 N/m are 1.2 N; at 0.005 m/s 0.3 N."""
+    other = PadForce(0.2) if contact is GraspContact.TWO_SIDED else EMPTY
+    for read, is_pressed in ((least + 0.01, True), (least - 0.01, False)):
+        outcome = closing(force, speed=speed).look(0.0, Touch(0.0, True, contact, (PadForce(read), other)), 0.04)
+        assert (outcome is Outcome.ALREADY_PRESSED) == is_pressed and outcome is not None
+
+
+def test_a_force_that_rises_on_the_way_is_not_one_that_was_there_before():
+    control = closing(2.0)
+    assert control.look(0.0, Touch(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY)), 0.05) is None
+    pressed = Touch(0.02, True, GraspContact.TWO_SIDED, (PadForce(9.0), PadForce(9.0)))
+    assert control.look(0.02, pressed, 0.04) is Outcome.FORCE_REACHED
+
+
+def clear(opening, is_answered, timeout=0.5):
+    """Return how and when [s] a wait ends, with the opening and the answer by the time."""
+    control, now, end = Clearing(0.0, timeout), 0.0, None
+    while end is None and not control.is_over:
+        now += 0.01
+        end = control.look(now, opening(now), is_answered(now))
+    return end, now
+
+
+@pytest.mark.parametrize('opening', [0.04, math.nan])
+@pytest.mark.parametrize('answered', [0.0, 0.4])
+def test_after_an_unanswered_command_it_waits_for_an_answer_and_for_rest(opening, answered):
+    end, now = clear(lambda now: opening, lambda now: now > answered)
+    assert end is None and now == pytest.approx(answered + REST_TIME, abs=0.03)
+
+
+def test_a_gripper_without_an_answer_is_silent_and_one_that_moves_on_is_not_stopped():
+    end, now = clear(lambda now: 0.04, lambda now: False)
+    assert end is Outcome.GRIPPER_SILENT and now == pytest.approx(0.5, abs=0.03)
+    end, now = clear(lambda now: 0.04 - 0.001 * now, lambda now: True)  # 1 mm/s
+    assert end is Outcome.NOT_STOPPED and now == pytest.approx(0.5 + REST_LIMIT, abs=0.03)
+
+
+def test_the_rest_begins_where_the_last_movement_ends():
+    end, now = clear(lambda now: 0.04 - 0.005 * min(now, 1.0), lambda now: True)
+    assert end is None and 1.0 + REST_TIME - REST_CHANGE / 0.005 - 0.02 <= now <= 1.0 + REST_TIME + 0.02
+    sways = clear(lambda now: 0.04 + 0.4 * REST_CHANGE * math.sin(100 * now), lambda now: True)
+    assert sways[0] is None and sways[1] == pytest.approx(REST_TIME, abs=0.03)  # noise of a sensor

@@ -14,6 +14,7 @@ from gripper_bench import PERIOD, STEP, THRESHOLD
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.closing import SLOWNESS, START_TIME, Outcome, TouchLimits
 from tactile_node.nodes.gripper_node import LOOK_PERIOD
+from tactile_node.ros.gripper_messages import Command
 from tactile_skin.msg import Grasp, GripperOutcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
@@ -221,6 +222,64 @@ def test_a_later_goal_of_another_client_replaces_the_one_before(make_bench):
     status, _, outcome = bench.client.result(first)
     assert (status, outcome.outcome) == (ABORTED, Outcome.REPLACED)
     assert other.result(second)[2].outcome == Outcome.REACHED and bench.motor.opening == pytest.approx(0.08)
+
+
+def press(bench, force):
+    """Have both pads read ``force`` [N] before anything moves."""
+    bench.motor.move_to(bench.pads.width - force / 1000.0)
+    bench.wait(0.2)
+    bench.motor.commands.clear()
+
+
+def test_pads_that_already_press_with_more_than_the_goal_end_it_and_nothing_is_sent(make_bench):
+    bench = make_bench(parameters={'hold': True})
+    press(bench, 9.2)
+    bench.motor.die()
+    status, state, outcome = bench.close(position=0.0, effort=2.0)
+    assert (status, outcome.outcome, state.stalled) == (ABORTED, Outcome.ALREADY_PRESSED, False)
+    assert '7.2 N more than the 2 N' in outcome.message
+    bench.pads.width -= 0.009
+    bench.wait(1.0)
+    assert not any(each.of_hold for each in bench.client.outcomes)  # no hold began, which would find no gripper
+
+
+def test_a_force_within_the_overshoot_is_reached_and_the_excess_is_said(make_bench):
+    bench = make_bench()
+    for force, effort, text in ((2.5, 2.0, '0.5 N more than the 2 N'), (2.0, 2.0, '')):
+        press(bench, force)
+        status, _, outcome = bench.close(position=0.0, effort=effort)
+        assert (status, outcome.outcome, bench.motor.commands) == (SUCCEEDED, Outcome.FORCE_REACHED, [])
+        assert text in outcome.message and ('more than' in outcome.message) == bool(text)
+
+
+@pytest.mark.parametrize('change', [lambda message: message, *NOT_SEEN])
+@pytest.mark.parametrize('opening', [LIMITS.widest, LIMITS.widest + 0.005])
+def test_a_goal_to_open_to_the_widest_is_always_sent(make_bench, change, opening):
+    """Pads that press or are not seen, and numbers that a goal to close is refused with, do not keep it back."""
+    bench = make_bench()
+    several = bench.interface.goal(Command(opening, 1.0, 1.0))
+    several.command.velocity, several.command.effort = [1.0, 1.0], [1.0, 1.0]
+    for goal in ({}, {'speed': -1.0}, {'speed': math.nan}, {'speed': 99.0}, {'effort': math.nan}, {'effort': 1e9},
+                 {'effort': -1.0}, {'goal': several}):
+        bench.pads.change, bench.pads.is_silent = (lambda message: message), False
+        press(bench, 9.0)
+        hide(bench, change)
+        bench.wait(MAX_AGE + PERIOD)
+        status, _, outcome = bench.close(**{'position': opening, **goal})
+        assert (status, outcome.outcome) == (SUCCEEDED, Outcome.REACHED), goal
+        assert [each.position for each in bench.motor.commands] == pytest.approx([opening])
+
+
+def test_pads_that_are_seen_to_press_only_while_it_opens_do_not_stop_it(make_bench):
+    """What they read last, before they were blind, is no force that it began with."""
+    bench = make_bench()
+    bench.pads.is_silent = True
+    bench.wait(MAX_AGE + PERIOD)
+    bench.motor.move_to(bench.pads.width - 0.009)
+    handle = bench.client.send(position=LIMITS.widest)
+    bench.wait(2 * STEP)
+    bench.pads.is_silent = False
+    assert bench.client.result(handle)[2].outcome == Outcome.REACHED
 
 
 def test_a_goal_that_cannot_be_used_is_refused_with_a_reason_and_changes_nothing(make_bench):

@@ -16,6 +16,9 @@ from tactile_node.grasp.tracker import GraspContact
 BLIND_TIME = 0.5   #: s for which it stops and waits to see again, before the goal ends
 LOST_AFTER = 0.1   #: s without any contact, after both pads were touched: shorter ones are bounces
 START_TIME = 1.0   #: s that a gripper may take beyond its travel, to accept a command and to begin
+REST_TIME = 0.3    #: s for which the opening must not change, before it closes after a command without an answer
+REST_LIMIT = 2.0   #: s within which that must be so, once it has answered
+REST_CHANGE = 2e-4  #: m, of the opening at rest
 SLOWNESS = 3.0     #: times the time that the commanded speed needs, after which it is too slow
 BEYOND = 1e-3      #: m by which a commanded opening may be below 0: controllers close a little more than fully
 
@@ -43,6 +46,7 @@ class Outcome(IntEnum):
     NOT_STOPPED = 17      #: the gripper did not confirm that it stopped
     NOT_OPENING = 18      #: the force rises while it should open
     HOLD_ENDED = 19       #: the travel of the hold is used
+    ALREADY_PRESSED = 20  #: the pads read more than the goal's force and overshoot before anything moved
     DUPLICATE = 21        #: another process commands the same gripper, or has the same name
 
 
@@ -207,6 +211,7 @@ class Closing:
     def __init__(self, goal: Goal, limits: TouchLimits, now: float, opening: float):
         self.goal, self._limits = goal, limits
         self._opening, self._looked = opening, now
+        self._has_begun = False    # it was sent on its way
         self._was_held = False     # both pads were touched
         self._seen, self._is_blind = -math.inf, False  # when all that it goes on by was last known; whether not now
         self._seen_touched = now   # when a contact was last seen
@@ -236,7 +241,8 @@ class Closing:
             self._deadline += now - self._seen
         self._seen = now
         self._follow(now, touch, travel)
-        stop = self._why_stop(now, touch)
+        stop = self._why_stop(now, touch) if self._has_begun or not self._is_pressed(touch) else Outcome.ALREADY_PRESSED
+        self._has_begun = True
         if stop is None and self._pace > self._slow_speed and (touch.is_touched or self._is_narrow()):
             self._pace = self._slow_speed
             self._deadline = self._deadline_at(now)
@@ -247,6 +253,10 @@ class Closing:
             return Outcome.NOT_SEEN
         is_enough = touch.contact is GraspContact.TWO_SIDED and self.goal.until_touched
         return None if touch.has_force or is_enough else Outcome.FORCE_NOT_KNOWN
+
+    def _is_pressed(self, touch: Touch) -> bool:
+        most = self.goal.force + self._limits.overshoot(self.goal.speed)
+        return touch.has_force and touch.most(self._limits.edge_share) > most
 
     def _why_stop(self, now: float, touch: Touch) -> Outcome | None:
         is_held = touch.contact is GraspContact.TWO_SIDED
@@ -282,6 +292,26 @@ class Closing:
     def _deadline_at(self, now: float) -> float:
         opening = self._opening if math.isfinite(self._opening) else self._limits.widest
         return deadline(now, opening - self.goal.opening, self._pace)
+
+
+class Clearing:
+    """Waits, before a goal closes after an unanswered command, for an answer within ``timeout`` [s], and for rest."""
+
+    def __init__(self, now: float, timeout: float):
+        self._limit = now + timeout
+        self._rested: float | None = None  # since when the opening has not changed [s]; None: no answer yet
+        self._opening = math.nan
+        self.is_over = False
+
+    def look(self, now: float, opening: float, is_answered: bool) -> Outcome | None:
+        """Return why the goal cannot close; None: go on. ``opening`` [m], NaN: not known, it counts as at rest."""
+        has_moved = math.isfinite(opening) and not abs(opening - self._opening) <= REST_CHANGE
+        if self._rested is None or has_moved:
+            self._rested, self._opening = now if is_answered else None, opening
+        self.is_over = is_answered and self._rested is not None and now - self._rested >= REST_TIME
+        if self.is_over or now <= self._limit + REST_LIMIT * (self._rested is not None):
+            return None
+        return Outcome.GRIPPER_SILENT if self._rested is None else Outcome.NOT_STOPPED
 
 
 def deadline(now: float, travel: float, speed: float) -> float:

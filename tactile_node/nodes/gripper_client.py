@@ -1,28 +1,40 @@
-"""Commands the gripper's own action, one command at a time; what it says of itself."""
+"""Commands the gripper's own action, one command at a time; what it says of itself.
+
+The number of servers in the graph decides nothing, because a killed server stays there for 20 s, also beside a new one.
+The answers decide. The client gives up a command that gets no answer: it holds up no later goal, but leaves a doubt.
+"""
 
 import math
+import uuid
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
 
 from tactile_node.grasp.closing import Outcome
 from tactile_node.grasp.opening import LinearGap
 from tactile_node.ros.gripper_messages import Command, GripperInterface, GripperState
 
+SILENCES = Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT
+
 
 class _Sent:
     """One command on its way."""
 
-    def __init__(self, holds: bool, at: float):
+    def __init__(self, handle: ClientGoalHandle, holds: bool, at: float):
+        self.handle = handle           # cancels it, also before it is accepted
         self.holds = holds             # it stops the gripper where it is
         self.at = at                   # [s]
-        self.handle: Any = None        # once it is accepted
+        self.is_accepted = False
         self.failure: Outcome | None = None
         self.result: GripperResult | None = None
-        self.is_cancelled = False
+        self.is_cancelled = False      # as soon as it is accepted
+        self.is_ending: bool | None = None  # False: it refused the latest cancel; None: no answer
+        self.is_unknown = False        # to the server that answers: the one that accepted it is gone, or stopped
+        self.is_given_up = False       # it got no answer in time
 
 
 class GripperResult(NamedTuple):
@@ -44,7 +56,7 @@ class GripperClient:
         self._interface, self._law, self._effort, self._timeout = interface, law, effort, timeout
         self._client = ActionClient(node, interface.action, action)
         self._latest: _Sent | None = None
-        self._open: list[_Sent] = []  # that may still move the gripper: neither rejected nor ended
+        self._open: list[_Sent] = []  # may still move the gripper: neither rejected nor ended
         self._state, self._stated = GripperState(), -math.inf
 
     def destroy(self) -> None:
@@ -62,38 +74,73 @@ class GripperClient:
 
     @property
     def is_stopped(self) -> bool:
-        """Whether nothing moves by a command of ours, as far as the gripper has confirmed it."""
-        hold = self._open[0] if len(self._open) == 1 else None  # those before it have ended
-        return not self._open or (hold is not None and hold.holds and hold.handle is not None)
+        """True if nothing moves by a command that an answering server knows, as far as the gripper has confirmed it."""
+        moving = [each for each in self._open
+                  if not each.is_given_up and (each is self._latest or not each.is_unknown)]
+        return not moving or (len(moving) == 1 and moving[0].holds and moving[0].is_accepted)
 
     @property
-    def is_hold_refused(self) -> bool:
-        """Whether the gripper rejected the goal that was to stop it."""
-        return self._latest is not None and self._latest.holds and self._latest.failure is Outcome.GRIPPER_REFUSED
+    def is_doubtful(self) -> bool:
+        """True if the gripper may still carry out a command whose server is gone, or stopped and may wake up."""
+        return any(each.is_given_up or each.is_unknown for each in self._open)
 
     @property
     def is_there(self) -> bool:
         """False if the graph shows no server; True proves nothing."""
         return self._client.server_is_ready()
 
-    def failure(self, now: float) -> Outcome | None:
-        """Return why the latest command cannot be relied on at ``now`` [s]."""
+    @property
+    def is_silent(self) -> bool:
+        """True if the latest command was not answered: a goal to hold would not be either."""
+        return self._latest is not None and not self._latest.is_accepted and self._latest.failure in SILENCES
+
+    def is_stop_vain(self, by_cancel: bool) -> bool:
+        """Return True if the gripper refused the cancel or does not know the command, or rejected the goal to hold."""
+        sent = self._latest
+        return sent is not None and (sent.is_unknown or sent.is_ending is False if by_cancel else
+                                     sent.holds and sent.failure is Outcome.GRIPPER_REFUSED)
+
+    def give_up(self, *, only_unaccepted: bool = False) -> None:
+        """Rely on no open command any more, or on none whose acceptance is overdue."""
+        for sent in self._open:
+            if not only_unaccepted or self._is_overdue(sent):
+                sent.is_given_up = sent.is_cancelled = True
+
+    @property
+    def is_cleared(self) -> bool:
+        """True if the gripper answered the cancel of each command that it has not ended, and refused none."""
+        return all(each.is_ending for each in self._open if each.is_given_up or each.is_unknown or not each.holds)
+
+    def forget(self) -> None:
+        """Forget the doubtful commands. One that is accepted later is cancelled at once all the same."""
+        self._open = [each for each in self._open if not (each.is_given_up or each.is_unknown)]
+
+    def failure(self) -> Outcome | None:
+        """Return why the latest command cannot be relied on."""
         sent = self._latest
         if sent is None or sent.result is not None:
             return None
         if sent.failure is None and not self.is_there:
             sent.failure = Outcome.NO_GRIPPER
-        elif sent.failure is None and sent.handle is None and now - sent.at > self._timeout:
+            if not sent.is_accepted:  # nothing heard it
+                sent.is_cancelled = True
+                self._end(sent)
+        elif sent.failure is None and self._is_overdue(sent):
             sent.failure = Outcome.GRIPPER_SILENT
         return sent.failure
 
+    def _is_overdue(self, sent: _Sent) -> bool:
+        return not sent.is_accepted and self._steady() - sent.at > self._timeout
+
     def drive(self, opening: float, speed: float, *, holds: bool = False) -> None:
         """Send the gripper to ``opening`` [m] at ``speed`` [m/s]; 0: at its own."""
-        sent = self._latest = _Sent(holds, self._steady())
+        goal_id = self._interface.action.Impl.SendGoalService.Request().goal_id
+        goal_id.uuid = list(uuid.uuid4().bytes)
+        sent = self._latest = _Sent(ClientGoalHandle(self._client, goal_id, None), holds, self._steady())
         self._open.append(sent)
         command = Command(self._law.reading(opening), abs(speed / self._law.scale), self._effort)
         future = self._client.send_goal_async(self._interface.goal(command),
-                                              lambda message: self._take(message.feedback))
+                                              lambda message: self._take(message.feedback), goal_id)
         future.add_done_callback(lambda done: self._on_answer(sent, done))
 
     def stop(self, opening: float = math.nan) -> None:
@@ -105,25 +152,42 @@ class GripperClient:
             self.drive(opening, 0.0, holds=True)
             return
         for sent in self._open:
-            sent.is_cancelled = True  # as soon as the gripper accepts it
-            if sent.handle is not None:
-                sent.handle.cancel_goal_async()
+            sent.is_cancelled = True
+            if sent.is_accepted or sent.is_given_up:  # by its id, so that a later goal goes on
+                self._cancel(sent)
+
+    def _cancel(self, sent: _Sent) -> None:
+        sent.is_ending = None
+        sent.handle.cancel_goal_async().add_done_callback(lambda done: self._on_cancelled(sent, done.result()))
+
+    def _on_cancelled(self, sent: _Sent, answer: Any) -> None:
+        sent.is_unknown |= sent.is_accepted and answer.return_code == answer.ERROR_UNKNOWN_GOAL_ID
+        is_gone = answer.return_code in (answer.ERROR_UNKNOWN_GOAL_ID, answer.ERROR_GOAL_TERMINATED)
+        sent.is_ending = is_gone or bool(answer.goals_canceling)
 
     def _on_answer(self, sent: _Sent, future: Any) -> None:
         handle = future.result()
         if not handle.accepted:
             sent.failure = Outcome.GRIPPER_REFUSED
-            self._open.remove(sent)
+            self._end(sent)
             return
-        sent.handle = handle
+        sent.handle, sent.is_accepted = handle, True
+        if sent not in self._open:
+            self._open.append(sent)  # forgotten; now it moves the gripper
         if sent.is_cancelled:
-            handle.cancel_goal_async()
-        handle.get_result_async().add_done_callback(lambda done: self._on_result(sent, done))
+            self._cancel(sent)
+        handle.get_result_async().add_done_callback(lambda done: self._on_result(sent, done.result()))
 
-    def _on_result(self, sent: _Sent, future: Any) -> None:
-        answer = future.result()
+    def _on_result(self, sent: _Sent, answer: Any) -> None:
+        if answer.status == GoalStatus.STATUS_UNKNOWN:  # another server answered
+            sent.is_unknown, sent.failure = True, Outcome.GRIPPER_SILENT
+            return
         sent.result = GripperResult(self._interface.state(answer.result), answer.status == GoalStatus.STATUS_SUCCEEDED)
-        self._open.remove(sent)
+        self._end(sent)
+
+    def _end(self, sent: _Sent) -> None:
+        if sent in self._open:
+            self._open.remove(sent)
 
     def _take(self, feedback: Any) -> None:
         state = self._interface.state(feedback)

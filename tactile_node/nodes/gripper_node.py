@@ -19,6 +19,7 @@ from tactile_node.grasp.closing import (
     BEYOND,
     NO_TOUCH,
     SUCCESSES,
+    Clearing,
     Closing,
     Outcome,
     TouchLimits,
@@ -31,7 +32,7 @@ from tactile_node.grasp.opening import HIGHEST_GAP, GapSource, LinearGap
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.nodes.duplicate_watch import DuplicateWatch, duplicate_text
 from tactile_node.nodes.grasp_requests import allow_feedback
-from tactile_node.nodes.gripper_client import GripperClient, GripperResult
+from tactile_node.nodes.gripper_client import SILENCES, GripperClient, GripperResult
 from tactile_node.nodes.guarded_subscription import GuardedSubscription, publisher_names
 from tactile_node.nodes.node_health import MessageHealth, publish_status
 from tactile_node.nodes.run import run_node
@@ -48,7 +49,11 @@ LOOK_PERIOD = 0.01  #: s between two looks at a goal, beside those at each grasp
 RESULT_TIMEOUT = 2  #: s for which a result is kept for a client that has not asked for it
 #: Of a gripper that opens, or is where it should be, the opening must be measured: a parameter may be an old one.
 MEASURED = (int(GapSource.JOINT_STATES), int(GapSource.TF))
+LEAST_EXCESS = 0.05  #: N, of a force beyond that of the goal, from which on the text says it
 NEAR = 0.002  #: m, of where the gripper should be: it is there
+#: A goal to close ends as one of these or as NOT_STOPPED, where the gripper may still move by an unanswered command.
+TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REPLACED)
+IN_DOUBT = 'the gripper may still be moving, because it did not confirm the end of an earlier command'
 
 logger = logging.getLogger(__name__)
 
@@ -61,7 +66,8 @@ class _Run:
     opening: float                     #: to which it goes [m]
     closing: Closing | None            #: None: it opens, whatever the pads see
     holding: Holding | None = None     #: its result was given
-    force: float = math.nan            #: of the stronger pad when it began [N]
+    clearing: Clearing | None = None   #: it waits for this, and then closes
+    force: float = math.nan            #: of the stronger pad when that was seen first [N]
     deadline: float = math.inf         #: of opening [s]
     speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not, or it is stopped
     outcome: Outcome | None = None     #: once it is known
@@ -69,6 +75,10 @@ class _Run:
     waits: bool = False                #: until this process has listened for duplicates; then it is started anew
     by_cancel: bool = True             #: how it is being stopped: by a cancel, or by a goal at where it is
     stop_since: float = math.inf       #: [s]
+
+    @property
+    def opens(self) -> bool:
+        return self.closing is None and self.holding is None
 
 
 class GripperNode(Node):
@@ -140,6 +150,7 @@ class GripperNode(Node):
 
     def _start(self, handle: ServerGoalHandle) -> None:
         try:
+            self._client.give_up(only_unaccepted=True)
             run = self._started(handle, self._interface.command(handle.request))
         except RefusedGoalError as error:
             logger.error('goal refused: %s', error, extra=of_node(self))
@@ -150,6 +161,9 @@ class GripperNode(Node):
             self._finish(self._run)
         run.waits = not (self._opens_fully(run) or self._watch.has_listened)
         self._begin(run)
+        if run.closing is not None and self._client.is_doubtful and not run.waits:
+            run.clearing = Clearing(self._steady(), self._settings.answer_timeout)
+            self._client.stop()
         self._look()
 
     def _begin(self, run: _Run) -> None:
@@ -160,24 +174,23 @@ class GripperNode(Node):
         opening, speed = self._law.gap(command.position), command.speed * abs(self._law.scale)
         check_number('opening', opening, -BEYOND, HIGHEST_GAP, 'm')
         now, present = self._steady(), self._opening()
-        if self._run is not None and self._run.closing is None and self._run.holding is None:
-            present = math.nan  # it opens still, and is wider than its last reading
         if self._opens(opening, present):
             travel = opening - (present if math.isfinite(present) else 0.0)
-            return _Run(handle, opening, None, force=self._touch.strongest,
-                        deadline=deadline(now, travel, self._limits.fast_speed))
+            return _Run(handle, opening, None, deadline=deadline(now, travel, self._limits.fast_speed))
         goal = make_goal(opening, speed, command.effort, self._limits,
                          speed_is_fixed=not self._interface.commands_speed)
         return _Run(handle, opening, Closing(goal, self._limits, now, present))
 
     def _opens(self, opening: float, present: float) -> bool:
-        """Whether a goal of ``opening`` opens a gripper that is at ``present`` [m]; NaN: not known."""
-        is_widest = opening >= self._limits.widest
-        return opening >= present - NEAR * is_widest if math.isfinite(present) else is_widest
+        """Return True if a goal of ``opening`` opens a gripper that is at ``present`` [m]; NaN: not known."""
+        if opening >= self._limits.widest:
+            return not opening < present - NEAR
+        is_opening = self._run is not None and self._run.opens  # it is wider than its last reading, or may be
+        return opening >= present and not is_opening and not self._client.is_doubtful
 
     def _opens_fully(self, run: _Run) -> bool:
         """Return True for a goal that no other command can turn into one to close."""
-        return run.closing is None and run.holding is None and run.opening >= self._limits.widest
+        return run.opens and run.opening >= self._limits.widest
 
     def _opening(self) -> float:
         """Return the opening as measured now [m]; NaN: not known."""
@@ -203,15 +216,18 @@ class GripperNode(Node):
                 return
             is_to_stop = run.outcome is not None or run.speed or (run.waits and run.stop_since == math.inf)
             if not self._client.is_stopped and is_to_stop:
-                self._stop(run, self._cancels, now)
+                self._stop(run, self._cancels or self._is_cancel_due(run), now)
             run.speed = 0.0
         if self._client.is_stopped:
             if run.outcome is not None:
                 self._finish(run)
             return
-        is_refused = not run.by_cancel and self._client.is_hold_refused
-        if is_refused or now - run.stop_since > self._settings.answer_timeout:
+        if self._client.is_stop_vain(run.by_cancel) or now - run.stop_since > self._settings.answer_timeout:
             self._insist(run, now)
+
+    def _is_cancel_due(self, run: _Run) -> bool:
+        """Return True if only a cancel can help: it is open by its latest command, or that was not answered."""
+        return self._client.is_silent or (run.opens and self._client.result is not None)
 
     def _outcome(self, run: _Run, now: float) -> Outcome | None:
         if run.holding is None and run.handle.is_cancel_requested:
@@ -220,7 +236,15 @@ class GripperNode(Node):
             return Outcome.DUPLICATE
         if run.waits:
             return None
-        failure = self._client.failure(now) if run.speed else None
+        if run.clearing is not None:
+            end = run.clearing.look(now, self._opening(), self._client.is_cleared)
+            if not run.clearing.is_over or run.closing is None:
+                return end
+            self._client.forget()
+            run.clearing, run.closing = None, Closing(run.closing.goal, self._limits, now, self._opening())
+        if not (run.opens or run.speed) and self._client.is_doubtful:
+            return Outcome.NOT_STOPPED
+        failure = self._client.failure() if run.speed else None
         if failure is not None:
             return failure
         if run.holding is not None:
@@ -250,8 +274,10 @@ class GripperNode(Node):
         return holding.look(now, self._touch, self._opening(), is_still=self._client.is_stopped)
 
     def _why_not_open(self, run: _Run, now: float) -> Outcome | None:
-        if self._is_current() and self._touch.strongest > run.force + self._limits.touch_force:
-            return Outcome.NOT_OPENING
+        if self._is_current():
+            run.force = self._touch.strongest if math.isnan(run.force) else run.force
+            if self._touch.strongest > run.force + self._limits.touch_force:
+                return Outcome.NOT_OPENING
         return Outcome.TOO_SLOW if now > run.deadline else None
 
     def _ending(self, run: _Run, result: GripperResult, stop: Outcome | None) -> Outcome:
@@ -265,7 +291,7 @@ class GripperNode(Node):
 
     def _drives(self, run: _Run) -> bool:
         """Send the gripper on its way, and again where its speed changes; whether it is to move."""
-        if run.waits:
+        if run.waits or run.clearing is not None:
             return False
         if run.holding is not None:
             run.opening = run.holding.target
@@ -281,12 +307,13 @@ class GripperNode(Node):
         self._client.stop(math.nan if by_cancel else self._opening())
 
     def _insist(self, run: _Run, now: float) -> None:
-        """Stop it the other way; when that is not confirmed either, say so."""
-        if run.by_cancel is self._cancels:
+        """Stop it the other way; when that is not confirmed either, give up."""
+        if run.by_cancel is self._cancels and not self._is_cancel_due(run):
             self._stop(run, not self._cancels, now)
             return
-        if run.outcome not in (Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT):
+        if run.outcome not in SILENCES and not (run.opens and self._client.result is not None):
             run.outcome = Outcome.NOT_STOPPED
+        self._client.give_up()
         self._finish(run)
 
     def _state(self, outcome: Outcome | None = None) -> GripperState:
@@ -300,6 +327,8 @@ class GripperNode(Node):
         if run is self._run:
             self._run = None
             self._timer.cancel()
+        if not run.opens and self._client.is_doubtful and run.outcome not in TOLD_IN_DOUBT:
+            run.outcome = Outcome.NOT_STOPPED
         outcome = self._last = run.outcome or Outcome.NOT_KNOWN
         state = self._state(outcome)
         self._publish(run, outcome, reason or run.reason)
@@ -320,14 +349,19 @@ class GripperNode(Node):
 
     def _publish(self, run: _Run, outcome: Outcome, reason: str) -> None:
         pads = (self._touch if self._is_current() else NO_TOUCH).pads
+        texts = [reason] * bool(reason) + [IN_DOUBT] * self._client.is_doubtful
+        force = run.closing.goal.force if run.closing is not None and self._is_current() else math.nan
+        if self._touch.strongest - force >= LEAST_EXCESS:
+            texts.append(f'{self._touch.strongest - force:.1f} N more than the {force:g} N of the goal')
+        text = f'{outcome.name}: {"; ".join(texts)}' if texts else outcome.name
         message = GripperOutcome(goal_id=run.handle.goal_id.uuid, outcome=int(outcome), of_hold=run.holding is not None,
-                                 message=outcome.name + (f': {reason}' if reason else ''), opening=self._opening(),
+                                 message=text, opening=self._opening(),
                                  forces=[pad.force for pad in pads], force_is_bound=[pad.is_bound for pad in pads])
         message.header.stamp = self.get_clock().now().to_msg()
         self._outcomes.publish(message)
         is_usual = outcome in SUCCESSES or (run.holding is not None and outcome is Outcome.REPLACED)
         if not is_usual and outcome is not Outcome.REFUSED:
-            logger.warning('%s ended: %s', 'hold' if run.holding else 'goal', message.message, extra=of_node(self))
+            logger.warning('%s ended: %s', 'hold' if run.holding else 'goal', text, extra=of_node(self))
 
 
 def _is_cancel(stop_by: str) -> bool:

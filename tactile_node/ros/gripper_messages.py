@@ -15,7 +15,7 @@ INTERFACES = PARALLEL, SINGLE = 'ParallelGripperCommand', 'GripperCommand'
 
 
 class Command(NamedTuple):
-    """What a goal asks for, in the gripper's own units; speed and effort 0: not given."""
+    """What a goal asks for, in the gripper's own units; speed and effort 0: not given; NaN: several were given."""
 
     position: float
     speed: float = 0.0
@@ -70,13 +70,13 @@ class _Parallel:
     def command(self, goal: Any) -> Command:
         """Return what ``goal`` asks for. Raises RefusedGoalError where it does not say that of one joint."""
         asked = goal.command
-        names, counts = list(asked.name), (len(asked.position), len(asked.velocity), len(asked.effort))
-        if counts[0] != 1 or max(counts) > 1 or (self._joint and names and names != [self._joint]):
-            raise RefusedGoalError(
-                'command', expected=f'one position of {self._joint or "one joint"}, at most one velocity and effort',
-                got=f'{counts[0]}, {counts[1]} and {counts[2]} of {", ".join(names) or "no name"}',
-                remedy='Command the joint that the parameter joint names.')
-        return Command(asked.position[0], _first(asked.velocity, 0.0), _first(asked.effort, 0.0))
+        names, count = list(asked.name), len(asked.position)
+        if count != 1 or (self._joint and names and names != [self._joint]):
+            raise RefusedGoalError('command', expected=f'one position of {self._joint or "one joint"}',
+                                   got=f'{count} of {", ".join(names) or "no name"}',
+                                   remedy='Command the joint that the parameter joint names.')
+        speed, effort = (math.nan if len(each) > 1 else _first(each, 0.0) for each in (asked.velocity, asked.effort))
+        return Command(asked.position[0], speed, effort)
 
     def goal(self, command: Command) -> Any:
         goal = self.action.Goal()

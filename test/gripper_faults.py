@@ -1,0 +1,114 @@
+"""Faults of a gripper's server against the goals of the gripper node, in virtual time: `happens` runs one of them."""
+
+from typing import NamedTuple
+
+from gripper_bench import Motor
+
+from tactile_node.grasp.closing import Outcome
+
+FORCE = 5.0  # N, of a goal
+LATE = 0.8  # s, beyond the answer_timeout
+PARTLY, WIDEST = 0.05, 0.08  # m, to which a goal opens
+MOST = 10.0  # N, at which the gripper itself stalls
+#: Faults that are there before the goal; others come once the gripper has accepted its command
+BEFORE = ('rejects', 'answers late', 'succeeds at once', 'refuses cancels', 'two servers', 'stopped, then woken')
+FAULTS = ('accepts and hangs', 'dies, new server', *BEFORE)
+GOALS = ('close', 'force', 'partly', 'widest', 'preempt', 'hold')
+
+
+class Happened(NamedTuple):
+    """What a client, the gripper and a person in front of it saw."""
+
+    outcome: Outcome | None  # None: the hold goes on
+    is_in_doubt: bool       # the text says that the gripper may still be moving
+    sent: str               # the commands that the gripper has accepted, as they move it
+    was_cancelled: bool
+    moves_on: bool          # 1 s after the outcome
+    strongest: float        # force on a pad [N]
+
+
+def happens(bench, fault, goal):
+    """Run ``goal`` with ``fault``."""
+    motor = bench.motor
+    motor.blocked_at = bench.pads.width - MOST / bench.pads.stiffness
+    if goal == 'partly':
+        bench.pads.width = 0.0
+        motor.move_to(0.03)
+        bench.wait(0.2)
+    if goal == 'preempt':
+        bench.client.send(position=0.0)
+        bench.wait(0.3)
+    if goal == 'hold':
+        motor.move_to(bench.pads.width + 0.001)
+        bench.wait(0.2)
+        assert bench.close(position=0.0, effort=FORCE)[2].outcome == Outcome.FORCE_REACHED
+        bench.wait(0.2)
+    motor.directions.clear()
+    motor.cancels = False
+    if fault in BEFORE or goal == 'preempt':
+        _break(bench, fault)
+    handle = None
+    if goal == 'hold':
+        bench.pads.width -= 0.0015
+        motor.blocked_at -= 0.0015
+    else:
+        handle = bench.client.send(position={'partly': PARTLY, 'widest': WIDEST}.get(goal, 0.0),
+                                   effort=FORCE if goal in ('force', 'preempt') else 0.0)
+    if fault not in BEFORE and goal != 'preempt':
+        bench.until(lambda: motor.directions)
+        _break(bench, fault)
+    if fault == 'answers late':
+        bench.wait(LATE)
+        motor.wake()
+    outcome = _outcome(bench, handle)
+    text = outcome.message if outcome else ''
+    if fault == 'stopped, then woken':
+        motor.wake()
+    bench.wait(0.7)
+    before = motor.opening
+    bench.wait(0.3)
+    return Happened(Outcome(outcome.outcome) if outcome else None, 'may still be moving' in text,
+                    ' '.join(motor.directions), motor.cancels, motor.opening != before, bench.pads.strongest)
+
+
+def _outcome(bench, handle):
+    """Return the outcome of a goal, or of the hold; None: the hold goes on."""
+    if handle is not None:
+        return bench.client.result(handle)[2]
+    bench.wait(4.0)
+    ends = [each for each in bench.client.outcomes if each.of_hold]
+    return ends[0] if ends else None
+
+
+def _break(bench, fault):
+    motor = bench.motor
+    if fault == 'accepts and hangs':
+        motor.fall_silent(goes_on=True)
+    elif fault == 'dies, new server':
+        motor.fall_silent(goes_on=True)
+        motor.restart()
+    elif fault in ('answers late', 'stopped, then woken'):
+        motor.fall_silent()
+    elif fault == 'rejects':
+        motor.rejects = True
+    elif fault == 'succeeds at once':
+        motor.is_hasty = True
+    elif fault == 'refuses cancels':
+        motor.stays = True
+    else:
+        bench.twin = Motor(bench, bench.interface)
+        bench.twin.move_to(motor.opening)
+        bench.on_step = lambda step=bench.on_step: (step(), bench.twin.step())
+        bench.until_served(2)
+
+
+def recover(bench, fault):
+    """End ``fault``; return how a goal to open and one to close end then."""
+    motor = bench.motor
+    if fault == 'accepts and hangs':
+        motor.restart()
+    motor.rejects = motor.stays = motor.is_hasty = False
+    motor.blocked_at = -1.0
+    opened = bench.close(position=WIDEST)[2]
+    bench.pads.width = 0.04
+    return Outcome(opened.outcome), Outcome(bench.close(position=0.0)[2].outcome)

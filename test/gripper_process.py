@@ -1,0 +1,71 @@
+"""A gripper's own action in a process of its own, which a test stops or kills: python gripper_process.py KIND.
+
+KIND: works, hangs (after it has accepted a goal it answers nothing) or rejects. It prints a line for each event, the
+first one when it has discovered the client of its action.
+"""
+
+import sys
+import threading
+
+import rclpy
+from control_msgs.action import ParallelGripperCommand
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+
+PERIOD, TRAVEL = 0.02, 0.001  # s of a step, and m for which it moves in it
+START = 0.06  # m
+ACTION = '/gripper_controller/gripper_cmd'
+
+
+class Gripper:
+    """A gripper that preempts."""
+
+    def __init__(self, kind):
+        self.kind, self.opening, self.goal = kind, START, None
+        self.node = rclpy.create_node('gripper')
+        self.server = ActionServer(
+            self.node, ParallelGripperCommand, ACTION, execute_callback=lambda handle: None,
+            goal_callback=lambda goal: GoalResponse.REJECT if kind == 'rejects' else GoalResponse.ACCEPT,
+            cancel_callback=lambda handle: CancelResponse.ACCEPT, handle_accepted_callback=self.accept)
+        self.node.create_timer(PERIOD, self.step)
+
+    def accept(self, handle):
+        if self.goal is not None:
+            self.end(self.goal.abort)
+        self.goal = handle
+        say('accepted', handle.request.command.position[0])
+
+    def step(self):
+        if self.goal is None:
+            return
+        if self.kind == 'hangs':
+            threading.Event().wait()
+        if self.goal.is_cancel_requested:
+            self.end(self.goal.canceled)
+            say('cancelled', self.opening)
+            return
+        target = self.goal.request.command.position[0]
+        self.opening += max(-TRAVEL, min(TRAVEL, target - self.opening))
+        if self.opening == target:
+            self.end(self.goal.succeed, reached_goal=True)
+            say('reached', target)
+
+    def end(self, end, **flags):
+        handle, self.goal = self.goal, None
+
+        def execute(_):
+            end()
+            return ParallelGripperCommand.Result(**flags)
+        handle.execute(execute)
+
+
+def say(event, opening):
+    print(event, f'{opening:g}', flush=True)
+
+
+if __name__ == '__main__':
+    rclpy.init()
+    gripper = Gripper(sys.argv[1])
+    while not gripper.node.count_clients(f'{ACTION}/_action/send_goal'):
+        rclpy.spin_once(gripper.node, timeout_sec=PERIOD)
+    print('ready', flush=True)
+    rclpy.spin(gripper.node)

@@ -1,0 +1,165 @@
+"""The server of the gripper's own action is killed or stopped: what later goals of the gripper node do.
+
+Gripper, gripper node and client are processes of their own, because the middleware shows a killed server for 20 s.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from action_msgs.msg import GoalStatus
+from built_messages import environment_with
+
+from tactile_node.grasp.closing import Outcome
+
+pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
+
+TIMEOUT = 2.0  # s, for the gripper to answer: longer than a busy machine keeps it waiting
+DISCOVERY = 2.0  # s, for the gripper node to discover a gripper that has discovered it
+WIDEST, NARROW = 0.08, 0.05  # m
+LONG = pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LONG is not set')
+
+
+class Gripper:
+    """The process of gripper_process.py, and the lines that it has printed."""
+
+    def __init__(self, kind):
+        self.lines = []
+        self.process = subprocess.Popen([sys.executable, str(Path(__file__).with_name('gripper_process.py')), kind],
+                                        env=environment_with('control_msgs'), stdout=subprocess.PIPE, text=True)
+        threading.Thread(target=lambda: self.lines.extend(line.strip() for line in self.read()), daemon=True).start()
+
+    def read(self):
+        yield from iter(self.process.stdout.readline, '')
+
+    def send(self, number):
+        self.process.send_signal(number)
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+
+class Site:
+    """The gripper node and the gripper as processes; the pads and a client of this one."""
+
+    def __init__(self, bench):
+        self.bench, self.grippers = bench, []
+
+    def gripper(self, kind):
+        """Start a gripper, and wait until it serves."""
+        gripper = Gripper(kind)
+        self.grippers.append(gripper)
+        self.bench.until(lambda: 'ready' in gripper.lines)
+        self.bench.wait(DISCOVERY)
+        return gripper
+
+    def goal(self, position):
+        """Return how a goal ended: status, outcome and text."""
+        status, _, outcome = self.bench.close(position=position)
+        return status, Outcome(outcome.outcome), outcome.message
+
+    def begun(self, position, gripper):
+        """Send a goal; return it once the gripper has accepted it."""
+        handle = self.bench.client.send(position=position)
+        self.bench.until(lambda: f'accepted {position:g}' in gripper.lines)
+        return handle
+
+    def cancelled(self, handle):
+        handle.cancel_goal_async()
+        status, _, outcome = self.bench.client.result(handle)
+        return status, Outcome(outcome.outcome), outcome.message
+
+
+@pytest.fixture
+def site(ros):
+    from gripper_bench import GripperBench
+    bench = GripperBench(ros, is_real_time=True)
+    with bench.node_as_process(f'answer_timeout:={TIMEOUT}'):
+        bench.motor.kill()
+        site = Site(bench)
+        try:
+            yield site
+        finally:
+            for each in site.grippers:
+                each.send(signal.SIGCONT)
+                each.kill()
+
+
+IN_DOUBT = 'may still be moving'
+REACHED = GoalStatus.STATUS_SUCCEEDED, Outcome.REACHED
+
+
+@pytest.mark.parametrize('goal', ['close', 'partly', 'widest'])
+@pytest.mark.parametrize('pause', [0.2, pytest.param(5.0, marks=LONG), pytest.param(25.0, marks=LONG)])
+def test_a_gripper_that_is_killed_and_restarted_opens_and_closes_again(site, pause, goal):
+    position = {'close': 0.0, 'partly': 0.07, 'widest': WIDEST}[goal]
+    first = site.gripper('hangs')
+    handle = site.begun(position, first)
+    first.kill()
+    site.bench.wait(pause)
+    second = site.gripper('works')
+    status, outcome, text = site.cancelled(handle)
+    # a goal to open ends as cancelled where the new gripper confirms that it holds
+    assert outcome in (Outcome.NOT_STOPPED, Outcome.CANCELED if position else Outcome.NOT_STOPPED) and IN_DOUBT in text
+    assert site.goal(WIDEST)[:2] == REACHED and second.lines[-1] == f'reached {WIDEST}'
+    assert site.goal(NARROW)[:2] == REACHED and second.lines[-1] == f'reached {NARROW}'
+    assert IN_DOUBT not in site.goal(WIDEST)[2]
+
+
+@pytest.mark.parametrize('pause', [0.2, pytest.param(5.0, marks=LONG), pytest.param(25.0, marks=LONG)])
+def test_a_restarted_gripper_that_rejects_is_reported_as_that(site, pause):
+    first = site.gripper('hangs')
+    handle = site.begun(0.0, first)
+    first.kill()
+    assert site.cancelled(handle)[1] in (Outcome.NOT_STOPPED, Outcome.NO_GRIPPER)
+    site.bench.wait(pause)
+    site.gripper('rejects')
+    assert site.goal(WIDEST)[1] is Outcome.GRIPPER_REFUSED
+    assert site.goal(NARROW)[1] is Outcome.GRIPPER_REFUSED
+
+
+@pytest.mark.parametrize('pause', [0.2, pytest.param(5.0, marks=LONG), pytest.param(25.0, marks=LONG)])
+@pytest.mark.parametrize('position', [WIDEST, NARROW])
+def test_a_goal_replaces_one_of_a_killed_gripper(site, position, pause):
+    first = site.gripper('hangs')
+    site.begun(0.0, first)
+    first.kill()
+    site.bench.wait(pause)
+    second = site.gripper('works')
+    _, outcome, text = site.goal(position)
+    assert f'reached {position}' in second.lines and IN_DOUBT in text
+    assert outcome is (Outcome.REACHED if position == WIDEST else Outcome.NOT_STOPPED)
+    assert site.goal(NARROW)[:2] == REACHED
+
+
+def test_a_stopped_gripper_that_wakes_up_carries_out_nothing_old(site):
+    gripper = site.gripper('works')
+    assert site.goal(WIDEST)[:2] == REACHED
+    gripper.send(signal.SIGSTOP)
+    status, outcome, text = site.goal(0.0)
+    assert (status, outcome) == (GoalStatus.STATUS_ABORTED, Outcome.GRIPPER_SILENT) and IN_DOUBT in text
+    assert site.goal(0.0)[1] is Outcome.GRIPPER_SILENT  # and is not sent
+    gripper.send(signal.SIGCONT)
+    site.bench.until(lambda: any(line.startswith('cancelled') for line in gripper.lines))
+    assert gripper.lines.count('accepted 0') == 1 and 'reached 0' not in gripper.lines
+    assert site.goal(WIDEST)[:2] == REACHED
+    assert site.goal(NARROW)[:2] == REACHED
+
+
+def test_a_gripper_that_is_stopped_in_mid_close_is_not_sent_another_close(site):
+    gripper = site.gripper('works')
+    handle = site.begun(0.0, gripper)
+    gripper.send(signal.SIGSTOP)
+    assert site.cancelled(handle)[1] is Outcome.NOT_STOPPED
+    assert site.goal(NARROW)[1] is Outcome.GRIPPER_SILENT
+    status, outcome, text = site.goal(WIDEST)
+    assert outcome is Outcome.GRIPPER_SILENT and IN_DOUBT in text
+    gripper.send(signal.SIGCONT)
+    site.bench.until(lambda: any(line.startswith('cancelled') for line in gripper.lines))
+    assert site.goal(WIDEST)[:2] == REACHED and site.goal(NARROW)[:2] == REACHED
+    assert gripper.lines.count(f'accepted {NARROW}') == 1
