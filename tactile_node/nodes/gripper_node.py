@@ -187,7 +187,7 @@ class GripperNode(Node):
             return
         if run.outcome is None:
             run.outcome = self._outcome(run, now)
-            if run.outcome is None and self._drives(run):
+            if run.outcome is None and run.clearing is None and self._drives(run):
                 return
             if not self._client.is_stopped and (run.outcome is not None or run.speed):
                 self._stop(run, self._cancels or self._is_cancel_due(run), now)
@@ -249,8 +249,6 @@ class GripperNode(Node):
 
     def _drives(self, run: _Run) -> bool:
         """Send the gripper on its way, and again where its speed changes; whether it is to move."""
-        if run.clearing is not None:
-            return False
         if run.holding is not None:
             run.opening = run.holding.target
         of_goal = run.closing or run.holding
