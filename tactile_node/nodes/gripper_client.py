@@ -27,7 +27,7 @@ class _Sent:
     def __init__(self, handle: ClientGoalHandle, holds: bool, at: float):
         self.handle = handle           # cancels it, also before it is accepted
         self.holds = holds             # it stops the gripper where it is
-        self.at = at                   # [s]
+        self.at = self.served = at     # when it was sent, and when the graph last showed a whole server [s]
         self.is_accepted = False
         self.failure: Outcome | None = None
         self.result: GripperResult | None = None
@@ -120,9 +120,11 @@ class GripperClient:
         sent = self._latest
         if sent is None or sent.result is not None:
             return None
-        if sent.failure is None and not self.is_there:
+        if self.is_there:  # False for a moment, too, while another server starts
+            sent.served = self._steady()
+        if sent.failure is None and self._steady() - sent.served > self._timeout:
             sent.failure = Outcome.NO_GRIPPER
-            if not sent.is_accepted:  # nothing heard it
+            if not sent.is_accepted and sent.served == sent.at:  # nothing heard it
                 sent.is_cancelled = True
                 self._end(sent)
         elif sent.failure is None and self._is_overdue(sent):

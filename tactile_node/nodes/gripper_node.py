@@ -212,7 +212,8 @@ class GripperNode(Node):
         if run.outcome is None:
             run.outcome = self._outcome(run, now)
             run.reason = self._reason(run.outcome)
-            if run.outcome is None and self._drives(run):
+            is_free = not run.waits and run.clearing is None
+            if run.outcome is None and is_free and self._drives(run):
                 return
             is_to_stop = run.outcome is not None or run.speed or (run.waits and run.stop_since == math.inf)
             if not self._client.is_stopped and is_to_stop:
@@ -291,8 +292,6 @@ class GripperNode(Node):
 
     def _drives(self, run: _Run) -> bool:
         """Send the gripper on its way, and again where its speed changes; whether it is to move."""
-        if run.waits or run.clearing is not None:
-            return False
         if run.holding is not None:
             run.opening = run.holding.target
         of_goal = run.closing or run.holding
