@@ -70,7 +70,7 @@ class Site:
         return handle
 
     def cancelled(self, handle):
-        handle.cancel_goal_async()
+        handle.cancel()
         status, _, outcome = self.bench.client.result(handle)
         return status, Outcome(outcome.outcome), outcome.message
 
@@ -94,7 +94,7 @@ IN_DOUBT = 'may still be moving'
 REACHED = GoalStatus.STATUS_SUCCEEDED, Outcome.REACHED
 
 
-@pytest.mark.parametrize('goal', ['close', 'partly', 'widest'])
+@pytest.mark.parametrize('goal', ['close', pytest.param('partly', marks=LONG), 'widest'])
 @pytest.mark.parametrize('pause', [0.2, pytest.param(5.0, marks=LONG), pytest.param(25.0, marks=LONG)])
 def test_a_gripper_that_is_killed_and_restarted_opens_and_closes_again(site, pause, goal):
     position = {'close': 0.0, 'partly': 0.07, 'widest': WIDEST}[goal]
@@ -124,7 +124,7 @@ def test_a_restarted_gripper_that_rejects_is_reported_as_that(site, pause):
 
 
 @pytest.mark.parametrize('pause', [0.2, pytest.param(5.0, marks=LONG), pytest.param(25.0, marks=LONG)])
-@pytest.mark.parametrize('position', [WIDEST, NARROW])
+@pytest.mark.parametrize('position', [WIDEST, pytest.param(NARROW, marks=LONG)])
 def test_a_goal_replaces_one_of_a_killed_gripper(site, position, pause):
     first = site.gripper('hangs')
     site.begun(0.0, first)

@@ -257,6 +257,7 @@ def test_a_force_within_the_overshoot_is_reached_and_the_excess_is_said(make_ben
 def test_a_goal_to_open_to_the_widest_is_always_sent(make_bench, change, opening):
     """Pads that press or are not seen, and numbers that a goal to close is refused with, do not keep it back."""
     bench = make_bench()
+    bench.motor.slowness = 0.1  # fast: only what is sent matters
     several = bench.interface.goal(Command(opening, 1.0, 1.0))
     several.command.velocity, several.command.effort = [1.0, 1.0], [1.0, 1.0]
     for goal in ({}, {'speed': -1.0}, {'speed': math.nan}, {'speed': 99.0}, {'effort': math.nan}, {'effort': 1e9},
