@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import rclpy
 from hidden_skin import NODE_ID, write_log
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 
 from examples.demo.topics import frame_topics
@@ -23,6 +24,7 @@ from tactile_node.pose.pipeline import Taxels
 from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.settings import MOST_WAITING
 from tactile_node.taxel_frame import SkinSide, TaxelFrame
 from tactile_skin.msg import Contact, ContactShape, GraspSides, TaxelArray
 
@@ -168,7 +170,7 @@ def test_an_exception_of_a_stage_is_counted_and_the_others_go_on(monkeypatch):
 
 
 def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
-    """The slot keeps queue_depth frames, as a subscription does; what gave way is missing in the sequence."""
+    """The slot keeps the newest frames, as a subscription does; what gave way is missing in the sequence."""
     blocked = 5.0 if os.environ.get('TACTILE_LONG') else 1.0
     with Process(queue_depth=10) as process:
         stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
@@ -187,7 +189,30 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
             time.sleep(0.5 * blocked / 40)
         until(lambda: taxels.counts.processed + taxels.counts.skipped == 41)
         until(lambda: stage.counts.processed + stage.counts.overtaken + stage.counts.skipped == 41)
-        assert taxels.counts.skipped == stage.counts.skipped == 30 and stage.counts.overtaken > 0
+        assert taxels.counts.skipped == stage.counts.skipped == 40 - MOST_WAITING and stage.counts.overtaken > 0
+
+
+def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
+    """A stage of another process that is a little too slow would stay as late as all that may wait for it."""
+    node, peer = ProcessorNode(namespace='/left'), rclpy.create_node('peer')
+    publisher = peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
+    until(lambda: publisher.get_subscription_count() > 0)
+
+    def send(numbers):
+        for number in numbers:
+            message = taxel_array_message(pad_frame(number))
+            message.age.nanosec = 1_000_000
+            publisher.publish(message)
+    with spinning([node]):
+        send([1])
+        until(lambda: node._taxels.counts.processed == 1)
+    send(range(2, 12))
+    publisher.wait_for_all_acked(Duration(seconds=TIMEOUT))
+    with spinning([node]):
+        until(lambda: node._taxels.counts.processed + node._taxels.counts.skipped == 11)
+        assert node._taxels.counts.skipped == 8, '40 ms at 50 Hz are waited for'
+    for each in (node, peer):
+        each.destroy_node()
 
 
 def test_of_two_pads_that_wait_the_older_contact_is_answered_first():

@@ -169,12 +169,14 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
                  hand_over: HandOver, newest_only: bool = False, steady: Callable[[], float] = time.monotonic):
         self.node, self._accept, self._hand_over = node, accept, hand_over
         # The oldest gives way, but where it would be left out for a newer one: there each is counted as that
-        self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.queue_depth)
+        self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.most_waiting)
         self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)  # what may come back
         self._is_fed = False
         self._listened = -math.inf  # when it last looked for other publishers [s, steady clock]
         self.sends_on: str | None = None  #: topic of the results of this stage; None: of the last one of a pad
-        super().__init__(node, kind, topic, lambda message: accept(parse(message)), settings.input_qos, check=check,
+        qos = settings.input_qos
+        qos.depth = qos.depth if newest_only or settings.lossless else settings.most_waiting
+        super().__init__(node, kind, topic, lambda message: accept(parse(message)), qos, check=check,
                          newest_only=newest_only, steady=steady)
         hand_over.add(self)
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
 METADATA = 'parameter'  # key of a field's metadata
+MOST_WAITING = 2  #: frames: ten at 50 Hz are 0.2 s, and a gripper does not close by what is older than 0.15 s
 
 Value = bool | int | float | str | tuple[str, ...] | tuple[int, ...] | tuple[float, ...]
 Default = TypeVar('Default', bound=Value)
@@ -54,7 +55,7 @@ class NodeSettings:
     """The parameters that every node has: how the topics that come frame by frame are queued."""
 
     queue_depth: int = parameter(10, 'number of messages a publisher or subscription keeps; the oldest is discarded '
-                                 'first', 1, 100_000)
+                                 'first. But for a replay without loss, a stage lets only 2 frames wait', 1, 100_000)
     lossless: bool = parameter(False, 'for replays: publishers keep 5000 messages, also for late subscribers, and the '
                                'driver waits until each frame is answered; all nodes share its process')
 
@@ -79,6 +80,11 @@ class ReceiverSettings(NodeSettings):
         """QoS of the subscriptions; a lossless replay loses nothing, whatever ``best_effort`` says."""
         from tactile_node.ros.qos import frames_qos
         return frames_qos(self.queue_depth, self.lossless, self.best_effort)
+
+    @property
+    def most_waiting(self) -> int:
+        """How many frames may wait for a stage that works on each: one that is too slow stays as late as they are."""
+        return self.queue_depth if self.lossless else min(self.queue_depth, MOST_WAITING)
 
 
 def table(settings: type[NodeSettings]) -> tuple[Parameter, ...]:

@@ -1,0 +1,101 @@
+"""How closes of the gripper node end where nothing is wrong, with the stages in one process and in several.
+
+Two pads that hold an object of some 10 N see it at --rate frames a second; a gripper that obeys closes to 0 with a
+higher limit of force, so each goal should end as REACHED. Skin, stages, gripper and gripper node are processes of
+their own. A grasp that is too old stops the gripper, and ends the goal as NOT_SEEN after half a second.
+
+    python bench/bench_closes.py [--closes 100] [--rate 50] [FORM ...]
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from contextlib import ExitStack
+from pathlib import Path
+
+import rclpy
+from bench_launch import BRINGUP, FORMS, NODE_IDS, OF_BUS, ended, executables, started
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
+from built_messages import BUILT, built_messages, environment_with  # noqa: E402
+
+from tactile_node.grasp.closing import Outcome  # noqa: E402
+from tactile_node.ros.touch_client import TouchClient  # noqa: E402
+from tactile_skin.msg import Grasp  # noqa: E402
+
+GRIPPER = Path(__file__).resolve().parents[1] / 'test' / 'gripper_process.py'
+EFFORT = 19.0  # N
+PARAMETERS = {'widest': 0.2, 'fast_speed': 0.02, 'slow_speed': 0.02, 'highest_force': 20.0}
+START_TIMEOUT, SETTLE, GOAL_TIMEOUT = 60.0, 5.0, 30.0  # s
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('forms', nargs='*', default=['one', 'executables'], metavar='FORM', help='of bench_launch.py')
+    parser.add_argument('--closes', type=int, default=100)
+    parser.add_argument('--rate', type=float, default=50.0, help='SYNCs a second (default: %(default)s)')
+    args = parser.parse_args()
+    with built_messages('control_msgs', BUILT):
+        for form in args.forms:
+            counts, messages = closes(form, args.closes, args.rate)
+            print(f'{form}: ' + ', '.join(f'{count} {name}' for name, count in counts.most_common()), flush=True)
+            for message, count in messages.most_common(5):
+                print(f'    {count} x {message}')
+    return 0
+
+
+def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[str]]:
+    """Return how ``number`` closes ended, and what was said of those that did not reach their goal."""
+    with ExitStack() as stack:
+        channel = stack.enter_context(tempfile.TemporaryDirectory()) + '/skin'
+        skin = started(['simulate', '--pty', '--link', channel, '--node-id', NODE_IDS, '--shapes', 'square', '--areas',
+                        '49', '--hold', '100000', '--pause', '1'], stdout=subprocess.PIPE)
+        stack.callback(ended, [skin])
+        while b'Simulated skin' not in skin.stdout.readline():
+            pass
+        words = [[*BRINGUP, *each] for each in FORMS[form]]
+        if words:
+            words[-1] += [*OF_BUS, channel, '--ros-args', '-p', f'skin_driver:sync_period:={1 / rate}']
+        stack.callback(ended, [started(each) for each in words] or executables(channel, rate))
+        environment = environment_with('control_msgs')
+        given = [word for name, value in PARAMETERS.items() for word in ('-p', f'{name}:={value}')]
+        stack.callback(ended, [
+            subprocess.Popen([sys.executable, *process], env=environment, stdout=subprocess.DEVNULL,
+                             stderr=subprocess.DEVNULL, start_new_session=True)
+            for process in ([str(GRIPPER), 'works'],
+                            ['-m', 'tactile_node.nodes.gripper_node', '--ros-args', *given])])
+        rclpy.init()
+        stack.callback(rclpy.try_shutdown)
+        node = rclpy.create_node('planner')
+        grasps: list[Grasp] = []
+        node.create_subscription(Grasp, 'grasp', lambda grasp: grasps.__setitem__(slice(None), [grasp]), 1)
+        client = TouchClient(node)
+        wait_for(node, lambda: client.is_ready and grasps and grasps[-1].contact == Grasp.TWO_SIDED
+                 and grasps[-1].fresh)
+        end = time.monotonic() + SETTLE  # what has started late
+        wait_for(node, lambda: time.monotonic() > end)
+        counts, messages = Counter[str](), Counter[str]()
+        for _ in range(number):
+            client.wait(client.send(PARAMETERS['widest']), GOAL_TIMEOUT)
+            outcome = client.wait(client.send(0.0, effort=EFFORT), GOAL_TIMEOUT).outcome
+            ending = Outcome(outcome.outcome) if outcome is not None else Outcome.NOT_KNOWN
+            counts[ending.name] += 1
+            if ending is not Outcome.REACHED:
+                messages[outcome.message if outcome is not None else 'no outcome'] += 1
+        return counts, messages
+
+
+def wait_for(node: rclpy.node.Node, condition: object) -> None:
+    """Spin until the chain, gripper and gripper node are found, and the object is seen."""
+    end = time.monotonic() + START_TIMEOUT
+    while not condition():
+        if time.monotonic() > end:
+            raise SystemExit(f'expected an object between both pads within {START_TIMEOUT:g} s, got none')
+        rclpy.spin_once(node, timeout_sec=0.02)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
