@@ -28,7 +28,7 @@ from tactile_skin.msg import Grasp  # noqa: E402
 
 GRIPPER = Path(__file__).resolve().parents[1] / 'test' / 'gripper_process.py'
 EFFORT = 19.0  # N
-PARAMETERS = {'widest': 0.2, 'fast_speed': 0.02, 'slow_speed': 0.02, 'highest_force': 20.0}
+PARAMETERS = {'widest': 0.05, 'fast_speed': 0.02, 'slow_speed': 0.02, 'highest_force': 20.0}
 START_TIMEOUT, SETTLE, GOAL_TIMEOUT = 60.0, 5.0, 30.0  # s
 
 

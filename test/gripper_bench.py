@@ -42,6 +42,7 @@ class Motor:
         self.is_silent = False  # its server answers nothing
         self.goes_on = False  # its hardware carries out the last command while its server is silent
         self.is_hasty = False  # it says at once that it is there
+        self.coasts = False  # it goes on where it was sent when it is cancelled
         self.most_goals = 1000
         self.commands: list[Command] = []
         self.directions: list[str] = []  # in which they move it
@@ -110,7 +111,8 @@ class Motor:
             return
         if self._goal is not None and self._goal.is_cancel_requested:
             self.cancels = True
-            self._target = self.opening
+            if not self.coasts:
+                self._target = self.opening
             self._end(self._goal.canceled)
         target = self._move()
         if self._goal is None:

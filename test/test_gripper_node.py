@@ -243,6 +243,44 @@ def test_pads_that_already_press_with_more_than_the_goal_end_it_and_nothing_is_s
     assert not any(each.of_hold for each in bench.client.outcomes)  # no hold began, which would find no gripper
 
 
+def test_a_late_command_is_held_where_a_cancel_lets_the_gripper_go_on(make_bench):
+    bench = make_bench(parameters={'stop_by': 'goal'})
+    bench.motor.coasts = True
+    bench.motor.fall_silent()
+    assert bench.close(position=0.0)[2].outcome == Outcome.GRIPPER_SILENT
+    bench.motor.wake()
+    bench.until(lambda: bench.motor.directions[-1:] == ['hold'])
+    held_at = bench.motor.opening
+    bench.wait(1.0)
+    assert bench.motor.opening == pytest.approx(held_at, abs=1e-3)
+
+
+def test_a_command_that_one_server_rejects_is_cancelled_at_another_that_accepts_it_later(make_bench):
+    """A stopped server, beside the one that answers, has the goal in its queue when it wakes up."""
+    bench = make_bench()
+    stopped = bench.motor.node
+    bench.motor.fall_silent()
+    bench.motor.restart()
+    bench.motor.rejects = True
+    assert bench.close(position=0.0)[2].outcome == Outcome.GRIPPER_REFUSED
+    bench.motor.rejects = False
+    bench.executor.add_node(stopped)
+    bench.until(lambda: bench.motor.cancels)
+    assert not bench.motor.moves and bench.motor.opening > bench.pads.width
+
+
+def test_a_goal_to_open_partly_opens_after_a_server_was_lost_at_the_touch(make_bench):
+    """While in doubt it is guarded as a goal to close, which would count as done at the first look."""
+    bench = make_bench()
+    handle = bench.client.send(position=0.0)
+    bench.until(lambda: min(bench.pads.forces()) > 0)
+    bench.motor.fall_silent()
+    assert bench.client.result(handle)[2].outcome == Outcome.NOT_STOPPED
+    bench.motor.restart()
+    assert bench.close(position=0.05)[2].outcome == Outcome.REACHED
+    assert bench.motor.opening == pytest.approx(0.05)
+
+
 def test_a_force_within_the_overshoot_is_reached_and_the_excess_is_said(make_bench):
     bench = make_bench()
     for force, effort, text in ((2.5, 2.0, '0.5 N more than the 2 N'), (2.0, 2.0, '')):

@@ -19,6 +19,7 @@ from tactile_node.grasp.opening import LinearGap
 from tactile_node.ros.gripper_messages import Command, GripperInterface, GripperState
 
 SILENCES = Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT
+MOST_GIVEN_UP = 10  #: commands without an answer that are still cancelled before a goal closes
 
 
 class _Sent:
@@ -33,6 +34,7 @@ class _Sent:
         self.result: GripperResult | None = None
         self.is_cancelled = False      # as soon as it is accepted
         self.is_ending: bool | None = None  # False: it refused the latest cancel; None: no answer
+        self.cancel: Any = None        # the future of that cancel
         self.is_unknown = False        # to the server that answers: the one that accepted it is gone, or stopped
         self.is_given_up = False       # it got no answer in time
 
@@ -48,11 +50,12 @@ class GripperClient:
     """Each command carries ``effort``, the gripper's own limit: it is safe also when this process ends.
 
     ``law``: opening by the gripper's position. ``timeout`` [s]: for its answer to a command. ``steady``: the clock.
+    ``stay``: returns where a goal is to hold a gripper that goes on when it is cancelled [m]; NaN: a cancel stops it.
     """
 
     def __init__(self, node: Node, interface: GripperInterface, action: str, law: LinearGap, *, effort: float,
-                 timeout: float, steady: Callable[[], float]):
-        self._steady = steady
+                 timeout: float, steady: Callable[[], float], stay: Callable[[], float] = lambda: math.nan):
+        self._steady, self._stay = steady, stay
         self._interface, self._law, self._effort, self._timeout = interface, law, effort, timeout
         self._client = ActionClient(node, interface.action, action)
         self._latest: _Sent | None = None
@@ -74,7 +77,7 @@ class GripperClient:
 
     @property
     def is_stopped(self) -> bool:
-        """True if nothing moves by a command that an answering server knows, as far as the gripper has confirmed it."""
+        """True if every command known to a server that answers has ended, or only a confirmed hold is open."""
         moving = [each for each in self._open
                   if not each.is_given_up and (each is self._latest or not each.is_unknown)]
         return not moving or (len(moving) == 1 and moving[0].holds and moving[0].is_accepted)
@@ -105,10 +108,12 @@ class GripperClient:
         for sent in self._open:
             if not only_unaccepted or self._is_overdue(sent):
                 sent.is_given_up = sent.is_cancelled = True
+        for sent in [each for each in self._open if each.is_given_up][:-MOST_GIVEN_UP]:
+            self._open.remove(sent)  # one that is accepted later is cancelled at once all the same
 
     @property
     def is_cleared(self) -> bool:
-        """True if the gripper answered the cancel of each command that it has not ended, and refused none."""
+        """True if each command that is still open was cancelled and the gripper confirmed that."""
         return all(each.is_ending for each in self._open if each.is_given_up or each.is_unknown or not each.holds)
 
     def forget(self) -> None:
@@ -159,10 +164,15 @@ class GripperClient:
                 self._cancel(sent)
 
     def _cancel(self, sent: _Sent) -> None:
-        sent.is_ending = None
-        sent.handle.cancel_goal_async().add_done_callback(lambda done: self._on_cancelled(sent, done.result()))
+        if sent.cancel is not None:
+            sent.cancel.cancel()  # rclpy keeps a request without an answer for ever
+        sent.is_ending, sent.cancel = None, sent.handle.cancel_goal_async()
+        sent.cancel.add_done_callback(lambda done: self._on_cancelled(sent, done))
 
-    def _on_cancelled(self, sent: _Sent, answer: Any) -> None:
+    def _on_cancelled(self, sent: _Sent, future: Any) -> None:
+        if future.cancelled():
+            return
+        answer = future.result()
         sent.is_unknown |= sent.is_accepted and answer.return_code == answer.ERROR_UNKNOWN_GOAL_ID
         is_gone = answer.return_code in (answer.ERROR_UNKNOWN_GOAL_ID, answer.ERROR_GOAL_TERMINATED)
         sent.is_ending = is_gone or bool(answer.goals_canceling)
@@ -172,12 +182,15 @@ class GripperClient:
         if not handle.accepted:
             sent.failure = Outcome.GRIPPER_REFUSED
             self._end(sent)
+            self._cancel(sent)  # another server may have accepted it, or does so when it wakes up
             return
         sent.handle, sent.is_accepted = handle, True
         if sent not in self._open:
             self._open.append(sent)  # forgotten; now it moves the gripper
         if sent.is_cancelled:
             self._cancel(sent)
+            if sent is self._latest and math.isfinite(opening := self._stay()):
+                self.drive(opening, 0.0, holds=True)
         handle.get_result_async().add_done_callback(lambda done: self._on_result(sent, done.result()))
 
     def _on_result(self, sent: _Sent, answer: Any) -> None:

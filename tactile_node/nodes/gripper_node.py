@@ -51,8 +51,9 @@ RESULT_TIMEOUT = 2  #: s for which a result is kept for a client that has not as
 MEASURED = (int(GapSource.JOINT_STATES), int(GapSource.TF))
 LEAST_EXCESS = 0.05  #: N, of a force beyond that of the goal, from which on the text says it
 NEAR = 0.002  #: m, of where the gripper should be: it is there
+ROUNDING = 1e-6  #: m, of an opening that was computed from the gripper's own unit
 #: A goal to close ends as one of these or as NOT_STOPPED, where the gripper may still move by an unanswered command.
-TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REPLACED)
+TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REPLACED, Outcome.DUPLICATE)
 IN_DOUBT = 'the gripper may still be moving, because it did not confirm the end of an earlier command'
 
 logger = logging.getLogger(__name__)
@@ -105,7 +106,8 @@ class GripperNode(Node):
         self._gap, self._gap_measured = math.nan, -math.inf  # the last that was measured [m], and when [s]
         self._cancels = _is_cancel(settings.stop_by)
         self._client = GripperClient(self, self._interface, settings.gripper_action, self._law,
-                                     effort=settings.gripper_effort, timeout=settings.answer_timeout, steady=steady)
+                                     effort=settings.gripper_effort, timeout=settings.answer_timeout, steady=steady,
+                                     stay=lambda: math.nan if self._cancels else self._opening())
         self._actions.append(self._client)
         self._outcomes = self.create_publisher(GripperOutcome, '~/outcome', QoSProfile(depth=10))
         self._grasps = GuardedSubscription(self, Grasp, 'grasp', self._on_grasp, settings.input_qos, check=check_grasp,
@@ -183,14 +185,17 @@ class GripperNode(Node):
 
     def _opens(self, opening: float, present: float) -> bool:
         """Return True if a goal of ``opening`` opens a gripper that is at ``present`` [m]; NaN: not known."""
-        if opening >= self._limits.widest:
+        if self._is_widest(opening):
             return not opening < present - NEAR
         is_opening = self._run is not None and self._run.opens  # it is wider than its last reading, or may be
         return opening >= present and not is_opening and not self._client.is_doubtful
 
     def _opens_fully(self, run: _Run) -> bool:
-        """Return True for a goal that no other command can turn into one to close."""
-        return run.opens and run.opening >= self._limits.widest
+        """Return True for a goal that opens to ``widest``, which is always forwarded."""
+        return run.opens and self._is_widest(run.opening)
+
+    def _is_widest(self, opening: float) -> bool:
+        return opening >= self._limits.widest - ROUNDING
 
     def _opening(self) -> float:
         """Return the opening as measured now [m]; NaN: not known."""
@@ -207,6 +212,7 @@ class GripperNode(Node):
             return
         if run.waits and run.outcome is None and self._watch.has_listened:
             self._run = None
+            self._timer.cancel()
             self._start(run.handle)
             return
         if run.outcome is None:
@@ -215,7 +221,7 @@ class GripperNode(Node):
             is_free = not run.waits and run.clearing is None
             if run.outcome is None and is_free and self._drives(run):
                 return
-            is_to_stop = run.outcome is not None or run.speed or (run.waits and run.stop_since == math.inf)
+            is_to_stop = run.outcome is not None or run.speed or run.stop_since == math.inf
             if not self._client.is_stopped and is_to_stop:
                 self._stop(run, self._cancels or self._is_cancel_due(run), now)
             run.speed = 0.0
@@ -227,7 +233,7 @@ class GripperNode(Node):
             self._insist(run, now)
 
     def _is_cancel_due(self, run: _Run) -> bool:
-        """Return True if only a cancel can help: it is open by its latest command, or that was not answered."""
+        """Return True if only a cancel can help: the latest command opened it and has ended, or is unanswered."""
         return self._client.is_silent or (run.opens and self._client.result is not None)
 
     def _outcome(self, run: _Run, now: float) -> Outcome | None:
@@ -242,7 +248,8 @@ class GripperNode(Node):
             if not run.clearing.is_over or run.closing is None:
                 return end
             self._client.forget()
-            run.clearing, run.closing = None, Closing(run.closing.goal, self._limits, now, self._opening())
+            again = self._started(run.handle, self._interface.command(run.handle.request))  # it may open, now
+            run.clearing, run.closing, run.deadline = None, again.closing, again.deadline
         if not (run.opens or run.speed) and self._client.is_doubtful:
             return Outcome.NOT_STOPPED
         failure = self._client.failure() if run.speed else None

@@ -44,7 +44,7 @@ def unseen_text(topic: str, counts: MessageCounts, publishers: list[str], grasp:
     if grasp is None:
         return f'every grasp on {topic} was dropped: see /diagnostics'
     if not age <= max_age:
-        return f'the grasp is {age:.2f} s old, max_age is {max_age:g} s' if age < math.inf else 'its age is not known'
+        return f'the grasp is {age:.3f} s old, max_age is {max_age:g} s' if age < math.inf else 'its age is not known'
     states = {Grasp.SIDE_UNSEEN: 'is unseen', Grasp.SIDE_NOT_KNOWN: 'has no result yet'}
     texts = [f'the {side} pad {states[state]}' for side, state in zip(('left', 'right'), grasp.side_states)
              if state in states]

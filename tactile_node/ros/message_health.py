@@ -104,7 +104,8 @@ def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
     if dropped := dropped_since(counts, earlier):
         yield StreamFault.DROPPED, f'messages dropped: {dropped}'
     if counts.skipped > earlier.skipped:
-        yield StreamFault.SKIPPED, f'{counts.skipped - earlier.skipped} frames skipped: they never arrived'
+        yield StreamFault.SKIPPED, (f'{counts.skipped - earlier.skipped} frames skipped: they did not arrive, or '
+                                 'waited too long')
     overtaken, received = counts.overtaken - earlier.overtaken, counts.received - earlier.received
     if overtaken > MOST_OVERTAKEN * received:
         yield StreamFault.OVERLOADED, f'overloaded: {overtaken} of {received} messages overtaken by newer ones'

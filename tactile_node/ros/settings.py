@@ -55,7 +55,7 @@ class NodeSettings:
     """The parameters that every node has: how the topics that come frame by frame are queued."""
 
     queue_depth: int = parameter(10, 'number of messages a publisher or subscription keeps; the oldest is discarded '
-                                 'first. But for a replay without loss, a stage lets only 2 frames wait', 1, 100_000)
+                                 'first. Except in a lossless replay, at most 2 frames wait for a stage', 1, 100_000)
     lossless: bool = parameter(False, 'for replays: publishers keep 5000 messages, also for late subscribers, and the '
                                'driver waits until each frame is answered; all nodes share its process')
 
@@ -83,7 +83,7 @@ class ReceiverSettings(NodeSettings):
 
     @property
     def most_waiting(self) -> int:
-        """How many frames may wait for a stage that works on each: one that is too slow stays as late as they are."""
+        """Frames that may wait for a stage that works on each: a stage that is too slow lags by all that wait."""
         return self.queue_depth if self.lossless else min(self.queue_depth, MOST_WAITING)
 
 
