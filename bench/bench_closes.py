@@ -29,7 +29,9 @@ from tactile_skin.msg import Grasp  # noqa: E402
 GRIPPER = Path(__file__).resolve().parents[1] / 'test' / 'gripper_process.py'
 EFFORT = 19.0  # N
 PARAMETERS = {'widest': 0.05, 'fast_speed': 0.02, 'slow_speed': 0.02, 'highest_force': 20.0}
-START_TIMEOUT, SETTLE, GOAL_TIMEOUT = 60.0, 5.0, 30.0  # s
+START_TIMEOUT = 60.0  # s, for the chain and the gripper to be found
+SETTLE = 5.0  # s, in which processes that have just started stop competing for the processor
+GOAL_TIMEOUT = 30.0  # s
 
 
 def main() -> int:
@@ -75,7 +77,7 @@ def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[s
         client = TouchClient(node)
         wait_for(node, lambda: client.is_ready and grasps and grasps[-1].contact == Grasp.TWO_SIDED
                  and grasps[-1].fresh)
-        end = time.monotonic() + SETTLE  # what has started late
+        end = time.monotonic() + SETTLE
         wait_for(node, lambda: time.monotonic() > end)
         counts, messages = Counter[str](), Counter[str]()
         for _ in range(number):

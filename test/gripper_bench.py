@@ -199,7 +199,7 @@ class Client:
         node = self.node = bench.add('client')
         self._client = TouchClient(node, action, action_type=interface.action.__name__, steady=bench.steady)
         bench.stack.callback(self._client.destroy)
-        self.outcomes: list[GripperOutcome] = []  # of every goal and hold
+        self.outcomes: list[GripperOutcome] = []  # those of every goal and hold
         node.create_subscription(GripperOutcome, f'{action.rpartition("/")[0]}/outcome', self.outcomes.append, 10)
         self.until_ready()
 

@@ -8,7 +8,8 @@ from tactile_node.grasp.closing import Outcome
 
 FORCE = 5.0  # N, of a goal
 LATE = 0.8  # s, beyond the answer_timeout
-PARTLY, WIDEST = 0.05, 0.08  # m, to which a goal opens
+PARTLY = 0.05  # m, opening of a goal that opens partly
+WIDEST = 0.08  # m, opening of the open gripper
 MOST = 10.0  # N, at which the gripper itself stalls
 #: Faults that are there before the goal; others come once the gripper has accepted its command
 BEFORE = ('rejects', 'answers late', 'succeeds at once', 'refuses cancels', 'two servers', 'stopped, then woken')
@@ -17,7 +18,7 @@ GOALS = ('close', 'force', 'partly', 'widest', 'preempt', 'hold')
 
 
 class Happened(NamedTuple):
-    """What a client, the gripper and a person in front of it saw."""
+    """Outcome for the client, commands to the gripper, and what a person in front of it saw."""
 
     outcome: Outcome | None  # None: the hold goes on
     is_in_doubt: bool       # the text says that the gripper may still be moving

@@ -1,4 +1,4 @@
-"""A gripper's own action in a process of its own, which a test stops or kills: python gripper_process.py KIND.
+"""Serves a gripper's own action until a test stops or kills this process: python gripper_process.py KIND.
 
 KIND: works, hangs (after it has accepted a goal it answers nothing) or rejects. It prints a line for each event, the
 first one when it has discovered the client of its action.
@@ -11,7 +11,8 @@ import rclpy
 from control_msgs.action import ParallelGripperCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
-PERIOD, TRAVEL = 0.02, 0.001  # s of a step, and m for which it moves in it
+PERIOD = 0.02  # s, of a step
+TRAVEL = 0.001  # m, in a step
 START = 0.06  # m
 ACTION = '/gripper_controller/gripper_cmd'
 

@@ -20,7 +20,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control
 
 TIMEOUT = 2.0  # s, for the gripper to answer: longer than a busy machine keeps it waiting
 DISCOVERY = 2.0  # s, for the gripper node to discover a gripper that has discovered it
-WIDEST, NARROW = 0.08, 0.05  # m
+WIDEST = 0.08  # m, opening of the open gripper
+NARROW = 0.05  # m, opening of a goal that closes
 LONG = pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LONG is not set')
 
 

@@ -82,7 +82,7 @@ OPTIONS = {
 #: of the launch file
 ARGUMENTS = {
     **OPTIONS, 'gripper_action': Option("the gripper's own action, as gripper_controller/gripper_cmd: starts "
-                                        'touch_gripper in front of it, in a process of its own (default: it does not)'),
+                                        'touch_gripper in front of it as a second process (default: none)'),
     'namespace': Option('namespace of all nodes and topics, below that of PushRosNamespace'),
     'on_exit': Option('when the process ends: keep (default): nothing more; respawn: start it again; shutdown: end the '
                       'whole launch, with code 1 where the process has failed',

@@ -5,14 +5,15 @@ The answers decide. The client gives up a command that gets no answer: it holds 
 """
 
 import math
-import uuid
 from collections.abc import Callable
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
+from unique_identifier_msgs.msg import UUID
 
 from tactile_node.grasp.closing import Outcome
 from tactile_node.grasp.opening import LinearGap
@@ -54,7 +55,7 @@ class GripperClient:
     """
 
     def __init__(self, node: Node, interface: GripperInterface, action: str, law: LinearGap, *, effort: float,
-                 timeout: float, steady: Callable[[], float], stay: Callable[[], float] = lambda: math.nan):
+                 timeout: float, steady: Callable[[], float], stay: Callable[[], float]):
         self._steady, self._stay = steady, stay
         self._interface, self._law, self._effort, self._timeout = interface, law, effort, timeout
         self._client = ActionClient(node, interface.action, action)
@@ -141,8 +142,7 @@ class GripperClient:
 
     def drive(self, opening: float, speed: float, *, holds: bool = False) -> None:
         """Send the gripper to ``opening`` [m] at ``speed`` [m/s]; 0: at its own."""
-        goal_id = self._interface.action.Impl.SendGoalService.Request().goal_id
-        goal_id.uuid = list(uuid.uuid4().bytes)
+        goal_id = UUID(uuid=list(uuid4().bytes))
         sent = self._latest = _Sent(ClientGoalHandle(self._client, goal_id, None), holds, self._steady())
         self._open.append(sent)
         command = Command(self._law.reading(opening), abs(speed / self._law.scale), self._effort)

@@ -68,12 +68,12 @@ class _Run:
     closing: Closing | None            #: None: it opens, whatever the pads see
     holding: Holding | None = None     #: its result was given
     clearing: Clearing | None = None   #: it waits for this, and then closes
-    force: float = math.nan            #: of the stronger pad when that was seen first [N]
+    force: float = math.nan            #: force of the stronger pad at its first current reading [N]
     deadline: float = math.inf         #: of opening [s]
     speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not, or it is stopped
     outcome: Outcome | None = None     #: once it is known
-    reason: str = ''                   #: of the outcome, for people
-    waits: bool = False                #: until this process has listened for duplicates; then it is started anew
+    reason: str = ''                   #: text that explains the outcome
+    waits: bool = False                #: for the end of listening for duplicates; then the node starts it anew
     by_cancel: bool = True             #: how it is being stopped: by a cancel, or by a goal at where it is
     stop_since: float = math.inf       #: [s]
 

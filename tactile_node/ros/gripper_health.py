@@ -1,4 +1,4 @@
-"""What the gripper node knows, as an entry of /diagnostics and in the text of an outcome."""
+"""Makes text of what the gripper node knows: an entry of /diagnostics, and why a goal was not seen."""
 
 import math
 from typing import NamedTuple

@@ -23,7 +23,7 @@ LOOK_PERIOD = 0.005  #: s
 class TouchEnding(NamedTuple):
     """How a goal ended."""
 
-    status: int                     #: of GoalStatus; STATUS_UNKNOWN: rejected, or the result was requested too late
+    status: int                     #: GoalStatus; STATUS_UNKNOWN: rejected, or the result was requested too late
     state: GripperState
     outcome: GripperOutcome | None  #: None: it was lost
 
