@@ -28,6 +28,7 @@ PERIOD = STEPS * STEP  # s, of the frames
 THRESHOLD = 0.05  # N from which on a pad is touched
 AGE = 0.015  # s, of a grasp when it is sent
 START = 0.06  # m, opening
+ANSWER_TIME = 2.0  # s after which a goal to another process is sent again
 
 
 class Motor:
@@ -206,6 +207,22 @@ class Client:
     def until_ready(self):
         self._bench.until_joined(lambda: self._client.is_ready)
 
+    def until_answered(self, position):
+        """Wait until the node in another process answers a goal.
+
+        Until both processes have found all of each other's endpoints, an answer may be lost. The server of the node
+        that was here before looks ready for a while, too.
+        """
+        self.until_ready()
+        sent, sent_at = self._client.send(position), self._bench.steady()
+
+        def is_answered():
+            nonlocal sent, sent_at
+            if self._bench.steady() - sent_at > ANSWER_TIME:
+                sent, sent_at = self._client.send(position), self._bench.steady()
+            return sent.handle is not None
+        self._bench.until(is_answered)
+
     def send(self, position=0.0, speed=0.0, effort=0.0, goal=None):
         """Return the goal, which was accepted."""
         sent = self._client.send(position, speed, effort, goal=goal)
@@ -264,7 +281,7 @@ class GripperBench(TimedBench):
         self.node.destroy_node()
         self.executor.remove_node(self.node)
         with started_node(*parameters, **options) as process:
-            self.client.until_ready()
+            self.client.until_answered(START - 0.001)
             self.until(lambda: self.close(position=START - 0.001)[2].outcome != GripperOutcome.NOT_SEEN)
             self.motor.commands.clear()
             yield process
