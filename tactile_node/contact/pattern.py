@@ -190,6 +190,8 @@ def are_alike(values: np.ndarray) -> bool:
     """Return whether neighbouring taxels read alike, as under a contact, where noise does not."""
     pairs = np.hstack([(values[:, :-1].ravel(), values[:, 1:].ravel()), (values[:-1].ravel(), values[1:].ravel())])
     pairs = pairs[:, np.isfinite(pairs).all(0)]
+    if not pairs.size:
+        return False
     pairs = pairs / max(np.abs(pairs).max(initial=0.0), np.finfo(float).tiny)  # their squares have a float
     one, other = pairs - pairs.mean(1, keepdims=True)
     return bool(one @ other > ALIKE_CORRELATION * np.sqrt(one @ one * (other @ other)))
