@@ -5,7 +5,7 @@ from zipfile import ZIP_LZMA, ZipFile
 import numpy as np
 import pytest
 
-from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError
@@ -17,7 +17,8 @@ from tactile_node.shape.methods import METHODS, make_recogniser
 from tactile_node.shape.network import Network
 from tactile_node.shape.patch import SIDE, join_pieces, joined, make_patch
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser
-from tactile_node.shape.recognition import DEFAULT_METHOD, LEARNED, VOLF, Shape, UnknownReason
+from tactile_node.shape.recognition import DEFAULT_METHOD, LEARNED, VOLF, Recognition, Shape, UnknownReason
+from tactile_node.shape.support import as_far_as_supported
 from tactile_node.shape.volf import VolfClassifier
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, field_frame
@@ -251,3 +252,27 @@ def test_hidden_taxels_are_read_as_empty_as_pressed_beside_and_as_pressed_straig
     assert straight.mask[1:7, 2:6].all() and straight.values[6, 2] == 8 and straight.values[6, 1] == 0
     for each in (empty, beside, straight):
         assert not each.hidden.any() and not np.isnan(each.values).any()
+
+
+def test_nothing_but_a_circle_is_sure_from_few_taxels():
+    few, more = np.zeros((2, 10, 10), bool)
+    few[4:6, 3:7] = True
+    more[4:6, 2:8] = True
+    found = Recognition.of({Shape.RECTANGLE: 0.97, Shape.CIRCLE: 0.02, Shape.UNKNOWN: 0.01})
+    bounded = as_far_as_supported(found, ContactPattern.of(few, few.astype(float)))
+    assert bounded.shape is Shape.RECTANGLE
+    assert bounded.confidence < 0.9
+    assert sum(bounded.probabilities.values()) == pytest.approx(1.0)
+    assert as_far_as_supported(found, ContactPattern.of(more, more.astype(float))) is found
+    circle = Recognition.certain(Shape.CIRCLE)
+    assert as_far_as_supported(circle, ContactPattern.of(few, few.astype(float))) is circle
+
+
+def test_an_object_on_most_of_a_small_array_is_unknown_and_never_none():
+    y, x = np.mgrid[:6, :6]
+    frame = np.round(10 + 5 * np.exp(-((y - 2.4) ** 2 + (x - 2.8) ** 2) / 12), 2)
+    pattern = PatternExtractor().extract(frame)
+    assert pattern.contacts == 0
+    assert make_recogniser().recognise(pattern).shape is Shape.UNKNOWN
+    noise = np.random.default_rng(5).normal(10, 0.3, (6, 6))
+    assert make_recogniser().recognise(PatternExtractor().extract(noise)).shape is Shape.NONE

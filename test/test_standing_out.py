@@ -211,3 +211,17 @@ def test_idle_counts_press_nothing_and_a_light_contact_on_them_is_found(deviatio
     assert sum(PatternExtractor().extract(frame).contacts > 0 for frame in idle) < 5
     pattern = PatternExtractor().extract(np.rint(idle[0] + max(8 * deviation, 6) * mask))
     np.testing.assert_array_equal(pattern.labels == 1, mask)
+
+
+@pytest.mark.parametrize('before', [None, 0.0, 0.04])
+def test_a_wide_halo_is_no_contact_whatever_rested_before(before):
+    y, x = np.mgrid[:9, :16]
+    away = np.hypot(np.maximum(np.abs(y - 4) - 2, 0), np.maximum(np.abs(x - 11) - 2, 0))
+    frame = np.where(away == 0, 1.0, 0.04 + 0.3 / (1 + away ** 2 / 9) ** 1.5)
+    extractor = PatternExtractor()
+    if before is not None:
+        idle = np.full(frame.shape, before)
+        idle[0, 0] += 1e-4  # otherwise it may be on/off
+        idle[3, 3] += 2e-4
+        extractor.extract(idle)
+    np.testing.assert_array_equal(extractor.extract(frame).mask, away == 0)

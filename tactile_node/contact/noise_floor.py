@@ -114,6 +114,7 @@ class NoiseFloor:
 
     def __init__(self, highest: float = np.inf):
         self._highest = highest
+        self.of_frame = UNKNOWN_REST  #: what rests in the frame measured last, whatever came before
         self._last = Resting(0.0, 0.0)
         self._is_first = True
         self._quiet = np.inf  # noise of the pad while something presses it, before it became louder
@@ -125,7 +126,8 @@ class NoiseFloor:
 
         Both are 0 where nothing is known yet.
         """
-        self._last = self._followed(resting_of(values[valid]))
+        self.of_frame = resting_of(values[valid])
+        self._last = self._followed(self.of_frame)
         if self._frames.shape != values.shape:
             self._squares, self._frames = np.zeros((2, *values.shape))
         deviation = self._last.deviation

@@ -2,15 +2,13 @@
 
 import numpy as np
 
-from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.pattern import PatternExtractor, are_alike
 from tactile_node.contact.press import are_on_off
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT
 
 LOW_SHARE = 0.2   #: share of the least reading of a unit that counts: no skin shows a contact there in steps of 1 Pa
 NO_SKIN_SHARE = 1e-3    #: share below which no skin shows a contact there in any steps
-#: correlation of neighbours on a pad with a contact; without one, in 20,000 frames, at most 0.4
-ALIKE_CORRELATION = 0.45
 
 
 class UnitScale:
@@ -31,19 +29,11 @@ class UnitScale:
         if largest > NO_SKIN_SHARE * self._least and not _have_step_1(readings):
             return None
         found = PatternExtractor().extract(frame)
-        if not found.contacts or not _are_alike(found.values):
+        if not found.contacts or not are_alike(found.values):
             return None
         return InputError('taxel values', expected=f'contacts of {self._least:g} {self.unit} or more',
                           got=f'one of at most {largest:g}, as of counts or fractions of full scale',
                           remedy='Give counts no unit, or convert them; in a layout correct unit and scale.')
-
-
-def _are_alike(values: np.ndarray) -> bool:
-    """Return whether neighbouring taxels read alike, as under a contact, where noise does not."""
-    pairs = np.hstack([(values[:, :-1].ravel(), values[:, 1:].ravel()), (values[:-1].ravel(), values[1:].ravel())])
-    pairs = pairs[:, np.isfinite(pairs).all(0)]
-    one, other = pairs - pairs.mean(1, keepdims=True)
-    return bool(one @ other > ALIKE_CORRELATION * np.sqrt(one @ one * (other @ other)))
 
 
 def _have_step_1(readings: np.ndarray) -> bool:

@@ -32,6 +32,9 @@ class Threshold(NamedTuple):
     level: float       #: level of the taxels at rest
     noise: np.ndarray  #: (rows, cols), standard deviation of each
     least: float       #: above the level at rest, whatever the noise
+    #: Reading up to which the frame by itself takes taxels for resting. A taxel of a contact exceeds it, or HALO_SHARE
+    #: of the highest reading: where the frames before were quieter, a wide halo would be pressed.
+    halo: float = -np.inf
 
 
 def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, before: np.ndarray) -> np.ndarray:
@@ -44,6 +47,7 @@ def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, be
     candidates = valid & (raised > 0) & (raised >= np.maximum(NOISE_SPREADS * threshold.noise, threshold.least) * ease)
     pressed = np.zeros(values.shape, bool)
     if np.count_nonzero(candidates):
+        candidates &= raised >= min(threshold.halo - threshold.level, HALO_SHARE * raised.max())
         box = box_of(candidates, HALO_REACH)  # the time then depends on the contacts alone
         pressed[box] = _pressed(raised[box], candidates[box], ease[box], ALONE_SPREADS * threshold.noise[box])
     return pressed

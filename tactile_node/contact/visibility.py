@@ -52,7 +52,8 @@ def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONT
     False
     """
     hidden = int(np.count_nonzero(pattern.hidden))
-    is_seen = not pattern.is_left_over and pad_seen(pattern.hidden, pattern.unmapped, smallest_contact)
+    is_doubtful = pattern.is_left_over or pattern.is_covered
+    is_seen = not is_doubtful and pad_seen(pattern.hidden, pattern.unmapped, smallest_contact)
     mask = pattern.mask
     ring, at_edge, goes_on = _around(pattern, finger_ends)
     room = min(smallest_contact, ceil(CONTACT_PART * np.count_nonzero(mask)))

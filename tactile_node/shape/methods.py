@@ -20,6 +20,7 @@ from tactile_node.shape.recognition import (
     UnknownReason,
 )
 from tactile_node.shape.shapeless import is_shapeless
+from tactile_node.shape.support import as_far_as_supported
 from tactile_node.shape.volf import VolfClassifier
 
 #: of the frame as it is, and of each of its completions: any of these that differs keeps the confidence below 0.9
@@ -58,7 +59,8 @@ class VisibilityGuard:
 
         There is a probability of each of ``classes``, whatever the answer.
         """
-        return self._recognise(pattern, visibility or visibility_of(pattern)).over(self.classes)
+        found = self._recognise(pattern, visibility or visibility_of(pattern))
+        return as_far_as_supported(found, pattern).over(self.classes)
 
     def _recognise(self, pattern: ContactPattern, visibility: Visibility) -> Recognition:
         if not pattern.contacts and not visibility.pad_seen:

@@ -112,6 +112,13 @@ class Recognition(NamedTuple):
         return cls.of(mean, reason)._replace(joined=alternatives[0].joined, alternatives=tuple(
             Alternative(weight, each.probabilities) for weight, each in zip(weights, alternatives)))
 
+    def no_surer_than(self, most: float) -> 'Recognition':
+        """Return it with a probability of ``shape`` of at most ``most``, 0.5 or more; UNKNOWN gets the rest."""
+        excess = max(self.confidence - most, 0.0)
+        unknown = self.probabilities[Shape.UNKNOWN] + excess
+        return self._replace(probabilities=MappingProxyType(
+            {**self.probabilities, self.shape: self.confidence - excess, Shape.UNKNOWN: unknown}))
+
     def over(self, classes: Sequence[ShapeClass]) -> 'Recognition':
         """Return it with a probability of each of ``classes``, in their order; 0 where it has none."""
         if len(self.probabilities) == len(classes):
