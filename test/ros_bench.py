@@ -21,7 +21,7 @@ TIMEOUT = 60.0  # s, for a busy machine
 class LeanExecutor(SingleThreadedExecutor):
     """A SingleThreadedExecutor that leaves out the handlers of events, as "incompatible QoS".
 
-    rclpy prepares every entity for every wait. Half of them are these handlers, which no test with a virtual clock
+    rclpy prepares every entity for every wait. Half of them are these handlers, which no test with a clock of its own
     needs.
     """
 
@@ -144,7 +144,7 @@ class TimedBench(RosBench):
     """
 
     def __init__(self, stack: ExitStack, step: float, executor: Executor | None = None, *, is_real_time: bool = False):
-        super().__init__(stack, executor or (None if is_real_time else LeanExecutor()))
+        super().__init__(stack, executor or LeanExecutor())
         self._step = step
         self.time = None if is_real_time else VirtualTime()
         self.steady = time.monotonic if self.time is None else self.time.now
