@@ -1,5 +1,6 @@
 """Two gripper nodes in front of one gripper, or of one name: nothing closes, and both say so."""
 
+import logging
 import signal
 import subprocess
 import sys
@@ -13,7 +14,8 @@ from gripper_bench import PERIOD, Client, GripperBench, started_node
 from rclpy.parameter import Parameter
 
 from tactile_node.grasp.closing import Outcome
-from tactile_node.nodes.duplicate_watch import HOLD_TIME, LISTEN_TIME
+from tactile_node.nodes import duplicate_watch
+from tactile_node.nodes.duplicate_watch import HEARTBEAT_PERIOD, HOLD_TIME, LISTEN_TIME
 from tactile_node.nodes.gripper_node import GripperNode
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
@@ -145,6 +147,20 @@ def test_a_close_under_way_stops_and_a_hold_ends(make_bench, hold):
     outcome = sent.of_hold if hold else sent.outcome
     bench.wait(PERIOD)
     assert (outcome.outcome, bench.motor.moves) == (Outcome.DUPLICATE, False)
+
+
+def test_a_duplicate_is_an_error_and_its_end_is_information(make_bench, caplog):
+    caplog.set_level(logging.INFO, duplicate_watch.__name__)
+    bench = make_bench()
+    second = add_second(bench)
+    bench.until(lambda: bench.node._watch.topics)
+    bench.wait(2 * HEARTBEAT_PERIOD)
+    second.destroy_node()
+    bench.until(lambda: not bench.node._watch.topics)
+    bench.wait(2 * HEARTBEAT_PERIOD)
+    told = [(each.levelno, each.message.split(',')[0]) for each in caplog.records
+            if each.name == duplicate_watch.__name__ and each.node == bench.node.get_logger().name]
+    assert told == [(logging.ERROR, 'nothing closes'), (logging.INFO, 'the other touch_gripper has ended')]
 
 
 def test_a_goal_to_close_waits_after_a_start_and_one_to_open_does_not(make_bench):

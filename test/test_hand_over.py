@@ -4,6 +4,7 @@ import importlib
 import os
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,12 +12,14 @@ import rclpy
 from hidden_skin import NODE_ID, write_log
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import Image
 
 from examples.demo.topics import frame_topics
 from tactile_node.errors import ConfigurationError
 from tactile_node.node_graph import bus_nodes
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.nodes.hand_over import StageInput
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.nodes.spinning import spinning
 from tactile_node.nodes.system import System
@@ -26,7 +29,7 @@ from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import MOST_WAITING
 from tactile_node.taxel_frame import SkinSide, TaxelFrame
-from tactile_skin.msg import Contact, ContactShape, GraspSides, TaxelArray
+from tactile_skin.msg import Contact, ContactShape, ContactShapes, GraspSides, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -238,8 +241,8 @@ def test_what_only_viewers_read_is_made_after_the_shapes_of_both_pads():
     try:
         for pad in ('left', 'right'):
             process.input(f'/{pad}/classifier')._accept = lambda each, pad=pad: made.append(f'shape of {pad}')
-            views = process.nodes[f'/{pad}/processor']._views
-            views.publish = lambda contact, pad=pad: made.append(f'images of {pad}')
+            process.nodes[f'/{pad}/processor']._views = SimpleNamespace(
+                is_wanted=True, publish=lambda contact, pad=pad: made.append(f'images of {pad}'))
             process.input(f'/{pad}/processor').put(pad_frame(1), acquired=PERIOD)
         for _ in range(3):
             process.system._hand_over._take_turn()
@@ -249,11 +252,25 @@ def test_what_only_viewers_read_is_made_after_the_shapes_of_both_pads():
     assert made == ['shape of left', 'shape of right', 'images of left', 'images of right']
 
 
+def test_a_stage_postpones_only_what_something_subscribes_to(monkeypatch):
+    """A task and a closure for each frame of 50 a second would be made for nothing."""
+    postponed = []
+    monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish: postponed.append(stage.topic))
+    with Process() as process:
+        stages = [process.input(name) for name in ('/left/processor', '/left/classifier')]
+        until(lambda: (process.send(), time.sleep(PERIOD), all(each.counts.processed > 5 for each in stages))[-1])
+        assert not postponed
+        for topic, kind in (('/left/image', Image), ('/left/shapes', ContactShapes)):
+            process.peer.create_subscription(kind, topic, lambda message: None, frames_qos(10))
+        until(lambda: (process.send(), time.sleep(PERIOD), len(set(postponed)) == 2)[-1])
+    assert set(postponed) == {each.topic for each in stages}
+
+
 def test_images_that_cannot_be_made_are_counted_and_cost_no_shape():
     with Process() as process:
         def fail(_):
             raise ValueError('no colours')
-        process.nodes['/left/processor']._views.publish = fail
+        process.nodes['/left/processor']._views = SimpleNamespace(is_wanted=True, publish=fail)
         until(lambda: (process.send(), time.sleep(PERIOD), process.input('/left/classifier').counts.processed > 5)[-1])
         until(lambda: process.input('/left/processor').counts.dropped[RejectReason.PROCESSING_FAILED] > 5)
 

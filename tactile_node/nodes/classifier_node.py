@@ -69,7 +69,8 @@ class ClassifierNode(StageNode):
         for event in result.motion.events:
             self._events.publish(event_message(event, contact.header, contact.sequence, _age(arrival)))
         self.recognised += 1
-        self._contacts.postpone(lambda: self._publish_more(contact, result, shape.bare, arrival))
+        if self._view.is_wanted or is_wanted(self._all_shapes, self._settings.lossless):
+            self._contacts.postpone(lambda: self._publish_more(contact, result, shape.bare, arrival))
 
     def _publish_more(self, contact: PadContact, result: StreamedContact, bare: ContactShape, arrival: Arrival) -> None:
         """Publish what no other stage reads."""

@@ -61,7 +61,8 @@ class DuplicateWatch:
         for publisher in self._publishers:
             publisher.publish(self._identity)
         if found != self._logged:
-            logger.error('%s', duplicate_text(found) or 'the other touch_gripper has ended', extra=of_node(self._node))
+            logger.log(logging.ERROR if found else logging.INFO, '%s',
+                       duplicate_text(found) or 'the other touch_gripper has ended', extra=of_node(self._node))
             self._logged = found
 
 

@@ -79,7 +79,8 @@ class ProcessorNode(StageNode):
         contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
         arrival = self._taxels.arrival
         self._contacts.send(contact, arrival.acquired)
-        self._taxels.postpone(lambda: self._publish_more(contact, arrival))
+        if self._views.is_wanted or is_wanted(self._features, self._settings.lossless):
+            self._taxels.postpone(lambda: self._publish_more(contact, arrival))
 
     def _publish_more(self, contact: PadContact, arrival: Arrival) -> None:
         """Publish what no other stage reads."""

@@ -46,9 +46,14 @@ class OnDemandPublisher(Generic[Message]):
     def __init__(self, node: Node, kind: type[Message], topic: str, depth: int):
         self._publisher: Any = node.create_publisher(kind, topic, frames_qos(depth))
 
+    @property
+    def is_wanted(self) -> bool:
+        """True while something subscribes."""
+        return self._publisher.get_subscription_count() > 0
+
     def publish(self, make: Callable[[], Message]) -> None:
         """Publish what ``make`` returns; it is not called while nothing subscribes."""
-        if self._publisher.get_subscription_count():
+        if self.is_wanted:
             self._publisher.publish(make())
 
 
@@ -60,6 +65,11 @@ class TaxelViews:
         self._colours = OnDemandPublisher(node, Image, 'image_colour', depth)
         self._wrench = OnDemandPublisher(node, WrenchStamped, 'wrench', depth)
         self._scale = ColourScale(full_scale)
+
+    @property
+    def is_wanted(self) -> bool:
+        """True while something subscribes to any of them."""
+        return self._values.is_wanted or self._colours.is_wanted or self._wrench.is_wanted
 
     def publish(self, contact: PadContact) -> None:
         """Publish what is subscribed to of ``contact`` and its taxels."""
@@ -75,6 +85,11 @@ class ShapeView:
         self._publisher = OnDemandPublisher(node, MarkerArray, 'markers', depth)
         self._markers = ContactMarkers(ColourScale(full_scale))
         self._lifetime = MarkerLifetime()
+
+    @property
+    def is_wanted(self) -> bool:
+        """True while something subscribes to the markers."""
+        return self._publisher.is_wanted
 
     def publish(self, contact: PadContact, shape: ContactShape) -> None:
         """Publish the markers of ``shape``, which is of ``contact``, if they are subscribed to."""
