@@ -39,6 +39,7 @@ class Motor:
         self.interface, self.scale, self.offset = interface, scale, offset
         self.opening, self.slowness = START, 1.0
         self.rejects = self.cancels = self.stays = False  # goals; it was cancelled; it refuses to be
+        self.never_ends = False  # a command that the next one replaces
         self.is_terse = False  # its results are empty
         self.is_silent = False  # its server answers nothing
         self.goes_on = False  # its hardware carries out the last command while its server is silent
@@ -93,7 +94,7 @@ class Motor:
             self._servers.pop().destroy()
 
     def _accept(self, handle):
-        if self._goal is not None:
+        if self._goal is not None and not self.never_ends:
             self._end(self._goal.abort)
         command = self.interface.command(handle.request)
         self.commands.append(command)

@@ -263,12 +263,12 @@ def test_a_force_that_rises_on_the_way_is_not_one_that_was_there_before():
     assert control.look(0.02, pressed, 0.04) is Outcome.FORCE_REACHED
 
 
-def clear(opening, is_answered, timeout=0.5):
+def clear(opening, is_answered, timeout=0.5, is_ended=True):
     """Return how and when [s] a wait ends, with the opening and the answer by the time."""
     control, now, end = Clearing(0.0, timeout), 0.0, None
     while end is None and not control.is_over:
         now += 0.01
-        end = control.look(now, opening(now), is_answered(now))
+        end = control.look(now, opening(now), is_answered=is_answered(now), is_ended=is_answered(now) and is_ended)
     return end, now
 
 
@@ -291,3 +291,12 @@ def test_the_rest_begins_where_the_last_movement_ends():
     assert end is None and 1.0 + REST_TIME - REST_CHANGE / 0.005 - 0.02 <= now <= 1.0 + REST_TIME + 0.02
     sways = clear(lambda now: 0.04 + 0.4 * REST_CHANGE * math.sin(100 * now), lambda now: True)
     assert sways[0] is None and sways[1] == pytest.approx(REST_TIME, abs=0.03)  # noise of a sensor
+
+
+@pytest.mark.parametrize(('opening', 'expected', 'after'), [
+    (lambda now: 0.04, None, REST_TIME), (lambda now: 0.04 - 0.001 * now, Outcome.NOT_STOPPED, 0.5 + REST_LIMIT),
+    (lambda now: math.nan, Outcome.NOT_STOPPED, 0.5 + REST_LIMIT),
+    (lambda now: 0.04 if now > 1.0 else math.nan, None, 1.0 + REST_TIME)])
+def test_a_gripper_that_refuses_a_cancel_is_at_rest_only_where_that_is_measured(opening, expected, after):
+    end, now = clear(opening, lambda now: True, is_ended=False)
+    assert end is expected and now == pytest.approx(after, abs=0.03)

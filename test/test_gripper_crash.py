@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from action_msgs.msg import GoalStatus
 from built_messages import environment_with
+from gripper_bench import START
 
 from tactile_node.grasp.closing import Outcome
 
@@ -26,16 +27,21 @@ LONG = pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LO
 
 
 class Gripper:
-    """The process of gripper_process.py, and the lines that it has printed."""
+    """The process of gripper_process.py, and the lines that it has printed; ``motor``: is where it came to rest."""
 
-    def __init__(self, kind):
-        self.lines = []
+    def __init__(self, kind, motor):
+        self.lines, self._motor = [], motor
+        motor.move_to(START)
         self.process = subprocess.Popen([sys.executable, str(Path(__file__).with_name('gripper_process.py')), kind],
                                         env=environment_with('control_msgs'), stdout=subprocess.PIPE, text=True)
-        threading.Thread(target=lambda: self.lines.extend(line.strip() for line in self.read()), daemon=True).start()
+        threading.Thread(target=self._read, daemon=True).start()
 
-    def read(self):
-        yield from iter(self.process.stdout.readline, '')
+    def _read(self):
+        for line in iter(self.process.stdout.readline, ''):
+            self.lines.append(line.strip())
+            event, _, opening = line.partition(' ')
+            if event in ('reached', 'cancelled'):
+                self._motor.move_to(float(opening))
 
     def send(self, number):
         self.process.send_signal(number)
@@ -53,7 +59,7 @@ class Site:
 
     def gripper(self, kind):
         """Start a gripper, and wait until it serves."""
-        gripper = Gripper(kind)
+        gripper = Gripper(kind, self.bench.motor)
         self.grippers.append(gripper)
         self.bench.until(lambda: 'ready' in gripper.lines)
         self.bench.wait(DISCOVERY)

@@ -12,7 +12,8 @@ from action_msgs.msg import GoalStatus
 from gripper_bench import PERIOD, STEP, THRESHOLD
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.closing import SLOWNESS, START_TIME, Outcome, TouchLimits
+from tactile_node.grasp.closing import REST_TIME, SLOWNESS, START_TIME, Outcome, TouchLimits
+from tactile_node.nodes.duplicate_watch import LISTEN_TIME
 from tactile_node.nodes.gripper_node import LOOK_PERIOD
 from tactile_node.ros.gripper_messages import Command
 from tactile_skin.msg import Grasp, GripperOutcome
@@ -417,6 +418,127 @@ def test_a_goal_between_while_it_opens_is_guarded(make_bench):
     bench.client.send(position=0.08)
     bench.wait(0.1)
     assert bench.close(position=0.065)[2].outcome == Outcome.NOT_SEEN and not bench.motor.moves
+
+
+def listen_anew(bench, left):
+    """Have the node listen for others of its kind for ``left`` [s] more, as after a pause of its process."""
+    bench.node._watch._listens_since = bench.steady() - LISTEN_TIME + left
+
+
+def test_a_goal_that_waited_while_it_opened_is_guarded(make_bench):
+    """The opening one was replaced, and its end is not confirmed yet."""
+    bench = make_bench()
+    bench.motor.stays = True
+    bench.pads.change = unseen
+    bench.wait(MAX_AGE + PERIOD)
+    bench.client.send(position=0.08)
+    bench.wait(0.1)
+    listen_anew(bench, 2 * STEP)
+    assert bench.close(position=0.065)[2].outcome == Outcome.NOT_SEEN
+    bench.wait(0.1)
+    assert bench.motor.opening < 0.064 and not bench.motor.moves
+
+
+def test_a_goal_that_waits_for_a_gripper_that_never_ends_its_command_is_not_stopped(make_bench):
+    """The goal to hold it has a result. No one has decided how the waiting goal ends."""
+    bench = make_bench()
+    bench.motor.stays = bench.motor.never_ends = True
+    bench.client.send(position=0.0)
+    bench.wait(0.2)
+    listen_anew(bench, LISTEN_TIME)
+    assert bench.close(position=0.07)[2].outcome == Outcome.NOT_STOPPED
+
+
+def never_ends(make_bench, **parameters):
+    """Return a bench whose gripper refuses to cancel a command to close, holds where it is sent, and ends nothing."""
+    bench = make_bench(parameters=parameters)
+    handle = bench.client.send(position=0.0)
+    bench.wait(0.2)
+    bench.motor.stays = bench.motor.never_ends = True
+    handle.cancel()
+    _, _, outcome = bench.client.result(handle)
+    assert outcome.outcome == Outcome.NOT_STOPPED and 'may still be moving' in outcome.message
+    bench.motor.commands.clear()
+    return bench
+
+
+def test_a_gripper_that_never_ends_a_command_closes_again_once_it_was_measured_at_rest(make_bench):
+    bench = never_ends(make_bench)
+    began = bench.steady()
+    sent = bench.client.send(position=0.0)
+    bench.until(lambda: bench.motor.commands)
+    assert bench.steady() - began >= REST_TIME
+    bench.motor.stays = bench.motor.never_ends = False
+    assert bench.client.result(sent)[2].outcome == Outcome.TOUCHED
+
+
+def test_a_gripper_that_never_ends_a_command_and_moves_does_not_close_again(make_bench):
+    bench = never_ends(make_bench)
+    bench.motor._target = 0.04  # its hardware goes on
+    bench.motor._speed = 0.003
+    _, _, outcome = bench.close(position=0.0)
+    assert outcome.outcome == Outcome.NOT_STOPPED and not bench.motor.commands
+
+
+def test_a_gripper_that_never_ends_a_command_closes_only_after_a_restart_where_it_is_not_measured(make_bench):
+    bench = never_ends(make_bench)
+    bench.pads.knows_gap = False
+    bench.wait(MAX_AGE + PERIOD)
+    for _ in range(2):
+        _, _, outcome = bench.close(position=0.0)
+        assert outcome.outcome == Outcome.NOT_STOPPED and not bench.motor.commands
+        assert 'refuses to cancel' in outcome.message and 'restart' in outcome.message
+    assert bench.close(position=LIMITS.widest)[2].outcome == Outcome.REACHED
+    bench.motor.kill()
+    bench.motor.restart()
+    bench.motor.stays = bench.motor.never_ends = False
+    assert bench.close(position=0.0)[2].outcome == Outcome.TOUCHED
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_gripper_that_says_it_is_there_before_it_is_goes_on_under_guard(make_bench, kind):
+    """As ros2_control's do, whose goal_tolerance is 10 mm unless it is set."""
+    bench = make_bench(kind)
+    bench.motor.is_hasty = True
+    assert bench.close(position=0.0)[2].outcome == Outcome.TOUCHED
+    bench.wait(0.3)
+    assert bench.pads.strongest <= THRESHOLD + FAST_RISE
+
+
+@pytest.mark.parametrize(('position', 'blocked_at'), [(0.0, 0.05), (LIMITS.widest, 0.06)])
+def test_a_gripper_that_says_it_is_there_and_rests_elsewhere_has_failed(make_bench, position, blocked_at):
+    bench = make_bench(pads={'width': 0.0})
+    bench.motor.is_hasty, bench.motor.blocked_at = True, blocked_at
+    if position:
+        bench.motor.slowness = 1e9
+    status, state, outcome = bench.close(position=position)
+    assert (status, outcome.outcome, state.reached_goal) == (ABORTED, Outcome.GRIPPER_FAILED, False)
+    assert f'measured opening is {1e3 * abs(bench.motor.opening - position):.0f} mm' in outcome.message
+
+
+def test_a_gripper_that_says_it_is_there_and_is_not_measured_is_believed(make_bench):
+    bench = make_bench(pads={'width': 0.0})
+    bench.pads.knows_gap = False
+    bench.wait(MAX_AGE + PERIOD)
+    bench.motor.is_hasty = True
+    assert bench.close(position=0.03)[2].outcome == Outcome.REACHED
+
+
+@pytest.mark.parametrize('stop_by', ['cancel', 'goal'])
+def test_a_gripper_that_said_it_is_there_is_stopped_where_it_is(make_bench, stop_by):
+    """A cancel would find no command: by a goal, also when the node ends."""
+    bench = make_bench(parameters={'stop_by': stop_by})
+    bench.motor.is_hasty = True
+    handle = bench.client.send(position=0.0)
+    bench.wait(0.2)
+    handle.cancel()
+    assert bench.client.result(handle)[2].outcome == Outcome.CANCELED
+    stopped = bench.motor.opening
+    bench.client.send(position=0.0)
+    bench.wait(0.2)
+    bench.node.destroy_node()
+    bench.wait(0.3)
+    assert bench.motor.directions == ['close', 'hold', 'close', 'hold'] and 0.05 < bench.motor.opening < stopped
 
 
 def test_an_opening_gripper_that_stalls_or_presses_has_not_succeeded(make_bench):

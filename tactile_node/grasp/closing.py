@@ -16,8 +16,8 @@ from tactile_node.grasp.tracker import GraspContact
 BLIND_TIME = 0.5   #: s for which it stops and waits to see again, before the goal ends
 LOST_AFTER = 0.1   #: s without any contact, after both pads were touched: shorter ones are bounces
 START_TIME = 1.0   #: s that a gripper may take beyond its travel, to accept a command and to begin
-REST_TIME = 0.3    #: s for which the opening must not change, before it closes after a command without an answer
-REST_LIMIT = 2.0   #: s within which that must be so, once it has answered
+REST_TIME = 0.3    #: s without a change of the opening, after which the gripper is at rest
+REST_LIMIT = 2.0   #: s within which it must be at rest to close after a command in doubt, once it has answered
 REST_CHANGE = 2e-4  #: m, of the opening at rest
 SLOWNESS = 3.0     #: times the time that the commanded speed needs, after which it is too slow
 BEYOND = 1e-3      #: m by which a commanded opening may be below 0: controllers close a little more than fully
@@ -294,24 +294,43 @@ class Closing:
         return deadline(now, opening - self.goal.opening, self._pace)
 
 
+class Rest:
+    """Measures whether an opening has not changed for REST_TIME, from ``now`` [s] on."""
+
+    def __init__(self, now: float):
+        self._since, self._opening = now, math.nan
+
+    def look(self, now: float, opening: float) -> bool:
+        """Return True if it rests. ``opening`` [m]; NaN: not known, and counts as no change."""
+        if math.isfinite(opening) and not abs(opening - self._opening) <= REST_CHANGE:
+            self._since, self._opening = now, opening
+        return now - self._since >= REST_TIME
+
+
 class Clearing:
-    """Waits, before a goal closes after an unanswered command, for an answer within ``timeout`` [s], and for rest."""
+    """Waits, before a goal closes after a command in doubt, until the gripper has answered and is at rest.
+
+    ``timeout`` [s]: for the answers to the cancels. A gripper that refuses a cancel and never ends the command is at
+    rest only where its opening is measured.
+    """
 
     def __init__(self, now: float, timeout: float):
         self._limit = now + timeout
-        self._rested: float | None = None  # since when the opening has not changed [s]; None: no answer yet
-        self._opening = math.nan
+        self._rest: Rest | None = None  # None: no answer yet
         self.is_over = False
 
-    def look(self, now: float, opening: float, is_answered: bool) -> Outcome | None:
-        """Return why the goal cannot close; None: go on. ``opening`` [m], NaN: not known, it counts as at rest."""
-        has_moved = math.isfinite(opening) and not abs(opening - self._opening) <= REST_CHANGE
-        if self._rested is None or has_moved:
-            self._rested, self._opening = now if is_answered else None, opening
-        self.is_over = is_answered and self._rested is not None and now - self._rested >= REST_TIME
-        if self.is_over or now <= self._limit + REST_LIMIT * (self._rested is not None):
-            return None
-        return Outcome.GRIPPER_SILENT if self._rested is None else Outcome.NOT_STOPPED
+    def look(self, now: float, opening: float, *, is_answered: bool, is_ended: bool) -> Outcome | None:
+        """Return why the goal cannot close; None: go on. ``opening`` [m]; NaN: not known.
+
+        ``is_answered``: the gripper has answered each cancel; ``is_ended``: by confirming it.
+        """
+        if self._rest is None and is_answered:
+            self._rest = Rest(now)
+        if self._rest is None:
+            return Outcome.GRIPPER_SILENT if now > self._limit else None
+        is_at_rest = self._rest.look(now, opening)
+        self.is_over = is_at_rest and is_answered and (is_ended or math.isfinite(opening))
+        return Outcome.NOT_STOPPED if not self.is_over and now > self._limit + REST_LIMIT else None
 
 
 def deadline(now: float, travel: float, speed: float) -> float:

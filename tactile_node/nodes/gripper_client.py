@@ -26,8 +26,9 @@ MOST_GIVEN_UP = 10  #: commands without an answer that are still cancelled befor
 class _Sent:
     """One command on its way."""
 
-    def __init__(self, handle: ClientGoalHandle, holds: bool, at: float):
+    def __init__(self, handle: ClientGoalHandle, opening: float, holds: bool, at: float):
         self.handle = handle           # cancels it, also before it is accepted
+        self.opening = opening         # to which it sends the gripper [m]
         self.holds = holds             # it stops the gripper where it is
         self.at = self.served = at     # when it was sent, and when the graph last showed a whole server [s]
         self.is_accepted = False
@@ -45,6 +46,11 @@ class GripperResult(NamedTuple):
 
     state: GripperState
     succeeded: bool
+
+    @property
+    def is_there(self) -> bool:
+        """True if the gripper says that it is where it was sent. Not every gripper sets ``reached_goal``."""
+        return self.state.reached_goal or (self.succeeded and not self.state.stalled)
 
 
 class GripperClient:
@@ -79,14 +85,21 @@ class GripperClient:
     @property
     def is_stopped(self) -> bool:
         """True if every command known to a server that answers has ended, or only a confirmed hold is open."""
-        moving = [each for each in self._open
-                  if not each.is_given_up and (each is self._latest or not each.is_unknown)]
+        moving = [each for each in self._open if not (each.is_given_up if each is self._latest else self._doubts(each))]
         return not moving or (len(moving) == 1 and moving[0].holds and moving[0].is_accepted)
+
+    @property
+    def farthest(self) -> float:
+        """Widest opening to which a command that has not ended sends the gripper [m]; -inf: there is none."""
+        return max((each.opening for each in self._open), default=-math.inf)
 
     @property
     def is_doubtful(self) -> bool:
         """True if the gripper may still carry out a command whose server is gone, or stopped and may wake up."""
-        return any(each.is_given_up or each.is_unknown for each in self._open)
+        return any(map(self._doubts, self._open))
+
+    def _doubts(self, sent: _Sent) -> bool:
+        return sent.is_given_up or sent.is_unknown or self._is_overdue(sent)
 
     @property
     def is_there(self) -> bool:
@@ -104,22 +117,26 @@ class GripperClient:
         return sent is not None and (sent.is_unknown or sent.is_ending is False if by_cancel else
                                      sent.holds and sent.failure is Outcome.GRIPPER_REFUSED)
 
-    def give_up(self, *, only_unaccepted: bool = False) -> None:
-        """Rely on no open command any more, or on none whose acceptance is overdue."""
+    def give_up(self) -> None:
+        """Rely on no open command any more."""
         for sent in self._open:
-            if not only_unaccepted or self._is_overdue(sent):
-                sent.is_given_up = sent.is_cancelled = True
-        for sent in [each for each in self._open if each.is_given_up][:-MOST_GIVEN_UP]:
-            self._open.remove(sent)  # one that is accepted later is cancelled at once all the same
+            sent.is_given_up = sent.is_cancelled = True
+        del self._open[:-MOST_GIVEN_UP]  # one that is accepted later is cancelled at once all the same
 
-    @property
-    def is_cleared(self) -> bool:
-        """True if each command that is still open was cancelled and the gripper confirmed that."""
-        return all(each.is_ending for each in self._open if each.is_given_up or each.is_unknown or not each.holds)
+    def clear(self) -> None:
+        """Cancel each open command by its id, whether it is accepted or not."""
+        for sent in self._open:
+            sent.is_cancelled = True
+            self._cancel(sent)
+
+    def clearing(self) -> tuple[bool, bool]:
+        """Return whether the gripper has answered the cancel of each open command, and whether it confirmed each."""
+        endings = [each.is_ending for each in self._open if self._doubts(each) or not each.holds]
+        return None not in endings, all(endings)
 
     def forget(self) -> None:
         """Forget the doubtful commands. One that is accepted later is cancelled at once all the same."""
-        self._open = [each for each in self._open if not (each.is_given_up or each.is_unknown)]
+        self._open = [each for each in self._open if not self._doubts(each)]
 
     def failure(self) -> Outcome | None:
         """Return why the latest command cannot be relied on."""
@@ -143,7 +160,7 @@ class GripperClient:
     def drive(self, opening: float, speed: float, *, holds: bool = False) -> None:
         """Send the gripper to ``opening`` [m] at ``speed`` [m/s]; 0: at its own."""
         goal_id = UUID(uuid=list(uuid4().bytes))
-        sent = self._latest = _Sent(ClientGoalHandle(self._client, goal_id, None), holds, self._steady())
+        sent = self._latest = _Sent(ClientGoalHandle(self._client, goal_id, None), opening, holds, self._steady())
         self._open.append(sent)
         command = Command(self._law.reading(opening), abs(speed / self._law.scale), self._effort)
         future = self._client.send_goal_async(self._interface.goal(command),
@@ -160,7 +177,7 @@ class GripperClient:
             return
         for sent in self._open:
             sent.is_cancelled = True
-            if sent.is_accepted or sent.is_given_up:  # by its id, so that a later goal goes on
+            if sent.is_accepted:  # by its id, so that a later goal goes on
                 self._cancel(sent)
 
     def _cancel(self, sent: _Sent) -> None:
@@ -184,10 +201,11 @@ class GripperClient:
             self._end(sent)
             self._cancel(sent)  # another server may have accepted it, or does so when it wakes up
             return
+        is_late = self._is_overdue(sent)
         sent.handle, sent.is_accepted = handle, True
         if sent not in self._open:
             self._open.append(sent)  # forgotten; now it moves the gripper
-        if sent.is_cancelled:
+        if sent.is_cancelled or is_late:
             self._cancel(sent)
             if sent is self._latest and math.isfinite(opening := self._stay()):
                 self.drive(opening, 0.0, holds=True)

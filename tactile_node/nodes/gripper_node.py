@@ -22,6 +22,7 @@ from tactile_node.grasp.closing import (
     Clearing,
     Closing,
     Outcome,
+    Rest,
     TouchLimits,
     check_number,
     deadline,
@@ -38,7 +39,7 @@ from tactile_node.nodes.node_health import MessageHealth, publish_status
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.gripper_health import GripperFacts, gripper_status, unseen_text
-from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface, touch_of
+from tactile_node.ros.gripper_messages import GripperState, gripper_interface, touch_of
 from tactile_node.ros.gripper_settings import GripperSettings, limits_of
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.parameters import declare, read
@@ -55,6 +56,8 @@ ROUNDING = 1e-6  #: m, of an opening that was computed from the gripper's own un
 #: A goal to close ends as one of these or as NOT_STOPPED, where the gripper may still move by an unanswered command.
 TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REPLACED, Outcome.DUPLICATE)
 IN_DOUBT = 'the gripper may still be moving, because it did not confirm the end of an earlier command'
+NOT_ENDING = ('the gripper refuses to cancel an earlier command, and was not measured at rest: measure its opening, or '
+              'restart its driver')
 
 logger = logging.getLogger(__name__)
 
@@ -64,16 +67,17 @@ class _Run:
     """A goal under way, or the hold after it."""
 
     handle: ServerGoalHandle
-    opening: float                     #: to which it goes [m]
-    closing: Closing | None            #: None: it opens, whatever the pads see
+    opening: float = math.nan          #: to which it goes [m]
+    closing: Closing | None = None     #: None: it opens, whatever the pads see
     holding: Holding | None = None     #: its result was given
-    clearing: Clearing | None = None   #: it waits for this, and then closes
+    waits: bool = True                 #: for the end of listening for duplicates, or for the gripper to be at rest
+    clearing: Clearing | None = None   #: the latter
     force: float = math.nan            #: force of the stronger pad at its first current reading [N]
     deadline: float = math.inf         #: of opening [s]
     speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not, or it is stopped
+    rest: Rest | None = None           #: since the gripper said that it is there, and was measured elsewhere
     outcome: Outcome | None = None     #: once it is known
     reason: str = ''                   #: text that explains the outcome
-    waits: bool = False                #: for the end of listening for duplicates; then the node starts it anew
     by_cancel: bool = True             #: how it is being stopped: by a cancel, or by a goal at where it is
     stop_since: float = math.inf       #: [s]
 
@@ -126,8 +130,9 @@ class GripperNode(Node):
 
     def destroy_node(self) -> None:
         """Stop a gripper that closes: no one watches it from now on."""
-        if self._run is not None and not self._client.is_stopped and self.context.ok():
-            self._client.stop(math.nan if self._cancels else self._opening())
+        run = self._run
+        if run is not None and not self._is_stopped(run) and self.context.ok():
+            self._stop(run, self._cancels and not self._is_early(run), self._steady())
         self._run = None
         while self._actions:
             self._actions.pop().destroy()
@@ -148,47 +153,46 @@ class GripperNode(Node):
 
     def _on_accepted(self, handle: ServerGoalHandle) -> None:
         allow_feedback(handle)
-        self._start(handle)
-
-    def _start(self, handle: ServerGoalHandle) -> None:
-        try:
-            self._client.give_up(only_unaccepted=True)
-            run = self._started(handle, self._interface.command(handle.request))
-        except RefusedGoalError as error:
-            logger.error('goal refused: %s', error, extra=of_node(self))
-            self._finish(_Run(handle, math.nan, None, outcome=Outcome.REFUSED), str(error))
+        run = _Run(handle)
+        self._decide(run)
+        if run.outcome is not None:
+            self._finish(run)
             return
         if self._run is not None:
             self._run.outcome = Outcome.REPLACED
             self._finish(self._run)
-        run.waits = not (self._opens_fully(run) or self._watch.has_listened)
         self._begin(run)
-        if run.closing is not None and self._client.is_doubtful and not run.waits:
-            run.clearing = Clearing(self._steady(), self._settings.answer_timeout)
-            self._client.stop()
         self._look()
 
     def _begin(self, run: _Run) -> None:
         self._run = run
         self._timer.reset()
 
-    def _started(self, handle: ServerGoalHandle, command: Command) -> _Run:
-        opening, speed = self._law.gap(command.position), command.speed * abs(self._law.scale)
-        check_number('opening', opening, -BEYOND, HIGHEST_GAP, 'm')
+    def _decide(self, run: _Run) -> None:
+        """Note whether the goal opens or closes from where the gripper is now, or why it is refused."""
         now, present = self._steady(), self._opening()
-        if self._opens(opening, present):
-            travel = opening - (present if math.isfinite(present) else 0.0)
-            return _Run(handle, opening, None, deadline=deadline(now, travel, self._limits.fast_speed))
-        goal = make_goal(opening, speed, command.effort, self._limits,
-                         speed_is_fixed=not self._interface.commands_speed)
-        return _Run(handle, opening, Closing(goal, self._limits, now, present))
+        try:
+            command = self._interface.command(run.handle.request)
+            run.opening = self._law.gap(command.position)
+            check_number('opening', run.opening, -BEYOND, HIGHEST_GAP, 'm')
+            if self._opens(run.opening, present):
+                travel = run.opening - (present if math.isfinite(present) else 0.0)
+                run.closing, run.deadline = None, deadline(now, travel, self._limits.fast_speed)
+                return
+            goal = make_goal(run.opening, command.speed * abs(self._law.scale), command.effort, self._limits,
+                             speed_is_fixed=not self._interface.commands_speed)
+            run.closing = Closing(goal, self._limits, now, present)
+        except RefusedGoalError as error:
+            logger.error('goal refused: %s', error, extra=of_node(self))
+            run.outcome, run.reason = Outcome.REFUSED, str(error)
 
     def _opens(self, opening: float, present: float) -> bool:
         """Return True if a goal of ``opening`` opens a gripper that is at ``present`` [m]; NaN: not known."""
         if self._is_widest(opening):
             return not opening < present - NEAR
-        is_opening = self._run is not None and self._run.opens  # it is wider than its last reading, or may be
-        return opening >= present and not is_opening and not self._client.is_doubtful
+        before = self._run  # while it opens, the gripper may be wider than its last reading
+        may_be_wider = self._client.farthest > opening or (before is not None and before.opens and before.speed > 0)
+        return opening >= present and not may_be_wider and not self._client.is_doubtful
 
     def _opens_fully(self, run: _Run) -> bool:
         """Return True for a goal that opens to ``widest``, which is always forwarded."""
@@ -210,20 +214,14 @@ class GripperNode(Node):
         run, now = self._run, self._steady()
         if run is None:
             return
-        if run.waits and run.outcome is None and self._watch.has_listened:
-            self._run = None
-            self._timer.cancel()
-            self._start(run.handle)
-            return
         if run.outcome is None:
             run.outcome = self._outcome(run, now)
-            run.reason = self._reason(run.outcome)
-            is_free = not run.waits and run.clearing is None
-            if run.outcome is None and is_free and self._drives(run):
+            run.reason = self._reason(run.outcome) or run.reason
+            if run.outcome is None and not run.waits and self._drives(run):
                 return
             is_to_stop = run.outcome is not None or run.speed or run.stop_since == math.inf
-            if not self._client.is_stopped and is_to_stop:
-                self._stop(run, self._cancels or self._is_cancel_due(run), now)
+            if not self._is_stopped(run) and is_to_stop:
+                self._stop(run, (self._cancels or self._is_cancel_due(run)) and not self._is_early(run), now)
             run.speed = 0.0
         if self._client.is_stopped:
             if run.outcome is not None:
@@ -236,20 +234,27 @@ class GripperNode(Node):
         """Return True if only a cancel can help: the latest command opened it and has ended, or is unanswered."""
         return self._client.is_silent or (run.opens and self._client.result is not None)
 
+    def _is_early(self, run: _Run) -> bool:
+        """Return True if the gripper says that it is there, and is measured elsewhere: it may still be on its way."""
+        result, present = self._client.result, self._opening()
+        if not (run.speed and result is not None and result.is_there):
+            return False
+        if run.opens:
+            return present < min(run.opening, self._limits.widest) - NEAR
+        return abs(present - run.opening) > NEAR
+
+    def _is_stopped(self, run: _Run) -> bool:
+        return self._client.is_stopped and not self._is_early(run)
+
     def _outcome(self, run: _Run, now: float) -> Outcome | None:
         if run.holding is None and run.handle.is_cancel_requested:
             return Outcome.CANCELED
         if self._watch.topics and not self._opens_fully(run):
             return Outcome.DUPLICATE
         if run.waits:
-            return None
-        if run.clearing is not None:
-            end = run.clearing.look(now, self._opening(), self._client.is_cleared)
-            if not run.clearing.is_over or run.closing is None:
-                return end
-            self._client.forget()
-            again = self._started(run.handle, self._interface.command(run.handle.request))  # it may open, now
-            run.clearing, run.closing, run.deadline = None, again.closing, again.deadline
+            run.outcome = self._why_not_begin(run, now)
+            if run.waits or run.outcome is not None:
+                return run.outcome
         if not (run.opens or run.speed) and self._client.is_doubtful:
             return Outcome.NOT_STOPPED
         failure = self._client.failure() if run.speed else None
@@ -258,9 +263,28 @@ class GripperNode(Node):
         if run.holding is not None:
             return self._why_not_hold(run, run.holding, now)
         stop = self._why_not_open(run, now) if run.closing is None else run.closing.look(
-            now, self._touch, self._opening(), is_still=self._client.is_stopped)
+            now, self._touch, self._opening(), is_still=self._is_stopped(run))
         result = self._client.result if run.speed else None
         return stop if stop in SUCCESSES or result is None else self._ending(run, result, stop)
+
+    def _why_not_begin(self, run: _Run, now: float) -> Outcome | None:
+        """Have the goal begin where nothing speaks against it any more; return why it never will."""
+        if not self._opens_fully(run):
+            if not self._watch.has_listened:
+                return None
+            if run.clearing is None and self._client.is_doubtful:
+                run.clearing = Clearing(now, self._settings.answer_timeout)
+                self._client.clear()
+            if run.clearing is not None:
+                is_answered, is_ended = self._client.clearing()
+                end = run.clearing.look(now, self._opening(), is_answered=is_answered, is_ended=is_ended)
+                if not run.clearing.is_over:
+                    run.reason = NOT_ENDING if is_answered and not is_ended else ''
+                    return end
+                self._client.forget()
+        self._decide(run)  # by where the gripper is now
+        run.waits = False
+        return run.outcome
 
     def _reason(self, outcome: Outcome | None) -> str:
         if outcome is Outcome.NOT_SEEN:
@@ -277,9 +301,9 @@ class GripperNode(Node):
     def _why_not_hold(self, run: _Run, holding: Holding, now: float) -> Outcome | None:
         if run.speed and self._client.result is not None:
             ending = self._ending(run, self._client.result, None)
-            if not (holding.eases and ending is Outcome.REACHED):
+            if ending is not None and not (holding.eases and ending is Outcome.REACHED):
                 return ending
-        return holding.look(now, self._touch, self._opening(), is_still=self._client.is_stopped)
+        return holding.look(now, self._touch, self._opening(), is_still=self._is_stopped(run))
 
     def _why_not_open(self, run: _Run, now: float) -> Outcome | None:
         if self._is_current():
@@ -288,14 +312,19 @@ class GripperNode(Node):
                 return Outcome.NOT_OPENING
         return Outcome.TOO_SLOW if now > run.deadline else None
 
-    def _ending(self, run: _Run, result: GripperResult, stop: Outcome | None) -> Outcome:
-        """Return how a goal ended that the gripper ended. Not every gripper says whether it stalled or is there."""
-        if result.state.reached_goal or result.state.stalled:
-            return Outcome.REACHED if result.state.reached_goal else Outcome.STALLED
-        if not result.succeeded:
-            return stop or Outcome.GRIPPER_FAILED
-        is_held_up = abs(self._opening() - run.opening) > NEAR or (run.closing is not None and self._touch.is_touched)
-        return Outcome.STALLED if is_held_up else Outcome.REACHED
+    def _ending(self, run: _Run, result: GripperResult, stop: Outcome | None) -> Outcome | None:
+        """Return how a goal ended that the gripper ended; ``stop``, which may be None, while it may be on its way."""
+        if not result.is_there:
+            return Outcome.STALLED if result.state.stalled else stop or Outcome.GRIPPER_FAILED
+        if not self._is_early(run):
+            is_held_up = run.closing is not None and self._touch.is_touched and not result.state.reached_goal
+            return Outcome.STALLED if is_held_up else Outcome.REACHED
+        run.rest = run.rest or Rest(self._steady())
+        if not run.rest.look(self._steady(), self._opening()):
+            return stop
+        distance = 1e3 * abs(self._opening() - run.opening)
+        run.reason = f'the gripper says that it is there, but the measured opening is {distance:.0f} mm off'
+        return Outcome.GRIPPER_FAILED if result.state.reached_goal else Outcome.STALLED
 
     def _drives(self, run: _Run) -> bool:
         """Send the gripper on its way, and again where its speed changes; whether it is to move."""
@@ -304,7 +333,7 @@ class GripperNode(Node):
         of_goal = run.closing or run.holding
         speed = of_goal.speed if of_goal is not None else self._limits.fast_speed
         if speed and not (run.speed and (speed == run.speed or not self._interface.commands_speed)):
-            run.speed = speed
+            run.speed, run.rest = speed, None
             self._client.drive(run.opening, speed)
         return speed > 0
 
@@ -317,7 +346,8 @@ class GripperNode(Node):
         if run.by_cancel is self._cancels and not self._is_cancel_due(run):
             self._stop(run, not self._cancels, now)
             return
-        if run.outcome not in SILENCES and not (run.opens and self._client.result is not None):
+        has_opened = run.opens and run.outcome is not None and self._client.result is not None
+        if run.outcome not in SILENCES and not has_opened:
             run.outcome = Outcome.NOT_STOPPED
         self._client.give_up()
         self._finish(run)
@@ -329,7 +359,7 @@ class GripperNode(Node):
                             stalled=outcome in (Outcome.TOUCHED, Outcome.FORCE_REACHED, Outcome.STALLED),
                             reached_goal=outcome is Outcome.REACHED)
 
-    def _finish(self, run: _Run, reason: str = '') -> None:
+    def _finish(self, run: _Run) -> None:
         if run is self._run:
             self._run = None
             self._timer.cancel()
@@ -337,7 +367,7 @@ class GripperNode(Node):
             run.outcome = Outcome.NOT_STOPPED
         outcome = self._last = run.outcome or Outcome.NOT_KNOWN
         state = self._state(outcome)
-        self._publish(run, outcome, reason or run.reason)
+        self._publish(run, outcome)
         if run.holding is not None:
             return
         is_held = run.closing is not None and self._touch.contact is GraspContact.TWO_SIDED and self._is_current()
@@ -351,11 +381,11 @@ class GripperNode(Node):
         goal = run.closing.goal if run.closing is not None else None
         if self._settings.hold and goal is not None and outcome is Outcome.FORCE_REACHED and not goal.until_touched:
             held = Holding(goal, self._limits, self._hold_limits, self._steady(), self._opening())
-            self._begin(_Run(run.handle, run.opening, None, held))
+            self._begin(_Run(run.handle, run.opening, holding=held, waits=False))
 
-    def _publish(self, run: _Run, outcome: Outcome, reason: str) -> None:
+    def _publish(self, run: _Run, outcome: Outcome) -> None:
         pads = (self._touch if self._is_current() else NO_TOUCH).pads
-        texts = [reason] * bool(reason) + [IN_DOUBT] * self._client.is_doubtful
+        texts = [run.reason] * bool(run.reason) + [IN_DOUBT] * self._client.is_doubtful
         force = run.closing.goal.force if run.closing is not None and self._is_current() else math.nan
         if self._touch.strongest - force >= LEAST_EXCESS:
             texts.append(f'{self._touch.strongest - force:.1f} N more than the {force:g} N of the goal')
