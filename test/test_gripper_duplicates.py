@@ -83,8 +83,7 @@ def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_p
                 second.wait()
             assert first.poll() is None
             bench.motor.move_to(0.06)
-            bench.until(lambda: bench.client.result(
-                bench.client.send(position=0.059)).outcome.outcome == Outcome.REACHED)
+            bench.until(lambda: bench.outcome(position=0.059) == Outcome.REACHED)
             bench.until(lambda: 'has ended' in logs[0].read_text())
             bench.until(lambda: diagnostics.level('/touch_gripper: gripper') == DiagnosticStatus.OK)
 
@@ -95,9 +94,9 @@ def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
     with bench.node_as_process():
         with started_node() as second:
             bench.until_joined(lambda: servers(bench, '/touch_gripper/gripper_cmd') == 2)
-            bench.until(lambda: bench.close(position=0.0).outcome.outcome == Outcome.DUPLICATE)
+            bench.until(lambda: bench.outcome(position=0.0) == Outcome.DUPLICATE)
             second.send_signal(signal.SIGSTOP)
-            bench.until(lambda: bench.close(position=0.059).outcome.outcome == Outcome.REACHED)
+            bench.until(lambda: bench.outcome(position=0.059) == Outcome.REACHED)
             bench.motor.move_to(0.06)
             bench.motor.commands.clear()
             sent = bench.client.send(position=0.0)
