@@ -51,13 +51,13 @@ class Motor:
         self.default_speed, self.blocked_at, self.moved_at = 0.02, -1.0, -math.inf
         self._target, self._speed = self.opening, 0.0
         self._servers = []
-        bench.stack.callback(self.kill)
         self.start()
 
     def start(self):
         """Serve its action. A silent server before this one stays in the graph, as one that was killed does."""
         self.is_silent, self._goal = False, None
         self.node = self._bench.add('motor')
+        self._bench.stack.callback(self.kill)  # before the node ends, which its servers use
         self.server = ActionServer(
             self.node, self.interface.action, '/gripper_controller/gripper_cmd', execute_callback=lambda handle: None,
             goal_callback=lambda goal: GoalResponse.REJECT if self.rejects or len(self.commands) >= self.most_goals
@@ -215,7 +215,7 @@ class Client:
         that was here before looks ready for a while, too.
         """
         self.until_ready()
-        sent, sent_at = self._client.send(position), self._bench.steady()
+        sent, sent_at = None, -math.inf
 
         def is_answered():
             nonlocal sent, sent_at
