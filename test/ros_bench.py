@@ -21,8 +21,8 @@ TIMEOUT = 60.0  # s, for a busy machine
 class LeanExecutor(SingleThreadedExecutor):
     """A SingleThreadedExecutor that leaves out the handlers of events, as "incompatible QoS".
 
-    rclpy prepares every entity for every wait. Half of them are these handlers, which no test with a clock of its own
-    needs.
+    rclpy prepares every entity for every wait, and half of the entities are such handlers. The tests of a TimedBench do
+    not use them.
     """
 
     def __init__(self):

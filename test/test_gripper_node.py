@@ -497,7 +497,7 @@ def test_a_gripper_that_never_ends_a_command_closes_only_after_a_restart_where_i
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_a_gripper_that_says_it_is_there_before_it_is_goes_on_under_guard(make_bench, kind):
-    """As ros2_control's do, whose goal_tolerance is 10 mm unless it is set."""
+    """The controllers of ros2_control do so: their goal_tolerance is 10 mm unless it is set."""
     bench = make_bench(kind)
     bench.motor.is_hasty = True
     assert bench.close(position=0.0)[2].outcome == Outcome.TOUCHED

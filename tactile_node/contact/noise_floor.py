@@ -114,7 +114,7 @@ class NoiseFloor:
 
     def __init__(self, highest: float = np.inf):
         self._highest = highest
-        self.of_frame = UNKNOWN_REST  #: what rests in the frame measured last, whatever came before
+        self.of_frame = UNKNOWN_REST  #: level and deviation at rest, by the latest frame alone
         self._last = Resting(0.0, 0.0)
         self._is_first = True
         self._quiet = np.inf  # noise of the pad while something presses it, before it became louder

@@ -32,8 +32,9 @@ class Threshold(NamedTuple):
     level: float       #: level of the taxels at rest
     noise: np.ndarray  #: (rows, cols), standard deviation of each
     least: float       #: above the level at rest, whatever the noise
-    #: Reading up to which the frame by itself takes taxels for resting. A taxel of a contact exceeds it, or HALO_SHARE
-    #: of the highest reading: where the frames before were quieter, a wide halo would be pressed.
+    #: Highest reading of a resting taxel, judged by this frame alone. A taxel of a contact must exceed this reading or
+    #: HALO_SHARE of the frame's highest reading, whichever is lower. Otherwise a wide halo would count as pressed after
+    #: quieter frames.
     halo: float = -np.inf
 
 
