@@ -1,7 +1,7 @@
 """A gripper with its own action, what its pads read of a spring, and a client: nodes of one executor.
 
-Time is virtual. In each STEP the gripper moves and the pads feel it. Only a bench whose other half is a process runs in
-real time.
+Time is virtual. In each STEP the gripper moves and the pads feel it. Only a bench whose gripper node or pads are in
+another process runs in real time.
 """
 
 import math
@@ -203,7 +203,6 @@ class Client:
         bench.stack.callback(self._client.destroy)
         self.outcomes: list[GripperOutcome] = []  # those of every goal and hold
         node.create_subscription(GripperOutcome, f'{action.rpartition("/")[0]}/outcome', self.outcomes.append, 10)
-        self.until_ready()
 
     def until_ready(self):
         self._bench.until_joined(lambda: self._client.is_ready)
@@ -211,8 +210,7 @@ class Client:
     def until_answered(self, position):
         """Wait until the node in another process answers a goal.
 
-        Until both processes have found all of each other's endpoints, an answer may be lost. The server of the node
-        that was here before looks ready for a while, too.
+        Until both processes have found all of each other's endpoints, an answer may be lost.
         """
         self.until_ready()
         sent, sent_at = None, -math.inf
@@ -251,18 +249,24 @@ def started_node(*parameters, words=(), ros=(), log=None):
 
 
 class GripperBench(TimedBench):
-    """Motor, pads, the gripper node and a client. ``pads`` None: others publish what they feel, in real time."""
+    """Motor, pads, the gripper node and a client.
+
+    ``pads`` None: others publish what they feel, in real time. ``has_node`` False: node_as_process starts the node.
+    """
 
     def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, pads=(),
-                 is_real_time=False):
-        super().__init__(stack, STEP, is_real_time=is_real_time or pads is None)
+                 has_node=True):
+        super().__init__(stack, STEP, is_real_time=pads is None or not has_node)
         self.interface = gripper_interface(kind, '')
         self.motor = Motor(self, self.interface, scale, offset)
         self.pads = None if pads is None else Pads(self, self.motor, **dict(pads))
+        self.client = Client(self, self.interface)
+        if not has_node:
+            return
         given = {'action_type': kind, 'gap_scale': scale, 'gap_offset': offset, **dict(parameters)}
         self.node = self.add(self.timed(GripperNode)(parameter_overrides=[Parameter(name, value=value)
                                                                           for name, value in given.items()]))
-        self.client = Client(self, self.interface)
+        self.client.until_ready()
         self.until_joined(lambda: self.node.count_publishers('/grasp'))
         self.until_listened()
         self.until_seen()
@@ -274,13 +278,11 @@ class GripperBench(TimedBench):
 
     @contextmanager
     def node_as_process(self, *parameters, **options):
-        """Run the gripper node in another process instead of here, and kill it at the end.
+        """Run the gripper node in another process, and kill it at the end.
 
         On a busy machine no pad is unseen, and no gripper too slow: this one is ten times as fast as it is sent.
         """
         self.motor.slowness = 0.1
-        self.node.destroy_node()
-        self.executor.remove_node(self.node)
         with started_node(*parameters, **options) as process:
             self.client.until_answered(START - 0.001)
             self.until(lambda: self.outcome(position=START - 0.001) not in (None, GripperOutcome.NOT_SEEN))

@@ -12,7 +12,10 @@ from control_msgs.action import ParallelGripperCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
 PERIOD = 0.02  # s, of a step
-TRAVEL = 0.001  # m, in a step
+TRAVEL = 0.001  # m, in a step that opens it
+#: m, in a step that closes it. A process that was stopped may get the cancel seconds after the goal, because Fast DDS
+#: repeats a lost message every 3 s: it then has come 15 mm, and touches nothing.
+SLOW_TRAVEL = 0.0001
 START = 0.06  # m
 ACTION = '/gripper_controller/gripper_cmd'
 
@@ -45,7 +48,7 @@ class Gripper:
             say('cancelled', self.opening)
             return
         target = self.goal.request.command.position[0]
-        self.opening += max(-TRAVEL, min(TRAVEL, target - self.opening))
+        self.opening += max(-SLOW_TRAVEL, min(TRAVEL, target - self.opening))
         if self.opening == target:
             self.end(self.goal.succeed, reached_goal=True)
             say('reached', target)

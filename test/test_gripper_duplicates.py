@@ -54,17 +54,17 @@ class Diagnostics:
                          ids=['same_name', 'other_name'])
 def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_path, ros_words, action):
     """The goal comes as soon as the client can see the second process; later ones when both have heard each other."""
-    bench, logs = make_bench(is_real_time=True), [tmp_path / name for name in ('first', 'second')]
+    bench, logs = make_bench(has_node=False), [tmp_path / name for name in ('first', 'second')]
     diagnostics = Diagnostics(bench)
     with logs[0].open('w') as first_log, logs[1].open('w') as second_log:
         with bench.node_as_process(log=first_log) as first:
             with started_node(ros=ros_words, log=second_log) as second:
                 bench.until_joined(lambda: servers(bench, action) == 1 + (ros_words == SAME_NAME))
                 other = bench.client if ros_words == SAME_NAME else Client(bench, bench.interface, action)
-                sent = other.send(position=0.0)
-                ending = other.result(sent)
-                assert len(bench.motor.commands) <= 1  # of a first process that had not heard the second one
-                assert ending.outcome.outcome == Outcome.DUPLICATE
+                other.until_ready()
+                other.result(other.send(position=0.0))
+                # the first process may not have heard the second one yet: it then closes, alone
+                assert len(bench.motor.commands) <= 1
                 bench.until(lambda: all('another touch_gripper is heard' in log.read_text() for log in logs))
                 bench.until(lambda: not bench.motor.moves)
                 assert len(bench.motor.commands) <= 1
@@ -90,7 +90,7 @@ def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_p
 
 def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
     """SIGSTOP: it is no duplicate meanwhile. Awake again, it may have the other one's goals in its queue."""
-    bench = make_bench(is_real_time=True)
+    bench = make_bench(has_node=False)
     with bench.node_as_process():
         with started_node() as second:
             bench.until_joined(lambda: servers(bench, '/touch_gripper/gripper_cmd') == 2)
@@ -110,7 +110,7 @@ def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
 @pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGKILL])
 def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
     """SIGTERM to `ros2 run` leaves its child behind; ROS arguments work beside the option."""
-    bench = make_bench(is_real_time=True)
+    bench = make_bench(has_node=False)
     parent = subprocess.Popen(['sleep', '1000'])
     try:
         with bench.node_as_process(words=['--end-with', str(parent.pid)]) as process:

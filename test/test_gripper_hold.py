@@ -267,7 +267,7 @@ def test_a_node_that_ends_in_a_correction_stops_the_gripper(held):
 
 
 def test_killed_in_a_correction_the_gripper_has_a_safe_command(make_bench):
-    bench = make_bench(is_real_time=True)
+    bench = make_bench(has_node=False)
     with bench.node_as_process('hold:=true') as process:
         hold(bench)
         bench.motor.slowness = 5.0

@@ -217,6 +217,7 @@ def test_a_later_goal_of_another_client_replaces_the_one_before(make_bench):
     from gripper_bench import Client
     bench = make_bench()
     other = Client(bench, bench.interface)
+    other.until_ready()
     first = bench.client.send(position=0.0)
     bench.wait(0.2)
     second = other.send(position=0.08)
@@ -628,7 +629,7 @@ def test_without_control_msgs_the_error_names_it(make_bench, monkeypatch):
 
 def test_killed_in_mid_close_the_gripper_has_a_safe_command(make_bench):
     """SIGKILL: what was sent last is all that the gripper has, and its own limit of effort with it."""
-    bench = make_bench(is_real_time=True)
+    bench = make_bench(has_node=False)
     with bench.node_as_process() as process:
         bench.client.send(position=0.0)
         bench.until(lambda: bench.motor.commands)
