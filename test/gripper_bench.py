@@ -22,8 +22,8 @@ from tactile_node.ros.time_messages import time_message
 from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import ContactShape, Grasp, GripperOutcome
 
-STEP = 0.005  # s, of the motor
-STEPS = 4  # of the motor in a period of the frames
+STEP = 0.01  # s, of the motor
+STEPS = 2  # of the motor in a period of the frames
 PERIOD = STEPS * STEP  # s, of the frames
 THRESHOLD = 0.05  # N from which on a pad is touched
 AGE = 0.015  # s, of a grasp when it is sent
