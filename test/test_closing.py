@@ -19,6 +19,7 @@ from tactile_node.grasp.closing import (
     PadForce,
     Touch,
     TouchLimits,
+    Widening,
     make_goal,
 )
 from tactile_node.grasp.tracker import GraspContact
@@ -300,3 +301,23 @@ def test_the_rest_begins_where_the_last_movement_ends():
 def test_a_gripper_that_refuses_a_cancel_is_at_rest_only_where_that_is_measured(opening, expected, after):
     end, now = clear(opening, lambda now: True, is_ended=False)
     assert end is expected and now == pytest.approx(after, abs=0.03)
+
+
+def two_sided(force, acquired):
+    return Touch(acquired, True, GraspContact.TWO_SIDED, (PadForce(force), PadForce(force)))
+
+
+def test_a_goal_to_open_ends_where_the_force_rises_beyond_what_it_began_with():
+    widening = Widening(0.08, LIMITS, 0.0, 0.04)
+    assert widening.look(0.1, two_sided(50.0, -1.0), 0.04) is None  # too old to be what it begins with
+    assert widening.look(0.2, two_sided(9.0, 0.2), 0.04) is None
+    assert widening.look(0.3, two_sided(9.0 + LIMITS.touch_force, 0.3), 0.04) is None
+    assert widening.look(0.4, two_sided(9.1 + LIMITS.touch_force, 0.4), 0.04) is Outcome.NOT_OPENING
+
+
+@pytest.mark.parametrize(('opening', 'travel'), [(0.04, 0.04), (math.nan, 0.08)])
+def test_a_goal_to_open_has_the_time_that_its_way_may_need(opening, travel):
+    widening = Widening(0.08, LIMITS, 0.0, opening)
+    latest = START_TIME + SLOWNESS * travel / LIMITS.fast_speed
+    assert widening.look(latest - 0.01, NO_TOUCH, 0.04) is None
+    assert widening.look(latest + 0.01, NO_TOUCH, 0.04) is Outcome.TOO_SLOW

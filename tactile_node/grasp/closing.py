@@ -294,6 +294,31 @@ class Closing:
         return deadline(now, opening - self.goal.opening, self._pace)
 
 
+class Widening:
+    """One goal to open to ``goal`` [m], whatever the pads see, from its start at ``now`` [s] and an ``opening``.
+
+    ``opening`` [m]; NaN: not known.
+    """
+
+    def __init__(self, goal: float, limits: TouchLimits, now: float, opening: float):
+        self._limits = limits
+        self._force = math.nan  # of the stronger pad at its first current reading [N]
+        self._deadline = deadline(now, goal - (opening if math.isfinite(opening) else 0.0), self.speed)
+
+    @property
+    def speed(self) -> float:
+        """Speed at which it opens [m/s]."""
+        return self._limits.fast_speed
+
+    def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
+        """Return why to end, by what is known at ``now`` [s]; None: go on. The parameters are those of a `Closing`."""
+        if touch.is_current(now, self._limits.max_age):
+            self._force = touch.strongest if math.isnan(self._force) else self._force
+            if touch.strongest > self._force + self._limits.touch_force:
+                return Outcome.NOT_OPENING
+        return Outcome.TOO_SLOW if now > self._deadline else None
+
+
 class Rest:
     """Measures whether an opening has not changed for REST_TIME, from ``now`` [s] on."""
 

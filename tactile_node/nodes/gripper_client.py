@@ -48,7 +48,7 @@ class GripperResult(NamedTuple):
     succeeded: bool
 
     @property
-    def is_there(self) -> bool:
+    def says_reached(self) -> bool:
         """True if the gripper says that it is where it was sent. Not every gripper sets ``reached_goal``."""
         return self.state.reached_goal or (self.succeeded and not self.state.stalled)
 
