@@ -110,7 +110,7 @@ def test_with_one_pad_touched_it_goes_on_for_a_limited_travel(travel):
 def test_it_closes_only_by_what_is_seen_and_current(fault, expected, at):
     world = World()
     outcome, now = world.close(closing(), seen=lambda touch, now: fault(touch, now) if now >= at else touch)
-    assert outcome is expected and now == pytest.approx(at + (BLIND_TIME if at else 0.0), abs=0.003)  # refused at once
+    assert outcome is expected and now == pytest.approx(at + BLIND_TIME, abs=0.003)
     assert world.opening == pytest.approx(0.06 - at * LIMITS.fast_speed, abs=1e-4)
 
 
@@ -118,6 +118,7 @@ HIDDEN = (PadForce(0.1, is_hidden=True), PadForce(0.1, is_hidden=True))
 
 
 @pytest.mark.parametrize(('fault', 'begin', 'end'), [
+    (lambda touch: touch._replace(contact=GraspContact.UNSEEN), 0.0, 0.4),
     (lambda touch: touch._replace(contact=GraspContact.UNSEEN), 0.3, 0.7),
     (lambda touch: touch._replace(fresh=False), 1.2, 1.6),
     (lambda touch: touch._replace(pads=HIDDEN), 1.2, 1.6)])
@@ -141,6 +142,17 @@ def test_it_goes_on_only_once_the_gripper_has_stopped_and_slowly_where_it_touche
     for is_still, speed in ((False, 0.0), (True, LIMITS.slow_speed)):
         assert control.look(1.3, seen._replace(acquired=1.3), 0.04, is_still=is_still) is None
         assert control.speed == speed
+
+
+def test_time_in_which_the_gripper_has_yet_to_stop_is_not_blind_while_the_pads_are_seen():
+    seen = Touch(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
+    control = closing(3.0)
+    assert control.look(0.0, seen, 0.06) is None
+    assert control.look(0.2, seen, 0.06) is None and control.speed == 0.0
+    for now in (0.3, BLIND_TIME + 0.2):  # one late frame stopped it, and another comes before it has stopped
+        assert control.look(now, seen._replace(acquired=now), 0.06, is_still=False) is None
+    assert control.look(BLIND_TIME + 0.4, seen._replace(acquired=BLIND_TIME + 0.2), 0.06, is_still=False) is None
+    assert control.look(2 * BLIND_TIME + 0.3, seen, 0.06, is_still=False) is Outcome.NOT_SEEN
 
 
 def test_a_gripper_that_does_not_move_is_too_slow_also_where_the_pads_are_not_seen_now_and_then():

@@ -118,7 +118,7 @@ def hide(bench, change):
     bench.pads.change = change or bench.pads.change
 
 
-def test_closing_is_refused_and_opening_is_not_while_a_pad_is_not_seen(make_bench):
+def test_a_gripper_does_not_close_but_opens_while_a_pad_is_not_seen(make_bench):
     bench = make_bench()
     for change in NOT_SEEN:
         bench.open()
