@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -337,8 +338,11 @@ def _slides(record: Record) -> bool:
 
 
 def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Callable[[World, GripperBench], None],
-           held: dict, parameters: dict, **given: dict) -> Case:
-    """Return the case of a gripper that closes by its node while ``spoil`` spoils what its pads see."""
+           held: dict, parameters: dict, **given: Any) -> Case:
+    """Return the case of a gripper that closes by its node while ``spoil`` spoils what its pads see.
+
+    It must stop, and a goal to close that is sent meanwhile must not move it.
+    """
     def case() -> list[Finding]:
         with World(held, **given) as world, ExitStack() as stack:
             world.wait(lambda: world.latest('grasp').get('fresh'), 'a grasp')
@@ -356,19 +360,25 @@ def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Calla
             spoiler.join()
             goes_on = max(0.0, bench.motor.moved_at - since)
             stall = sum(length for begun, length in world.stalls if since <= begun <= since + bound)
-            return [Finding('closes', goes_on, len(bench.motor.commands), bound, PERIOD, stall,
+            found = Finding('closes', goes_on, len(bench.motor.commands), bound, PERIOD, stall,
                             ', '.join(each.message for each in bench.client.outcomes) or 'no outcome',
-                            has_ended=not bench.motor.moves)]
+                            has_ended=not bench.motor.moves)
+            bench.motor.commands.clear()
+            since = time.monotonic()
+            outcome = bench.close(position=0.0)[2]
+            moved = max(0.0, bench.motor.moved_at - since)
+            return [found, Finding('closes anew', moved, len(bench.motor.commands), 0.0, PERIOD, 0.0, outcome.message,
+                                   has_ended=not bench.motor.moves)]
     return named(name, case)
 
 
-def _closes(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
+def _closes(what: str, spoil: Callable[[World], None], bound: float, **given: Any) -> Case:
     """Of a goal to close, on nothing."""
     return _moves(f'gripper_closes_while_{what}', spoil, bound, lambda _, bench: bench.client.send(position=0.0),
                   {'is_there': False}, {}, **given)
 
 
-def _presses(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
+def _presses(what: str, spoil: Callable[[World], None], bound: float, **given: Any) -> Case:
     """Of a hold whose object presses less and less: its pads lie, or the gripper would follow."""
     def begin(world: World, bench: GripperBench) -> None:
         world.hold()
@@ -378,6 +388,15 @@ def _presses(what: str, spoil: Callable[[World], None], bound: float, **given: d
         bench.until(lambda: bench.motor.moves)
     return _moves(f'gripper_presses_while_{what}', spoil, bound, begin, {},
                   {'hold': True, 'hold_travel': 0.05}, **given)
+
+
+def _come_late(world: World) -> None:
+    """Ten shapes of each pad come at once, each older than MAX_AGE, and then none."""
+    for relay in world.relays:
+        relay.hold_back(BURST)
+    time.sleep(BURST * PERIOD + MAX_AGE + PERIOD)
+    for relay in world.relays:
+        relay.release()
 
 
 MAX_AGE = 0.15  # s, parameter of the gripper node
@@ -392,6 +411,7 @@ CLOSING = (
     _closes('rows_are_hidden', lambda world: world.skin.lose(LOST_ROWS), STOPPED),
     _closes('driver_ends', lambda world: world.remove('driver'), STOPPED),
     _closes('classifier_ends', lambda world: world.remove('classifier_right'), STOPPED),
+    _closes('shapes_come_late', _come_late, STOPPED, relayed='shape'),
     _closes('grasp_node_ends', lambda world: world.remove('grasp'), STOPPED),
     _presses('skin_freezes', lambda world: world.skin.set(is_frozen=True), FROZEN_AFTER + STOPPED,
              driver={'frozen_after': FROZEN_AFTER}),
