@@ -14,7 +14,6 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 import rclpy
@@ -338,7 +337,7 @@ def _slides(record: Record) -> bool:
 
 
 def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Callable[[World, GripperBench], None],
-           held: dict, parameters: dict, **given: Any) -> Case:
+           held: dict, parameters: dict, **given: dict) -> Case:
     """Return the case of a gripper that closes by its node while ``spoil`` spoils what its pads see.
 
     It must stop, and a goal to close that is sent meanwhile must not move it.
@@ -372,13 +371,13 @@ def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Calla
     return named(name, case)
 
 
-def _closes(what: str, spoil: Callable[[World], None], bound: float, **given: Any) -> Case:
+def _closes(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
     """Of a goal to close, on nothing."""
     return _moves(f'gripper_closes_while_{what}', spoil, bound, lambda _, bench: bench.client.send(position=0.0),
                   {'is_there': False}, {}, **given)
 
 
-def _presses(what: str, spoil: Callable[[World], None], bound: float, **given: Any) -> Case:
+def _presses(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
     """Of a hold whose object presses less and less: its pads lie, or the gripper would follow."""
     def begin(world: World, bench: GripperBench) -> None:
         world.hold()
@@ -388,15 +387,6 @@ def _presses(what: str, spoil: Callable[[World], None], bound: float, **given: A
         bench.until(lambda: bench.motor.moves)
     return _moves(f'gripper_presses_while_{what}', spoil, bound, begin, {},
                   {'hold': True, 'hold_travel': 0.05}, **given)
-
-
-def _come_late(world: World) -> None:
-    """Ten shapes of each pad come at once, each older than MAX_AGE, and then none."""
-    for relay in world.relays:
-        relay.hold_back(BURST)
-    time.sleep(BURST * PERIOD + MAX_AGE + PERIOD)
-    for relay in world.relays:
-        relay.release()
 
 
 MAX_AGE = 0.15  # s, parameter of the gripper node
@@ -411,7 +401,6 @@ CLOSING = (
     _closes('rows_are_hidden', lambda world: world.skin.lose(LOST_ROWS), STOPPED),
     _closes('driver_ends', lambda world: world.remove('driver'), STOPPED),
     _closes('classifier_ends', lambda world: world.remove('classifier_right'), STOPPED),
-    _closes('shapes_come_late', _come_late, STOPPED, relayed='shape'),
     _closes('grasp_node_ends', lambda world: world.remove('grasp'), STOPPED),
     _presses('skin_freezes', lambda world: world.skin.set(is_frozen=True), FROZEN_AFTER + STOPPED,
              driver={'frozen_after': FROZEN_AFTER}),
