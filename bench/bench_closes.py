@@ -4,6 +4,8 @@ Two pads that hold an object of some 10 N see it at --rate frames a second; a gr
 higher limit of force, so each goal should end as REACHED. Skin, stages, gripper and gripper node are processes of
 their own. A grasp that is too old stops the gripper, and ends the goal as NOT_SEEN after half a second.
 
+What other processes used meanwhile is printed: a machine that has no processor left shows late grasps.
+
     python bench/bench_closes.py [--closes 100] [--rate 50] [FORM ...]
 """
 
@@ -17,7 +19,17 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import rclpy
-from bench_launch import BRINGUP, FORMS, NODE_IDS, OF_BUS, ended, executables, started
+from bench_launch import (
+    BRINGUP,
+    FORMS,
+    NODE_IDS,
+    OF_BUS,
+    busy_seconds,
+    cpu_seconds,
+    ended,
+    executables,
+    started,
+)
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 from built_messages import BUILT, built_messages, environment_with  # noqa: E402
@@ -42,15 +54,16 @@ def main() -> int:
     args = parser.parse_args()
     with built_messages('control_msgs', BUILT):
         for form in args.forms:
-            counts, messages = closes(form, args.closes, args.rate)
-            print(f'{form}: ' + ', '.join(f'{count} {name}' for name, count in counts.most_common()), flush=True)
+            counts, messages, others = closes(form, args.closes, args.rate)
+            print(f'{form}: ' + ', '.join(f'{count} {name}' for name, count in counts.most_common())
+                  + f'; other processes used {100 * others:.0f} % of a core', flush=True)
             for message, count in messages.most_common(5):
                 print(f'    {count} x {message}')
     return 0
 
 
-def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[str]]:
-    """Return how ``number`` closes ended, and what was said of those that did not reach their goal."""
+def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[str], float]:
+    """Return how ``number`` closes ended, what was said of those in vain, and the cores that other processes used."""
     with ExitStack() as stack:
         channel = stack.enter_context(tempfile.TemporaryDirectory()) + '/skin'
         skin = started(['simulate', '--pty', '--link', channel, '--node-id', NODE_IDS, '--shapes', 'square', '--areas',
@@ -61,14 +74,16 @@ def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[s
         words = [[*BRINGUP, *each] for each in FORMS[form]]
         if words:
             words[-1] += [*OF_BUS, channel, '--ros-args', '-p', f'skin_driver:sync_period:={1 / rate}']
-        stack.callback(ended, [started(each) for each in words] or executables(channel, rate))
+        chain = [started(each) for each in words] or executables(channel, rate)
+        stack.callback(ended, chain)
         environment = environment_with('control_msgs')
         given = [word for name, value in PARAMETERS.items() for word in ('-p', f'{name}:={value}')]
-        stack.callback(ended, [
+        gripper = [
             subprocess.Popen([sys.executable, *process], env=environment, stdout=subprocess.DEVNULL,
                              stderr=subprocess.DEVNULL, start_new_session=True)
             for process in ([str(GRIPPER), 'works'],
-                            ['-m', 'tactile_node.nodes.gripper_node', '--ros-args', *given])])
+                            ['-m', 'tactile_node.nodes.gripper_node', '--ros-args', *given])]
+        stack.callback(ended, gripper)
         rclpy.init()
         stack.callback(rclpy.try_shutdown)
         node = rclpy.create_node('planner')
@@ -80,6 +95,11 @@ def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[s
         end = time.monotonic() + SETTLE
         wait_for(node, lambda: time.monotonic() > end)
         counts, messages = Counter[str](), Counter[str]()
+
+        def used() -> float:
+            """Return what all other processes have used [s]."""
+            return busy_seconds() - cpu_seconds([skin, *chain, *gripper]) - time.process_time()
+        begun, before = time.monotonic(), used()
         for _ in range(number):
             client.wait(client.send(PARAMETERS['widest']), GOAL_TIMEOUT)
             outcome = client.wait(client.send(0.0, effort=EFFORT), GOAL_TIMEOUT).outcome
@@ -87,7 +107,7 @@ def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[s
             counts[ending.name] += 1
             if ending is not Outcome.REACHED:
                 messages[outcome.message if outcome is not None else 'no outcome'] += 1
-        return counts, messages
+        return counts, messages, (used() - before) / (time.monotonic() - begun)
 
 
 def wait_for(node: rclpy.node.Node, condition: object) -> None:

@@ -338,7 +338,10 @@ def _slides(record: Record) -> bool:
 
 def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Callable[[World, GripperBench], None],
            held: dict, parameters: dict, **given: dict) -> Case:
-    """Return the case of a gripper that closes by its node while ``spoil`` spoils what its pads see."""
+    """Return the case of a gripper that closes by its node while ``spoil`` spoils what its pads see.
+
+    It must stop, and a goal to close that is sent meanwhile must not move it.
+    """
     def case() -> list[Finding]:
         with World(held, **given) as world, ExitStack() as stack:
             world.wait(lambda: world.latest('grasp').get('fresh'), 'a grasp')
@@ -356,9 +359,15 @@ def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Calla
             spoiler.join()
             goes_on = max(0.0, bench.motor.moved_at - since)
             stall = sum(length for begun, length in world.stalls if since <= begun <= since + bound)
-            return [Finding('closes', goes_on, len(bench.motor.commands), bound, PERIOD, stall,
+            found = Finding('closes', goes_on, len(bench.motor.commands), bound, PERIOD, stall,
                             ', '.join(each.message for each in bench.client.outcomes) or 'no outcome',
-                            has_ended=not bench.motor.moves)]
+                            has_ended=not bench.motor.moves)
+            bench.motor.commands.clear()
+            since = time.monotonic()
+            outcome = bench.close(position=0.0)[2]
+            moved = max(0.0, bench.motor.moved_at - since)
+            return [found, Finding('closes anew', moved, len(bench.motor.commands), 0.0, PERIOD, 0.0, outcome.message,
+                                   has_ended=not bench.motor.moves)]
     return named(name, case)
 
 

@@ -19,6 +19,7 @@ from tactile_node.grasp.closing import (
     PadForce,
     Touch,
     TouchLimits,
+    Widening,
     make_goal,
 )
 from tactile_node.grasp.tracker import GraspContact
@@ -109,7 +110,7 @@ def test_with_one_pad_touched_it_goes_on_for_a_limited_travel(travel):
 def test_it_closes_only_by_what_is_seen_and_current(fault, expected, at):
     world = World()
     outcome, now = world.close(closing(), seen=lambda touch, now: fault(touch, now) if now >= at else touch)
-    assert outcome is expected and now == pytest.approx(at + (BLIND_TIME if at else 0.0), abs=0.003)  # refused at once
+    assert outcome is expected and now == pytest.approx(at + BLIND_TIME, abs=0.003)
     assert world.opening == pytest.approx(0.06 - at * LIMITS.fast_speed, abs=1e-4)
 
 
@@ -117,6 +118,7 @@ HIDDEN = (PadForce(0.1, is_hidden=True), PadForce(0.1, is_hidden=True))
 
 
 @pytest.mark.parametrize(('fault', 'begin', 'end'), [
+    (lambda touch: touch._replace(contact=GraspContact.UNSEEN), 0.0, 0.4),
     (lambda touch: touch._replace(contact=GraspContact.UNSEEN), 0.3, 0.7),
     (lambda touch: touch._replace(fresh=False), 1.2, 1.6),
     (lambda touch: touch._replace(pads=HIDDEN), 1.2, 1.6)])
@@ -140,6 +142,17 @@ def test_it_goes_on_only_once_the_gripper_has_stopped_and_slowly_where_it_touche
     for is_still, speed in ((False, 0.0), (True, LIMITS.slow_speed)):
         assert control.look(1.3, seen._replace(acquired=1.3), 0.04, is_still=is_still) is None
         assert control.speed == speed
+
+
+def test_time_in_which_the_gripper_has_yet_to_stop_is_not_blind_while_the_pads_are_seen():
+    seen = Touch(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
+    control = closing(3.0)
+    assert control.look(0.0, seen, 0.06) is None
+    assert control.look(0.2, seen, 0.06) is None and control.speed == 0.0
+    for now in (0.3, BLIND_TIME + 0.2):  # one late frame stopped it, and another comes before it has stopped
+        assert control.look(now, seen._replace(acquired=now), 0.06, is_still=False) is None
+    assert control.look(BLIND_TIME + 0.4, seen._replace(acquired=BLIND_TIME + 0.2), 0.06, is_still=False) is None
+    assert control.look(2 * BLIND_TIME + 0.3, seen, 0.06, is_still=False) is Outcome.NOT_SEEN
 
 
 def test_a_gripper_that_does_not_move_is_too_slow_also_where_the_pads_are_not_seen_now_and_then():
@@ -300,3 +313,23 @@ def test_the_rest_begins_where_the_last_movement_ends():
 def test_a_gripper_that_refuses_a_cancel_is_at_rest_only_where_that_is_measured(opening, expected, after):
     end, now = clear(opening, lambda now: True, is_ended=False)
     assert end is expected and now == pytest.approx(after, abs=0.03)
+
+
+def two_sided(force, acquired):
+    return Touch(acquired, True, GraspContact.TWO_SIDED, (PadForce(force), PadForce(force)))
+
+
+def test_a_goal_to_open_ends_where_the_force_rises_beyond_what_it_began_with():
+    widening = Widening(0.08, LIMITS, 0.0, 0.04)
+    assert widening.look(0.1, two_sided(50.0, -1.0), 0.04) is None  # too old to be what it begins with
+    assert widening.look(0.2, two_sided(9.0, 0.2), 0.04) is None
+    assert widening.look(0.3, two_sided(9.0 + LIMITS.touch_force, 0.3), 0.04) is None
+    assert widening.look(0.4, two_sided(9.1 + LIMITS.touch_force, 0.4), 0.04) is Outcome.NOT_OPENING
+
+
+@pytest.mark.parametrize(('opening', 'travel'), [(0.04, 0.04), (math.nan, 0.08)])
+def test_a_goal_to_open_has_the_time_that_its_way_may_need(opening, travel):
+    widening = Widening(0.08, LIMITS, 0.0, opening)
+    latest = START_TIME + SLOWNESS * travel / LIMITS.fast_speed
+    assert widening.look(latest - 0.01, NO_TOUCH, 0.04) is None
+    assert widening.look(latest + 0.01, NO_TOUCH, 0.04) is Outcome.TOO_SLOW

@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from gripper_bench import PERIOD, GripperBench
 
 from tactile_node.grasp.closing import Outcome
-from tactile_node.ros.gripper_health import GripperFacts, gripper_status
+from tactile_node.ros.gripper_health import gripper_status
 from tactile_skin.msg import Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
@@ -92,27 +92,27 @@ def test_two_publishers_are_named(bench):
     assert '/other' in message and '/pads' in message
 
 
-FACTS = GripperFacts(duplicate='', is_served=True, work='none', last=None, grasp_age=0.02)
+FACTS = {'duplicate': '', 'is_served': True, 'work': 'none', 'last': None, 'grasp_age': 0.02}
 
 
 @pytest.mark.parametrize(('facts', 'level', 'says'), [
     (FACTS, DiagnosticStatus.OK, 'ready'),
-    (FACTS._replace(last=Outcome.LOST), DiagnosticStatus.OK, 'ready'),  # which is of the object
-    (FACTS._replace(is_served=False), DiagnosticStatus.WARN, '/arm/gripper_cmd'),
-    (FACTS._replace(last=Outcome.GRIPPER_SILENT), DiagnosticStatus.WARN, 'GRIPPER_SILENT'),
-    (FACTS._replace(last=Outcome.NOT_STOPPED), DiagnosticStatus.WARN, 'NOT_STOPPED'),
-    (FACTS._replace(duplicate='another one', is_served=False), DiagnosticStatus.ERROR, 'another one')])
+    (FACTS | {'last': Outcome.LOST}, DiagnosticStatus.OK, 'ready'),  # which is of the object
+    (FACTS | {'is_served': False}, DiagnosticStatus.WARN, '/arm/gripper_cmd'),
+    (FACTS | {'last': Outcome.GRIPPER_SILENT}, DiagnosticStatus.WARN, 'GRIPPER_SILENT'),
+    (FACTS | {'last': Outcome.NOT_STOPPED}, DiagnosticStatus.WARN, 'NOT_STOPPED'),
+    (FACTS | {'duplicate': 'another one', 'is_served': False}, DiagnosticStatus.ERROR, 'another one')])
 def test_the_level_is_of_the_worst_fact(facts, level, says):
-    found = gripper_status('/touch_gripper', '/arm/gripper_cmd', facts)
+    found = gripper_status('/touch_gripper', '/arm/gripper_cmd', **facts)
     assert (found.name, found.level) == ('/touch_gripper: gripper', level) and says in found.message
 
 
 def test_the_values_are_facts():
     def values(facts):
-        return {each.key: each.value for each in gripper_status('/touch_gripper', '/arm/gripper_cmd', facts).values}
-    assert values(FACTS._replace(work='hold', last=Outcome.TOUCHED)) == {
+        return {each.key: each.value for each in gripper_status('/touch_gripper', '/arm/gripper_cmd', **facts).values}
+    assert values(FACTS | {'work': 'hold', 'last': Outcome.TOUCHED}) == {
         'duplicate': 'False', 'served': 'True', 'work': 'hold', 'last_outcome': 'TOUCHED', 'grasp_age_s': '0.020'}
-    assert values(FACTS._replace(grasp_age=math.inf))['grasp_age_s'] == 'not known'
+    assert values(FACTS | {'grasp_age': math.inf})['grasp_age_s'] == 'not known'
 
 
 def test_the_node_publishes_both_entries_once_a_second(ros):

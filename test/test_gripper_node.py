@@ -10,6 +10,7 @@ from functools import partial
 import pytest
 from action_msgs.msg import GoalStatus
 from gripper_bench import PERIOD, STEP, THRESHOLD
+from rclpy.action import CancelResponse
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.closing import REST_TIME, SLOWNESS, START_TIME, Outcome, TouchLimits
@@ -118,7 +119,7 @@ def hide(bench, change):
     bench.pads.change = change or bench.pads.change
 
 
-def test_closing_is_refused_and_opening_is_not_while_a_pad_is_not_seen(make_bench):
+def test_a_gripper_does_not_close_but_opens_while_a_pad_is_not_seen(make_bench):
     bench = make_bench()
     for change in NOT_SEEN:
         bench.open()
@@ -255,6 +256,24 @@ def test_a_late_command_is_held_where_a_cancel_lets_the_gripper_go_on(make_bench
     held_at = bench.motor.opening
     bench.wait(1.0)
     assert bench.motor.opening == pytest.approx(held_at, abs=1e-3)
+
+
+def test_a_cancel_without_an_answer_is_sent_again_until_there_is_one(make_bench):
+    """The middleware gives up sending to a process that is stopped, which then closes on for seconds as it wakes up."""
+    bench, asked = make_bench(), []
+    goal = bench.client.send(position=0.0)
+    bench.until(lambda: bench.motor.moves)
+    bench.motor.fall_silent()
+    bench.motor.rejects = True  # the goal to hold, so that the first one can still be cancelled
+    bench.motor.server.register_cancel_callback(lambda handle: asked.append(handle) or CancelResponse.REJECT)
+    goal.cancel()
+    assert bench.client.result(goal)[2].outcome == Outcome.NOT_STOPPED
+    bench.wait(1.0)
+    bench.motor.wake()
+    bench.wait(0.5)
+    answered = len(asked)
+    bench.wait(1.0)
+    assert 3 < answered == len(asked)
 
 
 def test_a_command_that_one_server_rejects_is_cancelled_at_another_that_accepts_it_later(make_bench):

@@ -213,7 +213,8 @@ class Closing:
         self._opening, self._looked = opening, now
         self._has_begun = False    # it was sent on its way
         self._was_held = False     # both pads were touched
-        self._seen, self._is_blind = -math.inf, False  # when all that it goes on by was last known; whether not now
+        self._seen = now           # when all that it goes on by was last known
+        self._waits = False        # at rest, until that is known again
         self._seen_touched = now   # when a contact was last seen
         self._one_sided: float | None = None  # travel since one pad alone is touched [m]
         self._slow_speed = goal.slow_speed(limits)
@@ -223,23 +224,22 @@ class Closing:
     @property
     def speed(self) -> float:
         """Speed at which it goes on [m/s]; 0: it stops and waits."""
-        return 0.0 if self._is_blind else self._pace
+        return 0.0 if self._waits else self._pace
 
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
         """Return why to end, by what is known at ``now`` [s]; None: go on at ``speed``.
 
-        ``is_still``: a gripper that was to stop has done so. A late or incomplete frame ends no goal on its way.
+        ``is_still``: a gripper that was to stop has done so. A late or incomplete frame ends no goal: it waits at rest.
         """
+        if self._waits:
+            self._deadline += now - self._looked
         travel, blind = self._travel(now, opening), self._why_blind(now, touch)
-        if blind is not None:
-            self._is_blind = True
+        if blind is None:
+            self._seen = now
+        self._waits = blind is not None or (self._waits and not is_still)
+        if self._waits:
+            self._seen_touched = now
             return blind if now - self._seen > BLIND_TIME else None
-        if self._is_blind:
-            if not is_still:
-                return None
-            self._is_blind, self._seen_touched = False, now
-            self._deadline += now - self._seen
-        self._seen = now
         self._follow(now, touch, travel)
         stop = self._why_stop(now, touch) if self._has_begun or not self._is_pressed(touch) else Outcome.ALREADY_PRESSED
         self._has_begun = True
@@ -292,6 +292,31 @@ class Closing:
     def _deadline_at(self, now: float) -> float:
         opening = self._opening if math.isfinite(self._opening) else self._limits.widest
         return deadline(now, opening - self.goal.opening, self._pace)
+
+
+class Widening:
+    """One goal to open to ``goal`` [m], whatever the pads see, from its start at ``now`` [s] and an ``opening``.
+
+    ``opening`` [m]; NaN: not known.
+    """
+
+    def __init__(self, goal: float, limits: TouchLimits, now: float, opening: float):
+        self._limits = limits
+        self._force = math.nan  # of the stronger pad at its first current reading [N]
+        self._deadline = deadline(now, goal - (opening if math.isfinite(opening) else 0.0), self.speed)
+
+    @property
+    def speed(self) -> float:
+        """Speed at which it opens [m/s]."""
+        return self._limits.fast_speed
+
+    def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
+        """Return why to end, by what is known at ``now`` [s]; None: go on. The parameters are those of a `Closing`."""
+        if touch.is_current(now, self._limits.max_age):
+            self._force = touch.strongest if math.isnan(self._force) else self._force
+            if touch.strongest > self._force + self._limits.touch_force:
+                return Outcome.NOT_OPENING
+        return Outcome.TOO_SLOW if now > self._deadline else None
 
 
 class Rest:

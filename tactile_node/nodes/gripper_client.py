@@ -5,6 +5,7 @@ The answers decide. The client gives up a command that gets no answer: it holds 
 """
 
 import math
+from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 from uuid import uuid4
@@ -12,6 +13,7 @@ from uuid import uuid4
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from unique_identifier_msgs.msg import UUID
 
@@ -20,6 +22,8 @@ from tactile_node.grasp.opening import LinearGap
 from tactile_node.ros.gripper_messages import Command, GripperInterface, GripperState
 
 SILENCES = Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT
+CANCEL_PERIOD = 0.2  #: s after which a cancel without an answer is sent again
+MOST_CANCELS = 10  #: without an answer, of one command: of more the middleware keeps none
 MOST_GIVEN_UP = 10  #: commands without an answer that are still cancelled before a goal closes
 
 
@@ -36,7 +40,7 @@ class _Sent:
         self.result: GripperResult | None = None
         self.is_cancelled = False      # as soon as it is accepted
         self.is_ending: bool | None = None  # False: it refused the latest cancel; None: no answer
-        self.cancel: Any = None        # the future of that cancel
+        self.cancels: deque[Any] = deque()  # futures of that cancel, which was sent again and again
         self.is_unknown = False        # to the server that answers: the one that accepted it is gone, or stopped
         self.is_given_up = False       # it got no answer in time
 
@@ -48,7 +52,7 @@ class GripperResult(NamedTuple):
     succeeded: bool
 
     @property
-    def is_there(self) -> bool:
+    def says_reached(self) -> bool:
         """True if the gripper says that it is where it was sent. Not every gripper sets ``reached_goal``."""
         return self.state.reached_goal or (self.succeeded and not self.state.stalled)
 
@@ -65,11 +69,14 @@ class GripperClient:
         self._steady, self._stay = steady, stay
         self._interface, self._law, self._effort, self._timeout = interface, law, effort, timeout
         self._client = ActionClient(node, interface.action, action)
+        self._repeats = node.create_timer(CANCEL_PERIOD, self._repeat_cancels,
+                                          clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._latest: _Sent | None = None
         self._open: list[_Sent] = []  # may still move the gripper: neither rejected nor ended
         self._state, self._stated = GripperState(), -math.inf
 
     def destroy(self) -> None:
+        self._repeats.cancel()
         self._client.destroy()
 
     def opening(self, max_age: float) -> float:
@@ -181,14 +188,32 @@ class GripperClient:
                 self._cancel(sent)
 
     def _cancel(self, sent: _Sent) -> None:
-        if sent.cancel is not None:
-            sent.cancel.cancel()  # rclpy keeps a request without an answer for ever
-        sent.is_ending, sent.cancel = None, sent.handle.cancel_goal_async()
-        sent.cancel.add_done_callback(lambda done: self._on_cancelled(sent, done))
+        sent.is_ending = None
+        while sent.cancels:
+            sent.cancels.popleft().cancel()  # rclpy keeps a request without an answer for ever
+        self._send_cancel(sent)
+
+    def _repeat_cancels(self) -> None:
+        """Send each cancel without an answer again.
+
+        Fast DDS sends a stopped process nothing. After it wakes up, the process gets what it missed with the next
+        request, or else within 3 s, and meanwhile a gripper that was closing closes on.
+        """
+        for sent in self._open if self.is_there else ():
+            if sent.cancels:
+                self._send_cancel(sent)
+
+    def _send_cancel(self, sent: _Sent) -> None:
+        if len(sent.cancels) == MOST_CANCELS:
+            sent.cancels.popleft().cancel()
+        future = sent.handle.cancel_goal_async()
+        sent.cancels.append(future)
+        future.add_done_callback(lambda done: self._on_cancelled(sent, done))
 
     def _on_cancelled(self, sent: _Sent, future: Any) -> None:
-        if future.cancelled():
+        if future.cancelled() or future not in sent.cancels:  # one that was sent again has been answered
             return
+        sent.cancels.clear()
         answer = future.result()
         sent.is_unknown |= sent.is_accepted and answer.return_code == answer.ERROR_UNKNOWN_GOAL_ID
         is_gone = answer.return_code in (answer.ERROR_UNKNOWN_GOAL_ID, answer.ERROR_GOAL_TERMINATED)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
@@ -21,11 +22,12 @@ from tactile_node.grasp.closing import (
     SUCCESSES,
     Clearing,
     Closing,
+    Goal,
     Outcome,
     Rest,
     TouchLimits,
+    Widening,
     check_number,
-    deadline,
     make_goal,
 )
 from tactile_node.grasp.holding import Holding, HoldLimits
@@ -38,7 +40,7 @@ from tactile_node.nodes.guarded_subscription import GuardedSubscription, publish
 from tactile_node.nodes.node_health import MessageHealth, publish_status
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.grasp_checks import check_grasp
-from tactile_node.ros.gripper_health import GripperFacts, gripper_status, unseen_text
+from tactile_node.ros.gripper_health import gripper_status, unseen_text
 from tactile_node.ros.gripper_messages import GripperState, gripper_interface, touch_of
 from tactile_node.ros.gripper_settings import GripperSettings, limits_of
 from tactile_node.ros.message_age import InputAge, age_seconds
@@ -54,7 +56,7 @@ LEAST_EXCESS = 0.05  #: N, of a force beyond that of the goal, from which on the
 NEAR = 0.002  #: m, of where the gripper should be: it is there
 ROUNDING = 1e-6  #: m, of an opening that was computed from the gripper's own unit
 #: A goal to close ends as one of these or as NOT_STOPPED, where the gripper may still move by an unanswered command.
-TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REPLACED, Outcome.DUPLICATE)
+TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REFUSED, Outcome.REPLACED, Outcome.DUPLICATE)
 IN_DOUBT = 'the gripper may still be moving, because it did not confirm the end of an earlier command'
 NOT_ENDING = ('the gripper refuses to cancel an earlier command, and was not measured at rest: measure its opening, or '
               'restart its driver')
@@ -68,12 +70,9 @@ class _Run:
 
     handle: ServerGoalHandle
     opening: float = math.nan          #: to which it goes [m]
-    closing: Closing | None = None     #: None: it opens, whatever the pads see
-    holding: Holding | None = None     #: its result was given
+    task: Widening | Closing | Holding | None = None  #: Holding: the goal's result was given; None: it is refused
     waits: bool = True                 #: for the end of listening for duplicates, or for the gripper to be at rest
     clearing: Clearing | None = None   #: the latter
-    force: float = math.nan            #: force of the stronger pad at its first current reading [N]
-    deadline: float = math.inf         #: of opening [s]
     speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not, or it is stopped
     rest: Rest | None = None           #: since the gripper said that it is there, and was measured elsewhere
     outcome: Outcome | None = None     #: once it is known
@@ -83,7 +82,16 @@ class _Run:
 
     @property
     def opens(self) -> bool:
-        return self.closing is None and self.holding is None
+        return isinstance(self.task, Widening)
+
+    @property
+    def is_hold(self) -> bool:
+        return isinstance(self.task, Holding)
+
+    @property
+    def goal(self) -> Goal | None:
+        """What the client asks of a goal that closes."""
+        return self.task.goal if isinstance(self.task, Closing) else None
 
 
 class GripperNode(Node):
@@ -118,8 +126,7 @@ class GripperNode(Node):
                                            newest_only=True, steady=steady)
         self._watch = DuplicateWatch(self, (f'{settings.gripper_action}/touch_gripper', '~/heartbeat'), steady=steady)
         MessageHealth(self, [self._grasps], settings)
-        publish_status(self, lambda: gripper_status(
-            self.get_fully_qualified_name(), self.resolve_topic_name(settings.gripper_action), self._facts()))
+        publish_status(self, self._status)
         # On the steady clock: with use_sim_time and no /clock a gripper would close on
         self._timer = self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
@@ -148,7 +155,7 @@ class GripperNode(Node):
             sent = arrival.steady - (0.0 if math.isnan(held_back) else held_back)
             self._gap, self._gap_measured = grasp.gap, sent - age_seconds(grasp.gap_age)
         self._look()
-        if self._run is not None and self._run.outcome is None and self._run.holding is None:
+        if self._run is not None and self._run.outcome is None and not self._run.is_hold:
             self._run.handle.publish_feedback(self._interface.fill(self._interface.action.Feedback(), self._state()))
 
     def _on_accepted(self, handle: ServerGoalHandle) -> None:
@@ -176,12 +183,11 @@ class GripperNode(Node):
             run.opening = self._law.gap(command.position)
             check_number('opening', run.opening, -BEYOND, HIGHEST_GAP, 'm')
             if self._opens(run.opening, present):
-                travel = run.opening - (present if math.isfinite(present) else 0.0)
-                run.closing, run.deadline = None, deadline(now, travel, self._limits.fast_speed)
+                run.task = Widening(run.opening, self._limits, now, present)
                 return
             goal = make_goal(run.opening, command.speed * abs(self._law.scale), command.effort, self._limits,
                              speed_is_fixed=not self._interface.commands_speed)
-            run.closing = Closing(goal, self._limits, now, present)
+            run.task = Closing(goal, self._limits, now, present)
         except RefusedGoalError as error:
             logger.error('goal refused: %s', error, extra=of_node(self))
             run.outcome, run.reason = Outcome.REFUSED, str(error)
@@ -237,7 +243,7 @@ class GripperNode(Node):
     def _is_early(self, run: _Run) -> bool:
         """Return True if the gripper says that it is there, and is measured elsewhere: it may still be on its way."""
         result, present = self._client.result, self._opening()
-        if not (run.speed and result is not None and result.is_there):
+        if not (run.speed and result is not None and result.says_reached):
             return False
         if run.opens:
             return present < min(run.opening, self._limits.widest) - NEAR
@@ -247,25 +253,26 @@ class GripperNode(Node):
         return self._client.is_stopped and not self._is_early(run)
 
     def _outcome(self, run: _Run, now: float) -> Outcome | None:
-        if run.holding is None and run.handle.is_cancel_requested:
+        if not run.is_hold and run.handle.is_cancel_requested:
             return Outcome.CANCELED
         if self._watch.topics and not self._opens_fully(run):
             return Outcome.DUPLICATE
         if run.waits:
             run.outcome = self._why_not_begin(run, now)
-            if run.waits or run.outcome is not None:
-                return run.outcome
+        if run.waits or run.outcome is not None or run.task is None:
+            return run.outcome
         if not (run.opens or run.speed) and self._client.is_doubtful:
             return Outcome.NOT_STOPPED
         failure = self._client.failure() if run.speed else None
         if failure is not None:
             return failure
-        if run.holding is not None:
-            return self._why_not_hold(run, run.holding, now)
-        stop = self._why_not_open(run, now) if run.closing is None else run.closing.look(
-            now, self._touch, self._opening(), is_still=self._is_stopped(run))
+        stop = run.task.look(now, self._touch, self._opening(), is_still=self._is_stopped(run))
         result = self._client.result if run.speed else None
-        return stop if stop in SUCCESSES or result is None else self._ending(run, result, stop)
+        if result is None or stop in SUCCESSES:
+            return stop
+        ending = self._ending(run, result, stop)
+        has_eased = isinstance(run.task, Holding) and run.task.eases and ending is Outcome.REACHED
+        return stop if has_eased else ending
 
     def _why_not_begin(self, run: _Run, now: float) -> Outcome | None:
         """Have the goal begin where nothing speaks against it any more; return why it never will."""
@@ -293,31 +300,18 @@ class GripperNode(Node):
                                self._steady() - self._acquired, self._limits.max_age)
         return duplicate_text(self._watch.topics) if outcome is Outcome.DUPLICATE else ''
 
-    def _facts(self) -> GripperFacts:
-        work = 'none' if self._run is None else 'hold' if self._run.holding is not None else 'goal'
-        return GripperFacts(duplicate_text(self._watch.topics), self._client.is_there, work, self._last,
-                            self._steady() - self._touch.acquired)
-
-    def _why_not_hold(self, run: _Run, holding: Holding, now: float) -> Outcome | None:
-        if run.speed and self._client.result is not None:
-            ending = self._ending(run, self._client.result, None)
-            if ending is not None and not (holding.eases and ending is Outcome.REACHED):
-                return ending
-        return holding.look(now, self._touch, self._opening(), is_still=self._is_stopped(run))
-
-    def _why_not_open(self, run: _Run, now: float) -> Outcome | None:
-        if self._is_current():
-            run.force = self._touch.strongest if math.isnan(run.force) else run.force
-            if self._touch.strongest > run.force + self._limits.touch_force:
-                return Outcome.NOT_OPENING
-        return Outcome.TOO_SLOW if now > run.deadline else None
+    def _status(self) -> DiagnosticStatus:
+        work = 'none' if self._run is None else 'hold' if self._run.is_hold else 'goal'
+        return gripper_status(self.get_fully_qualified_name(), self.resolve_topic_name(self._settings.gripper_action),
+                              duplicate=duplicate_text(self._watch.topics), is_served=self._client.is_there, work=work,
+                              last=self._last, grasp_age=self._steady() - self._touch.acquired)
 
     def _ending(self, run: _Run, result: GripperResult, stop: Outcome | None) -> Outcome | None:
         """Return how a goal ended that the gripper ended; ``stop``, which may be None, while it may be on its way."""
-        if not result.is_there:
+        if not result.says_reached:
             return Outcome.STALLED if result.state.stalled else stop or Outcome.GRIPPER_FAILED
         if not self._is_early(run):
-            is_held_up = run.closing is not None and self._touch.is_touched and not result.state.reached_goal
+            is_held_up = isinstance(run.task, Closing) and self._touch.is_touched and not result.state.reached_goal
             return Outcome.STALLED if is_held_up else Outcome.REACHED
         run.rest = run.rest or Rest(self._steady())
         if not run.rest.look(self._steady(), self._opening()):
@@ -328,10 +322,9 @@ class GripperNode(Node):
 
     def _drives(self, run: _Run) -> bool:
         """Send the gripper on its way, and again where its speed changes; whether it is to move."""
-        if run.holding is not None:
-            run.opening = run.holding.target
-        of_goal = run.closing or run.holding
-        speed = of_goal.speed if of_goal is not None else self._limits.fast_speed
+        if isinstance(run.task, Holding):
+            run.opening = run.task.target
+        speed = run.task.speed if run.task else 0.0
         if speed and not (run.speed and (speed == run.speed or not self._interface.commands_speed)):
             run.speed, run.rest = speed, None
             self._client.drive(run.opening, speed)
@@ -368,9 +361,9 @@ class GripperNode(Node):
         outcome = self._last = run.outcome or Outcome.NOT_KNOWN
         state = self._state(outcome)
         self._publish(run, outcome)
-        if run.holding is not None:
+        if run.is_hold:
             return
-        is_held = run.closing is not None and self._touch.contact is GraspContact.TWO_SIDED and self._is_current()
+        is_held = run.goal is not None and self._touch.contact is GraspContact.TWO_SIDED and self._is_current()
         succeeds = outcome in SUCCESSES or (outcome is Outcome.STALLED and is_held)
 
         def execute(handle: ServerGoalHandle) -> Any:
@@ -378,26 +371,25 @@ class GripperNode(Node):
             end()
             return self._interface.fill(self._interface.action.Result(), state)
         run.handle.execute(execute)
-        goal = run.closing.goal if run.closing is not None else None
-        if self._settings.hold and goal is not None and outcome is Outcome.FORCE_REACHED and not goal.until_touched:
-            held = Holding(goal, self._limits, self._hold_limits, self._steady(), self._opening())
-            self._begin(_Run(run.handle, run.opening, holding=held, waits=False))
+        if self._settings.hold and outcome is Outcome.FORCE_REACHED and run.goal and not run.goal.until_touched:
+            held = Holding(run.goal, self._limits, self._hold_limits, self._steady(), self._opening())
+            self._begin(_Run(run.handle, run.opening, held, waits=False))
 
     def _publish(self, run: _Run, outcome: Outcome) -> None:
         pads = (self._touch if self._is_current() else NO_TOUCH).pads
         texts = [run.reason] * bool(run.reason) + [IN_DOUBT] * self._client.is_doubtful
-        force = run.closing.goal.force if run.closing is not None and self._is_current() else math.nan
+        force = run.goal.force if run.goal is not None and self._is_current() else math.nan
         if self._touch.strongest - force >= LEAST_EXCESS:
             texts.append(f'{self._touch.strongest - force:.1f} N more than the {force:g} N of the goal')
         text = f'{outcome.name}: {"; ".join(texts)}' if texts else outcome.name
-        message = GripperOutcome(goal_id=run.handle.goal_id.uuid, outcome=int(outcome), of_hold=run.holding is not None,
+        message = GripperOutcome(goal_id=run.handle.goal_id.uuid, outcome=int(outcome), of_hold=run.is_hold,
                                  message=text, opening=self._opening(),
                                  forces=[pad.force for pad in pads], force_is_bound=[pad.is_bound for pad in pads])
         message.header.stamp = self.get_clock().now().to_msg()
         self._outcomes.publish(message)
-        is_usual = outcome in SUCCESSES or (run.holding is not None and outcome is Outcome.REPLACED)
+        is_usual = outcome in SUCCESSES or (run.is_hold and outcome is Outcome.REPLACED)
         if not is_usual and outcome is not Outcome.REFUSED:
-            logger.warning('%s ended: %s', 'hold' if run.holding else 'goal', text, extra=of_node(self))
+            logger.warning('%s ended: %s', 'hold' if run.is_hold else 'goal', text, extra=of_node(self))
 
 
 def _is_cancel(stop_by: str) -> bool:

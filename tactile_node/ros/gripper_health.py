@@ -1,7 +1,6 @@
 """Makes text of what the gripper node knows: an entry of /diagnostics, and why a goal was not seen."""
 
 import math
-from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -13,25 +12,24 @@ from tactile_skin.msg import Grasp
 FAILURES = (Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT, Outcome.NOT_STOPPED, Outcome.NOT_OPENING)
 
 
-class GripperFacts(NamedTuple):
-    duplicate: str        #: the sentence, '' without one
-    is_served: bool       #: the graph shows a server of the gripper's own action
-    work: str             #: 'none', 'goal' or 'hold'
-    last: Outcome | None  #: how the latest goal or hold ended
-    grasp_age: float      #: since both pads were seen [s]
+def gripper_status(node: str, action: str, *, duplicate: str, is_served: bool, work: str, last: Outcome | None,
+                   grasp_age: float) -> DiagnosticStatus:
+    """Return the entry of the gripper in front of whose ``action`` the ``node`` stands, both by their full names.
 
-
-def gripper_status(node: str, action: str, facts: GripperFacts) -> DiagnosticStatus:
-    """Return the entry of the gripper in front of whose ``action`` the ``node`` stands, both by their full names."""
-    is_failed = facts.last in FAILURES
-    text = facts.duplicate or (f'nothing serves {action}' if not facts.is_served else
-                               f'the last goal ended as {facts.last.name}' if facts.last and is_failed else 'ready')
-    level = (DiagnosticStatus.ERROR if facts.duplicate else DiagnosticStatus.WARN
-             if is_failed or not facts.is_served else DiagnosticStatus.OK)
+    ``duplicate``: the sentence, '' without one.
+    ``is_served``: the graph shows a server of the gripper's own action.
+    ``work``: 'none', 'goal' or 'hold'.
+    ``last``: how the latest goal or hold ended.
+    ``grasp_age``: since both pads were seen [s].
+    """
+    is_failed = last in FAILURES
+    text = duplicate or (f'nothing serves {action}' if not is_served else
+                         f'the last goal ended as {last.name}' if last and is_failed else 'ready')
+    level = (DiagnosticStatus.ERROR if duplicate else DiagnosticStatus.WARN
+             if is_failed or not is_served else DiagnosticStatus.OK)
     return status_of(f'{node}: gripper', level, text, {
-        'duplicate': bool(facts.duplicate), 'served': facts.is_served, 'work': facts.work,
-        'last_outcome': facts.last.name if facts.last else 'none',
-        'grasp_age_s': f'{facts.grasp_age:.3f}' if math.isfinite(facts.grasp_age) else 'not known'})
+        'duplicate': bool(duplicate), 'served': is_served, 'work': work, 'last_outcome': last.name if last else 'none',
+        'grasp_age_s': f'{grasp_age:.3f}' if math.isfinite(grasp_age) else 'not known'})
 
 
 def unseen_text(topic: str, counts: MessageCounts, publishers: list[str], grasp: Grasp | None, age: float,
