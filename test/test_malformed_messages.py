@@ -167,7 +167,7 @@ CONTACTS: dict[R, list[Change]] = {
     R.UNKNOWN_CODE: [{'state': 0}, {'state': 4}],
     R.NOT_FINITE: [{'noise_floor': array('f', [-1.0] * 256)}, {'layer_depth': NAN}]}
 SHAPES: dict[R, list[Change]] = {
-    R.UNKNOWN_CODE: [{'shape': 9}, {'shape': 0}, {'unknown_reason': 5}, {'frame_shape': 255}],
+    R.UNKNOWN_CODE: [{'shape': 9}, {'shape': 0}, {'unknown_reason': 10}, {'frame_shape': 255}],
     R.INCONSISTENT: [{'unknown_reason': ContactShape.NOT_SEEN}, {'class_name': 'circle'}, {'class_names.0': 'square'},
                      {'shape': ContactShape.UNKNOWN, 'class_name': 'unknown'}, {'confidence': 0.1}, {'taxels': 0},
                      {'shape': ContactShape.OTHER, 'class_name': 'star'}, {'hidden_taxels': HUGE},

@@ -48,6 +48,12 @@ def test_the_same_taxels_are_recognised_again_when_the_correlation_time_is_over(
     assert asked_of(frames, Asked()) == [True, False, False, True, False, False, True]
 
 
+def test_a_name_that_the_taxels_do_not_support_is_asked_no_more_often_than_a_sure_one():
+    few = [pressed(slice(4, 6), slice(4, 8), level=50e3 + 100 * n) for n in range(4)]
+    assert asked_of(few, Asked(Shape.RECTANGLE)) == [True, False, False, True]
+    assert all(asked_of(few, Asked(Shape.RECTANGLE, confidence=0.8)))
+
+
 @pytest.mark.parametrize('frame', [
     pytest.param(pressed(cols=slice(4, 12)), id='larger'),
     pytest.param(pressed(cols=slice(5, 12)), id='moved'),

@@ -84,7 +84,7 @@ def _geometry(found: TaxelFrames, args: argparse.Namespace) -> tuple[float | Non
 def _columns(classes: Sequence[ShapeClass]) -> list[str]:
     """Return the names of all records' columns, in their order."""
     dimensions = list(dict.fromkeys(name for outline in OUTLINES.values() for name in outline.dimensions))
-    return [*KNOWN_COLUMNS, 'shape', 'reason', 'confidence',
+    return [*KNOWN_COLUMNS, 'shape', 'reason', 'doubt', 'confidence',
             *(f'probabilities.{shape.value}' for shape in classes), 'N', 'contacts', 'held', 'fused_frames', 'hollow',
             *POSE_NAMES, *(f'dimensions.{name}' for name in dimensions),
             *(f'sd.{name}' for name in (*POSE_NAMES, *dimensions)), *(f'is_bound.{name}' for name in dimensions),

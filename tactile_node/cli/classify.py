@@ -30,8 +30,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                help='between two frames of a file without stamps')
     parser.epilog = ('Prints {"file": ..., "frame": k, "shape": ..., "confidence": ..., "probabilities": {name: ...}, '
                      '"N": ..., "contacts": ...}: N taxels in the largest of so many contacts. An unknown shape has '
-                     'a "reason": not_seen (too many NaN), unfamiliar or too_small. With a pitch, one of the five '
-                     'shapes has "x", "y", "angle" of its centre and its x axis in the frame of the pad (origin at '
+                     'a "reason": not_seen (too many NaN), unfamiliar, too_small, cut_by_edge, hollow, several_parts '
+                     'or covers_pad. A name that the taxels do not support has a "doubt": too_small, unfamiliar (its '
+                     'outline fits badly) or unstable (another pressure outlines another shape). With a pitch, one of '
+                     'the five shapes has "x", "y", "angle" of its centre and its x axis in the frame of the pad '
+                     '(origin at '
                      'taxel (0, 0), x along columns, y along rows; metres, radians), "dimensions" (metres) and "sd", '
                      'one standard deviation of each of them by name; the angle of a circle is null. "is_bound": '
                      'dimensions of which the edge of the pad or hidden taxels show a part only. Every contact, '

@@ -10,7 +10,7 @@ from tactile_node.contact.left_over import LeftOver
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown, pad_seen
 from tactile_node.contact.noise_floor import NoiseFloor
 from tactile_node.contact.press import PressThresholds, are_on_off
-from tactile_node.contact.standing_out import NOISE_SPREADS, Threshold, standing_out
+from tactile_node.contact.standing_out import NOISE_SPREADS, StandingOut, Threshold, standing_out
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO, read_only
 
@@ -28,7 +28,7 @@ class ContactPattern(NamedTuple):
 
     mask: np.ndarray    #: bool, the largest contact
     #: float, the frame's values, NaN where a taxel has no valid one or is left over; of an array without a unit, less
-    #: what its taxels read at rest where that is not about 0
+    #: what its taxels read at rest where that is not about 0, and less the halo of the contacts
     values: np.ndarray
     contacts: int       #: number of separate contacts seen on the pad, 0 when it is empty or not seen
     labels: np.ndarray  #: uint8, the contact that a taxel belongs to: 1 the largest, 2 the next, ...; 0 none
@@ -116,11 +116,13 @@ class PatternExtractor:
         valid = np.abs(numbers) < HIGHEST_VALUE
         missing = _taxels(unmapped, frame.shape, 'unmapped')
         hidden = ~(valid | missing)
-        pressed, noise, rest = self._found(frame, numbers, valid)
-        pressed &= valid
+        found = self._found(frame, numbers, valid)
+        pressed, noise, rest = found.pressed & valid, found.noise, found.rest
         if rest and np.count_nonzero(pressed):
             rise = abs(float(np.median(numbers[pressed])) - rest)
             numbers = numbers - rest if abs(rest) > BASELINE_SHARE * rise else numbers
+        if self._is_free and found.halo is not None:
+            numbers = numbers - found.halo
         labels, contacts = number_contacts(pressed, hidden)
         is_one = contacts == 1 and not np.count_nonzero(hidden)
         left = np.zeros(frame.shape, bool)
@@ -145,23 +147,22 @@ class PatternExtractor:
             and bool(valid.all()) and are_alike(numbers),
             is_left_over=is_left and not contacts)
 
-    def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return the pressed taxels, the noise of all, and what they read at rest; 0 where a unit gives the zero."""
+    def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> '_Found':
         unknown = read_only(np.full(frame.shape, np.nan))
         if frame.dtype == bool:
-            return frame.copy(), unknown, 0.0
+            return _Found(frame.copy(), unknown)
         if self._is_on_off or self._is_free and are_on_off(values[valid]):
-            return self._above(values, valid), unknown, 0.0
+            return _Found(self._above(values, valid), unknown)
         level, noise = self._floor.measure(values, valid)
         if self._thresholds:
-            pressed = self._above(values, valid)
+            pressed, halo = self._above(values, valid), None
         else:
             least = LEAST_COUNTS if self._is_free and _are_counts(values[valid]) else self._least
             own = self._floor.of_frame
-            halo = own.level + NOISE_SPREADS * own.deviation if own.is_known else -np.inf
-            pressed = self._standing_out(values, valid, Threshold(level, noise, least, halo))
+            highest = own.level + NOISE_SPREADS * own.deviation if own.is_known else -np.inf
+            pressed, halo = self._standing_out(values, valid, Threshold(level, noise, least, highest))
         self._floor.learn(values, noise, valid & ~grown(grown(pressed)), bool(pressed.any()))
-        return pressed, noise if np.count_nonzero(noise) else unknown, level if self._is_free else 0.0
+        return _Found(pressed, noise if np.count_nonzero(noise) else unknown, level if self._is_free else 0.0, halo)
 
     def _above(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
         """Return what reaches the thresholds; without any, what is not 0."""
@@ -175,15 +176,24 @@ class PatternExtractor:
         self._pressed = pressed
         return pressed.copy()
 
-    def _standing_out(self, values: np.ndarray, valid: np.ndarray, threshold: Threshold) -> np.ndarray:
+    def _standing_out(self, values: np.ndarray, valid: np.ndarray, threshold: Threshold) -> StandingOut:
         before = self._before(values.shape)
-        pressed = standing_out(values, valid, threshold, before)
-        self._pressed = pressed | before & ~valid
-        return pressed
+        found = standing_out(values, valid, threshold, before)
+        self._pressed = found.pressed | before & ~valid
+        return found
 
     def _before(self, shape: tuple[int, ...]) -> np.ndarray:
         before = self._pressed
         return np.zeros(shape, bool) if before is None or before.shape != shape else before
+
+
+class _Found(NamedTuple):
+    """What of a frame is pressed, before it is told apart into contacts."""
+
+    pressed: np.ndarray  #: bool (rows, cols)
+    noise: np.ndarray    #: float (rows, cols), NaN where it is not known
+    rest: float = 0.0    #: what taxels read at rest; 0 where a unit gives the zero
+    halo: np.ndarray | None = None  #: (rows, cols), of the pressed taxels
 
 
 def are_alike(values: np.ndarray) -> bool:

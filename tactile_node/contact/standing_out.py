@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
+from tactile_node.contact.halo import halo_of
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, enclosed, grown
 
 OUTLINE_SHARE = 0.5      #: share of the local level
@@ -35,20 +36,35 @@ class Threshold(NamedTuple):
     #: Highest reading of a resting taxel, judged by this frame alone. A taxel of a contact must exceed this reading or
     #: HALO_SHARE of the frame's highest reading, whichever is lower. Otherwise a wide halo would count as pressed after
     #: quieter frames.
-    halo: float = -np.inf
+    highest_rest: float = -np.inf
 
 
-def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, before: np.ndarray) -> np.ndarray:
-    """Return the pressed taxels, bool (rows, cols), of ``values``; those that were pressed ``before`` stay so longer.
+class StandingOut(NamedTuple):
+    """What stands out of a frame."""
+
+    pressed: np.ndarray      #: bool (rows, cols)
+    halo: np.ndarray | None  #: (rows, cols), part of the values that is the halo of what is pressed; None: no halo
+
+
+def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, before: np.ndarray) -> StandingOut:
+    """Return the pressed taxels of ``values``; those that were pressed ``before`` stay so longer.
 
     ``valid``: bool, the taxels with a value.
     """
     raised = np.where(valid, values - threshold.level, 0.0)
     ease = np.where(before, KEPT_SHARE, 1.0)
+    pressed = _found(raised, valid, threshold, ease)
+    halo = halo_of(raised, valid, pressed)
+    if halo is not None:
+        pressed = _found(np.where(valid, raised - halo, 0.0), valid, threshold, ease)
+    return StandingOut(pressed, halo)
+
+
+def _found(raised: np.ndarray, valid: np.ndarray, threshold: Threshold, ease: np.ndarray) -> np.ndarray:
     candidates = valid & (raised > 0) & (raised >= np.maximum(NOISE_SPREADS * threshold.noise, threshold.least) * ease)
-    pressed = np.zeros(values.shape, bool)
+    pressed = np.zeros(raised.shape, bool)
     if np.count_nonzero(candidates):
-        candidates &= raised >= min(threshold.halo - threshold.level, HALO_SHARE * raised.max())
+        candidates &= raised >= min(threshold.highest_rest - threshold.level, HALO_SHARE * raised.max())
         box = box_of(candidates, HALO_REACH)  # the time then depends on the contacts alone
         pressed[box] = _pressed(raised[box], candidates[box], ease[box], ALONE_SPREADS * threshold.noise[box])
     return pressed

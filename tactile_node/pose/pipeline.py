@@ -21,7 +21,7 @@ from tactile_node.pose.profiles import Layer
 from tactile_node.shape.fusion import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.patch import join_pieces
-from tactile_node.shape.recognition import Recognition, Shape, ShapeClass
+from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, UnknownReason
 from tactile_node.taxel_frame import NO_SIDE, ON_OFF_UNIT, SkinSide
 
 DEFAULT_FUSION = FusionSettings()
@@ -111,7 +111,9 @@ class _Answer(NamedTuple):
     def holds_for(self, found: FoundContact, stamp: float, correlation_time: float) -> bool:
         """Return whether a frame of ``stamp`` is too soon after this one, and too much like it, to say more."""
         pattern, before = found.pattern, self.found.pattern
-        return (0 <= stamp - self.stamp < correlation_time and self.recognition.confidence >= SURE
+        # a name that these taxels do not support is as lasting as a sure one
+        is_settled = self.recognition.confidence >= SURE or self.recognition.doubt is not UnknownReason.NOT_UNKNOWN
+        return (0 <= stamp - self.stamp < correlation_time and is_settled
                 and found.visibility == self.found.visibility
                 and np.array_equal(pattern.labels, before.labels) and np.array_equal(pattern.hidden, before.hidden))
 

@@ -16,6 +16,7 @@ import numpy as np
 from tactile_node.contact.pattern import MOST_LABELS
 from tactile_node.ros.motion_messages import check_motion
 from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
+from tactile_node.shape.recognition import UnknownReason
 from tactile_node.skin.taxel_array import RejectReason as RejectReason
 from tactile_node.skin.taxel_array import (
     check_codes,
@@ -36,7 +37,7 @@ MAX_CLASSES = 1000  #: of one message; ours have far fewer
 PROBABILITY_TOLERANCE = 1e-3  #: of probabilities, which are float32
 NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
 SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))
-UNKNOWN_REASONS = (ContactShape.NOT_UNKNOWN, ContactShape.NOT_SEEN, ContactShape.UNFAMILIAR, ContactShape.TOO_SMALL)
+UNKNOWN_REASONS = frozenset(UnknownReason) - {UnknownReason.NOT_KNOWN}
 
 Message = TypeVar('Message')
 #: Returns None for a message that can be used

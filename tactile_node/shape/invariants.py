@@ -24,6 +24,8 @@ HARMONIC_WAVES = np.exp(-1j * np.outer(DIRECTION_ANGLES, np.arange(HARMONICS + 1
 MOMENT_ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))  #: of complex moments c_pq
 HIGHEST_ORDER = 6
 COUNT = 9 + 2 * len(MOMENT_ORDERS) + HARMONICS + likeness.COUNT  #: numbers a patch
+LOG_TAXELS = 0  #: which of them is the logarithm of the contact's taxels
+OVERLAPS = slice(COUNT - likeness.COUNT, COUNT - 1)  #: which of them are the overlaps with `likeness.FIGURES`
 
 
 def _expansion(p: int, q: int) -> np.ndarray:

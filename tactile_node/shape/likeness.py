@@ -7,6 +7,7 @@ phase of the fourth moment. The overlap is that of areas, with edges as soft as 
 
 import numpy as np
 
+FIGURES = 'rectangle', 'square', 'triangle', 'disc'  #: in the order of their numbers
 COUNT = 5         #: numbers a patch: intersection over union with each figure, and the whitened third moment
 FLATTEST_RATIO = 0.02   #: least second moment across, of the mean of both
 SIDE_ANGLES = np.arange(4) * np.pi / 2                   #: directions of a rectangle's sides

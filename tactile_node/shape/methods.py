@@ -9,6 +9,7 @@ from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
 from tactile_node.shape.completion import completions, distinct, hidden_taxels_matter
+from tactile_node.shape.reasons import why_unfamiliar
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import (
     DEFAULT_METHOD,
@@ -47,7 +48,8 @@ class VisibilityGuard:
     contact that may continue where taxels are hidden. Where hidden taxels may change the answer, it reports the mean
     of what the method answers to each way of reading them.
 
-    A contact that specks or lines make by chance is UNKNOWN: NOT_SEEN where hidden taxels matter, else UNFAMILIAR.
+    A contact that specks or lines make by chance is UNKNOWN: NOT_SEEN where hidden taxels matter. The reason of any
+    other UNKNOWN is that of `why_unfamiliar`.
     """
 
     def __init__(self, method: RecognitionMethod):
@@ -60,11 +62,13 @@ class VisibilityGuard:
         There is a probability of each of ``classes``, whatever the answer.
         """
         found = self._recognise(pattern, visibility or visibility_of(pattern))
+        if found.reason is UnknownReason.UNFAMILIAR:
+            found = found._replace(reason=why_unfamiliar(pattern))
         return as_far_as_supported(found, pattern).over(self.classes)
 
     def _recognise(self, pattern: ContactPattern, visibility: Visibility) -> Recognition:
         if not pattern.contacts and not visibility.pad_seen:
-            return Recognition.unknown(UnknownReason.NOT_SEEN)
+            return Recognition.unknown(UnknownReason.COVERS_PAD if pattern.is_covered else UnknownReason.NOT_SEEN)
         if is_shapeless(pattern):
             return Recognition.unknown(UnknownReason.NOT_SEEN if hidden_taxels_matter(pattern, visibility)
                                        else UnknownReason.UNFAMILIAR)

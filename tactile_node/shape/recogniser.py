@@ -18,10 +18,11 @@ import numpy as np
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.convexity import is_convex
-from tactile_node.shape.invariants import COUNT, describe_all
+from tactile_node.shape.invariants import COUNT, LOG_TAXELS, OVERLAPS, describe_all
 from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
+from tactile_node.shape.support import as_far_as_it_fits, as_far_as_it_holds, low_outline
 from tactile_node.shape.taught import Head, join, read_taught
 
 #: what each output of the networks in the weights' file stands for; its order is part of the file's format
@@ -92,7 +93,7 @@ class ShapeRecogniser:
     def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
         """Recognise each pattern as `recognise` does, in less time than one after another."""
         together = [joined(pattern) for pattern in patterns]
-        whole = self._recognise_contacts([(pattern.values, mask) for pattern, mask in zip(patterns, together)])
+        whole = self._verified([(pattern.values, mask) for pattern, mask in zip(patterns, together)])
         return [self._decide(pattern, mask, found) for pattern, mask, found in zip(patterns, together, whole)]
 
     def _decide(self, pattern: ContactPattern, together: np.ndarray, whole: Recognition) -> Recognition:
@@ -103,9 +104,20 @@ class ShapeRecogniser:
         if (whole.probabilities[Shape.UNKNOWN] <= DOUBT_GAIN
                 or np.count_nonzero(pattern.mask) < MOST_OF_PIECES * np.count_nonzero(together)):
             return whole
-        largest = self._recognise_contacts([(pattern.values, pattern.mask)])[0]
+        largest = self._verified([(pattern.values, pattern.mask)])[0]
         gain = whole.probabilities[Shape.UNKNOWN] - largest.probabilities[Shape.UNKNOWN]
         return largest if gain > DOUBT_GAIN else whole
+
+    def _verified(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
+        """Return the recognition of each contact, given as values and mask, no surer than its low outline allows.
+
+        Both outlines are recognised together, which takes little longer than one.
+        """
+        low = [low_outline(*contact) for contact in contacts]
+        lower = [(values, mask) for (values, _), mask in zip(contacts, low) if mask is not None]
+        found = self._recognise_contacts([*contacts, *lower])
+        of_low = iter(found[len(contacts):])
+        return [each if mask is None else as_far_as_it_holds(each, next(of_low)) for each, mask in zip(found, low)]
 
     def _recognise_contacts(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
         """Return the recognition of each contact, given as values and mask."""
@@ -124,18 +136,21 @@ class ShapeRecogniser:
             if alike:
                 # on/off taxels show a rim torn by silent lines as pieces, pressures show what is between them
                 convex = np.array([not patch.graded or is_convex(*contacts[k]) for k, patch in alike])
-                probabilities = self.probabilities([patch for _, patch in alike], convex).tolist()
-                for (k, _), of_outputs in zip(alike, probabilities):
+                embedding, geometry = self.embedding([patch for _, patch in alike])
+                probabilities = self.probabilities(KINDS[alike[0][1].graded], embedding, geometry, convex).tolist()
+                for (k, patch), of_outputs, numbers in zip(alike, probabilities, geometry):
                     found[k] = Recognition.of(dict(zip(self.outputs, of_outputs)))
+                    if patch.graded:
+                        found[k] = as_far_as_it_fits(found[k], int(np.count_nonzero(contacts[k][1])),
+                                                     numbers[OVERLAPS])
         return found
 
-    def probabilities(self, patches: list[Patch], convex: np.ndarray) -> np.ndarray:
-        """Return the probabilities of ``outputs`` for patches all graded or all not, (K, len(outputs)).
+    def probabilities(self, kind: str, embedding: np.ndarray, geometry: np.ndarray, convex: np.ndarray) -> np.ndarray:
+        """Return the probabilities of ``outputs`` for patches of one kind, (K, len(outputs)).
 
         ``convex``: bool (K,), `is_convex` of their contacts; the five shapes are, what is taught need not be.
         """
-        kind = KINDS[patches[0].graded]
-        embedding, log_taxels = self.embedding(patches)
+        log_taxels = geometry[:, LOG_TAXELS]
         known = self.known(kind, embedding, log_taxels)
         known[~convex] = _as_foreign(known[~convex])
         if len(self.outputs) == len(OUTPUTS):
@@ -145,13 +160,13 @@ class ShapeRecogniser:
         return join(known, self._heads[kind].evidence(embedding, log_taxels))
 
     def embedding(self, patches: Sequence[Patch]) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the heads of taught shapes see of patches all graded or all not, and the log of their taxels."""
+        """Return what the heads of taught shapes see of patches all graded or all not, and the patches' numbers."""
         levels, unseen = np.array([patch.level for patch in patches]), np.array([patch.unseen for patch in patches])
         geometry = describe_all(levels, unseen, np.array([patch.scale for patch in patches]))
         network = self._networks[KINDS[patches[0].graded]]
         images = np.empty((*levels.shape, 2), np.float32)
         images[..., 0], images[..., 1] = levels, unseen
-        return network.embedding(images, geometry), geometry[:, 0]
+        return network.embedding(images, geometry), geometry
 
     def known(self, kind: str, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
         """Return the probabilities of OUTPUTS, (K, 6), as without taught shapes."""

@@ -40,8 +40,13 @@ class UnknownReason(IntEnum):
     NOT_KNOWN = 0
     NOT_UNKNOWN = 1  #: the shape is another one
     NOT_SEEN = 2     #: hidden taxels: whether something touches the pad, or the outline of what does
-    UNFAMILIAR = 3   #: seen, and none of the shapes known
+    UNFAMILIAR = 3   #: seen, and its outline is that of none of the shapes known
     TOO_SMALL = 4    #: seen, and of too few taxels
+    CUT_BY_EDGE = 5    #: seen, and the pad's edge cuts it
+    HOLLOW = 6         #: seen, and it encloses taxels that are not pressed
+    SEVERAL_PARTS = 7  #: seen, and it is of several parts
+    COVERS_PAD = 8     #: something covers most of the pad, so that its outline is not seen
+    UNSTABLE = 9       #: seen, and its name depends on the pressure at which the outline is drawn
 
 
 #: The shapes that a contact can have, in the package's one order. Files that keep another one name it at their loader.
@@ -66,6 +71,7 @@ class Recognition(NamedTuple):
     probabilities: Mapping[ShapeClass, float]
     reason: UnknownReason = UnknownReason.NOT_UNKNOWN  #: why ``shape`` is UNKNOWN
     alternatives: tuple[Alternative, ...] = ()
+    doubt: UnknownReason = UnknownReason.NOT_UNKNOWN   #: what speaks against a name that is not sure
     joined: bool = False  #: of the largest contact together with pieces close to it, `patch.join_pieces`
 
     @property
@@ -76,7 +82,7 @@ class Recognition(NamedTuple):
     @property
     def is_evidence(self) -> bool:
         """Whether it says anything of what touches the pad; it does not where that was not seen."""
-        return self.reason is not UnknownReason.NOT_SEEN or bool(self.alternatives)
+        return self.reason not in (UnknownReason.NOT_SEEN, UnknownReason.COVERS_PAD) or bool(self.alternatives)
 
     @classmethod
     def certain(cls, shape: ShapeClass) -> 'Recognition':
@@ -112,12 +118,21 @@ class Recognition(NamedTuple):
         return cls.of(mean, reason)._replace(joined=alternatives[0].joined, alternatives=tuple(
             Alternative(weight, each.probabilities) for weight, each in zip(weights, alternatives)))
 
-    def no_surer_than(self, most: float) -> 'Recognition':
-        """Return it with a probability of ``shape`` of at most ``most``, 0.5 or more; UNKNOWN gets the rest."""
+    def no_surer_than(self, most: float, doubt: UnknownReason) -> 'Recognition':
+        """Return it with a probability of ``shape`` of at most ``most``, 0.5 or more; UNKNOWN gets the rest.
+
+        ``doubt``: what speaks against the name.
+        """
         excess = max(self.confidence - most, 0.0)
         unknown = self.probabilities[Shape.UNKNOWN] + excess
-        return self._replace(probabilities=MappingProxyType(
+        return self._replace(doubt=doubt, probabilities=MappingProxyType(
             {**self.probabilities, self.shape: self.confidence - excess, Shape.UNKNOWN: unknown}))
+
+    def exchanged(self, one: Shape, other: Shape) -> 'Recognition':
+        """Return it with the probabilities of two shapes exchanged; it is of the ``other`` where it was of ``one``."""
+        probabilities = {**self.probabilities, one: self.probabilities[other], other: self.probabilities[one]}
+        return self._replace(shape=other if self.shape is one else self.shape,
+                             probabilities=MappingProxyType(probabilities))
 
     def over(self, classes: Sequence[ShapeClass]) -> 'Recognition':
         """Return it with a probability of each of ``classes``, in their order; 0 where it has none."""
@@ -139,7 +154,9 @@ class Recognition(NamedTuple):
                    reason if shape is Shape.UNKNOWN else UnknownReason.NOT_UNKNOWN)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what one line of `tactile classify` holds; `reason` only of an unknown shape."""
+        """Return what one line of `tactile classify` holds; `reason` only of an unknown shape, `doubt` of a name."""
         reason = {'reason': self.reason.name.lower()} if self.shape is Shape.UNKNOWN else {}
+        if self.doubt is not UnknownReason.NOT_UNKNOWN:
+            reason['doubt'] = self.doubt.name.lower()
         return {'shape': self.shape.value, **reason, 'confidence': self.confidence,
                 'probabilities': {shape.value: p for shape, p in self.probabilities.items()}}

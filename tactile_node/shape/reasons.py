@@ -1,0 +1,33 @@
+"""What speaks against each of the five shapes in a contact that is none of them."""
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_node.contact.neighbours import EIGHT_CONNECTED
+from tactile_node.contact.pattern import ContactPattern
+from tactile_node.shape.patch import joined
+from tactile_node.shape.recognition import UnknownReason
+
+COVERED_SHARE = 0.6  #: of the taxels that are seen: the outline of a contact that covers more is not
+HOLLOW_TAXELS = 3    #: taxels of a hole; uneven gains make smaller ones
+CUT_SHARE = 0.5      #: of the side of a square as large: a contact that has more taxels at the pad's edge goes on there
+
+
+def why_unfamiliar(pattern: ContactPattern) -> UnknownReason:
+    """Return why the contact of ``pattern``, which is none of the shapes, is none, by the plainest of its traits.
+
+    >>> why_unfamiliar(ContactPattern.of(np.eye(4) < 1, np.eye(4)))
+    <UnknownReason.COVERS_PAD: 8>
+    """
+    contact = joined(pattern)
+    taxels = np.count_nonzero(contact)
+    seen = ~(pattern.hidden | pattern.unmapped)
+    if taxels > COVERED_SHARE * np.count_nonzero(seen):
+        return UnknownReason.COVERS_PAD
+    if ndimage.label(contact, EIGHT_CONNECTED)[1] > 1:
+        return UnknownReason.SEVERAL_PARTS
+    if np.count_nonzero(ndimage.binary_fill_holes(contact) & ~contact & seen) >= HOLLOW_TAXELS:
+        return UnknownReason.HOLLOW
+    if max(map(np.count_nonzero, (contact[0], contact[-1], contact[:, 0], contact[:, -1]))) > CUT_SHARE * taxels ** 0.5:
+        return UnknownReason.CUT_BY_EDGE
+    return UnknownReason.UNFAMILIAR

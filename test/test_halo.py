@@ -1,0 +1,66 @@
+"""Skins whose cover carries a load sideways: the contact ends where its own load does."""
+
+import numpy as np
+import pytest
+from scipy.signal import convolve2d
+
+from tactile_node.contact.halo import halo_of
+from tactile_node.contact.pattern import PatternExtractor
+
+EVERYWHERE = np.ones((12, 18), bool)
+BLOCK = np.zeros((12, 18), bool)
+BLOCK[3:9, 6:12] = True
+
+
+def carried(load, share, reach=3.0):
+    """``share`` of the load reaches others, falling with the cube of the distance: another profile than the core's."""
+    y, x = np.mgrid[-12:13, -12:13]
+    profile = (1 + (y * y + x * x) / reach ** 2) ** -1.5
+    return share * convolve2d(load, profile / profile.sum(), 'same')
+
+
+def quiet(shape):
+    """A pad that rests at nearly 0: not quite, for otherwise it may be on/off."""
+    frame = np.zeros(shape)
+    frame[0, 0] = 1e-4
+    frame[3, 3] = 2e-4
+    return frame
+
+
+@pytest.mark.parametrize('before', [[], [quiet(BLOCK.shape)], [np.zeros(BLOCK.shape)]], ids=['none', 'quiet', 'zeros'])
+@pytest.mark.parametrize('share', [0.5, 1.5])
+def test_a_block_keeps_its_size_under_uneven_gains_whatever_rested_before(before, share):
+    for seed in range(20):
+        gains = np.random.default_rng(seed).uniform(0.8, 1.25, BLOCK.shape)
+        frame = 0.02 + gains * (BLOCK + carried(BLOCK, share))
+        extractor = PatternExtractor()
+        for rest in before:
+            extractor.extract(rest)
+        np.testing.assert_array_equal(extractor.extract(frame).mask, BLOCK, f'seed {seed}')
+
+
+def test_a_third_of_the_halo_or_more_is_taken_from_values_without_a_unit_and_none_from_pressures():
+    halo = carried(BLOCK, 1.5)
+    frame = BLOCK + halo
+    beside = np.pad(BLOCK, 1)[1:-1, 2:] & ~BLOCK
+    taken = (frame - PatternExtractor().extract(frame).values)[beside] / halo[beside]
+    assert taken.min() > 1 / 3
+    assert taken.max() < 1
+    pressures = PatternExtractor(unit='Pa').extract(1e5 * frame)
+    np.testing.assert_array_equal(pressures.values, 1e5 * frame)
+    np.testing.assert_array_equal(pressures.mask, BLOCK)
+
+
+def test_a_weak_side_is_no_halo():
+    tilted = np.where(BLOCK, 1.0, 0.0)
+    tilted[3:9, 12:15] = 0.3
+    assert halo_of(tilted, EVERYWHERE, BLOCK) is None
+    around = np.where(BLOCK, 1.0, 0.3)
+    assert halo_of(around, EVERYWHERE, BLOCK) is not None
+
+
+def test_too_few_taxels_around_a_contact_show_no_halo():
+    small = np.ones((4, 4), bool)
+    small[3, 3] = False
+    assert halo_of(np.where(small, 1.0, 0.3), np.ones((4, 4), bool), small) is None
+    assert halo_of(np.zeros((4, 4)), small, np.zeros((4, 4), bool)) is None

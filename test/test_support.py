@@ -1,0 +1,113 @@
+"""A name is no surer than the taxels allow, and an unknown contact says what speaks against the five shapes."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.shape.methods import make_recogniser
+from tactile_node.shape.reasons import why_unfamiliar
+from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
+from tactile_node.shape.support import as_far_as_it_fits, as_far_as_it_holds, low_outline
+
+SURE_CIRCLE = Recognition.of({Shape.CIRCLE: 0.95, Shape.SQUARE: 0.04, Shape.UNKNOWN: 0.01})
+Y, X = np.mgrid[:30, :40]
+
+
+@pytest.mark.parametrize(('taxels', 'overlaps', 'expected', 'doubt'), [
+    (60, (0.6, 0.7, 0.6, 0.8), (Shape.CIRCLE, 0.95), UnknownReason.NOT_UNKNOWN),
+    (60, (0.5, 0.5, 0.5, 0.6), (Shape.CIRCLE, 0.85), UnknownReason.UNFAMILIAR),  # it covers too little
+    (60, (0.6, 0.8, 0.6, 0.7), (Shape.CIRCLE, 0.85), UnknownReason.UNFAMILIAR),  # a square covers more
+    (100, (0.6, 0.7, 0.6, 0.71), (Shape.CIRCLE, 0.85), UnknownReason.UNFAMILIAR),  # a square covers nearly as much
+    (100, (0.6, 0.7, 0.6, 0.75), (Shape.CIRCLE, 0.95), UnknownReason.NOT_UNKNOWN),
+    (100, (0.6, 0.8, 0.6, 0.7), (Shape.SQUARE, 0.85), UnknownReason.UNFAMILIAR),
+    (20, (0.6, 0.7, 0.6, 0.5), (Shape.CIRCLE, 0.95), UnknownReason.NOT_UNKNOWN)])  # the rim of so few is coarse
+def test_a_sure_name_covers_a_large_contact_better_than_the_others(taxels, overlaps, expected, doubt):
+    found = as_far_as_it_fits(SURE_CIRCLE, taxels, np.array(overlaps))
+    assert (found.shape, found.confidence, found.doubt) == (*expected, doubt)
+    assert sum(found.probabilities.values()) == pytest.approx(1.0)
+
+
+def test_a_square_is_a_rectangle_too():
+    square = Recognition.of({Shape.SQUARE: 0.95, Shape.UNKNOWN: 0.05})
+    assert as_far_as_it_fits(square, 60, np.array((0.8, 0.75, 0.5, 0.7))) is square
+
+
+def test_a_name_holds_along_a_low_outline():
+    assert as_far_as_it_holds(SURE_CIRCLE, SURE_CIRCLE) is SURE_CIRCLE
+    other = as_far_as_it_holds(SURE_CIRCLE, Recognition.of({Shape.UNKNOWN: 0.6, Shape.CIRCLE: 0.4}))
+    assert (other.shape, other.confidence, other.doubt) == (Shape.CIRCLE, 0.85, UnknownReason.UNSTABLE)
+    unsure = Recognition.of({Shape.CIRCLE: 0.8, Shape.UNKNOWN: 0.2})
+    assert as_far_as_it_holds(unsure, Recognition.certain(Shape.UNKNOWN)) is unsure
+
+
+def test_a_low_outline_has_the_weak_pressures_joined_to_the_contact():
+    values = np.zeros((6, 9))
+    values[2:4, 2:4] = 1.0
+    values[2:4, 4:6] = 0.3
+    values[0, 8] = 0.3  # another contact
+    mask = values > 0.5
+    np.testing.assert_array_equal(low_outline(values, mask), (values > 0.2) & (X[:6, :9] < 7))
+    assert low_outline(mask.astype(float), mask) is None, 'on/off taxels have no weak ones'
+    assert low_outline(np.full((6, 9), np.nan), mask) is None
+
+
+def speckled_square(rng):
+    """A block with blunt corners that presses less towards them, under taxels whose gains are 3:1."""
+    turn, side, corner = rng.uniform(0, np.pi), rng.uniform(11, 17), rng.uniform(1, 4)
+    x, y = X - rng.uniform(17, 22), Y - rng.uniform(13, 16)
+    u, v = abs(x * np.cos(turn) + y * np.sin(turn)), abs(y * np.cos(turn) - x * np.sin(turn))
+    du, dv = u - side / 2 + corner, v - side / 2 + corner
+    inside = np.hypot(np.maximum(du, 0), np.maximum(dv, 0)) + np.minimum(np.maximum(du, dv), 0) <= corner
+    dome = 1 - rng.uniform(0.1, 0.7) * ((2 * u / side) ** 2 + (2 * v / side) ** 2) / 2
+    return 200 * ndimage.gaussian_filter(inside * dome, 0.7) * np.exp(0.42 * rng.standard_normal(X.shape))
+
+
+def fragment(rng):
+    """A wide foreign object that presses unevenly: half of its level outlines a fragment of it."""
+    pressed = 0.2 * (np.hypot((X - 19) / 11, (Y - 15) / 8) <= 1)
+    for level in (1.0, *rng.uniform(0.15, 0.4, 5)):
+        x, y, long, wide = rng.uniform((10, 8, 2.5, 2), (28, 22, 5, 4))
+        pressed = np.maximum(pressed, level * (np.hypot((X - x) / long, (Y - y) / wide) <= 1))
+    return 200 * ndimage.gaussian_filter(pressed, 0.8) * np.exp(0.2 * rng.standard_normal(X.shape))
+
+
+@pytest.mark.parametrize(('draw', 'right'), [(speckled_square, {Shape.SQUARE}), (fragment, set())])
+def test_hardly_a_name_is_sure_and_wrong(draw, right):
+    """At most one of 40; the network alone is sure of 7 and 6 wrong names."""
+    recogniser, wrong = make_recogniser(), 0
+    for seed in range(40):
+        found = recogniser.recognise(PatternExtractor().extract(np.round(draw(np.random.default_rng(seed)))))
+        wrong += found.confidence >= 0.9 and found.shape not in right | {Shape.UNKNOWN}
+    assert wrong <= 1
+
+
+def of(taxels):
+    return ContactPattern.of(taxels, np.where(taxels, 1.0, 0.0))
+
+
+@pytest.mark.parametrize(('taxels', 'reason'), [
+    ((Y > 3) | (X > 3), UnknownReason.COVERS_PAD),
+    ((abs(Y - 15) < 3) & (abs(X - 15) < 9) & (X % 6 != 0), UnknownReason.SEVERAL_PARTS),
+    (abs(np.hypot(Y - 15, X - 15) - 7) < 1.5, UnknownReason.HOLLOW),
+    (np.hypot(Y, X - 15) < 8, UnknownReason.CUT_BY_EDGE),
+    ((abs(Y - 15) < 2) & (abs(X - 15) < 9) | (abs(X - 15) < 2) & (abs(Y - 15) < 9), UnknownReason.UNFAMILIAR)])
+def test_a_contact_that_is_none_of_the_shapes_says_why(taxels, reason):
+    if reason is UnknownReason.SEVERAL_PARTS:
+        labels = ndimage.label(taxels)[0]
+        pattern = of(taxels)._replace(mask=labels == 1, contacts=int(labels.max()))
+    else:
+        pattern = of(taxels)
+    assert why_unfamiliar(pattern) is reason
+
+
+def test_the_answer_has_the_reason():
+    recogniser = make_recogniser()
+    racket = (abs(np.hypot(Y - 15, X - 10) - 6) < 1.5) | (abs(Y - 15) < 1.5) & (X > 15) & (X < 36)
+    found = recogniser.recognise(PatternExtractor().extract(racket.astype(bool)))
+    assert (found.shape, found.reason) == (Shape.UNKNOWN, UnknownReason.HOLLOW)
+    assert found.as_json()['reason'] == 'hollow'
+    y, x = np.mgrid[:6, :6]
+    covered = np.round(10 + 5 * np.exp(-((y - 2.4) ** 2 + (x - 2.8) ** 2) / 12), 2)
+    found = recogniser.recognise(PatternExtractor().extract(covered))
+    assert (found.shape, found.reason, found.is_evidence) == (Shape.UNKNOWN, UnknownReason.COVERS_PAD, False)
