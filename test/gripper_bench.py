@@ -287,6 +287,7 @@ class GripperBench(TimedBench):
             self.client.until_answered(START - 0.001)
             self.until(lambda: self.outcome(position=START - 0.001) not in (None, GripperOutcome.NOT_SEEN))
             self.motor.commands.clear()
+            self.motor.directions.clear()
             yield process
 
     def until_listened(self):
