@@ -168,8 +168,10 @@ def test_an_exception_of_a_stage_is_counted_and_the_others_go_on(monkeypatch):
         for _ in range(10):
             process.send()
             time.sleep(PERIOD)
-        until(lambda: good.counts.processed + good.counts.overtaken == 10)
-        until(lambda: failing.counts.dropped.get(RejectReason.PROCESSING_FAILED, 0) + failing.counts.overtaken == 10)
+        # a busy machine leaves frames out here, or at the processor, so that they are missing here
+        until(lambda: good.counts.processed + good.counts.overtaken + good.counts.skipped == 10)
+        until(lambda: failing.counts.dropped.get(RejectReason.PROCESSING_FAILED, 0) + failing.counts.overtaken
+              + failing.counts.skipped == 10)
         assert good.counts.processed > 0 and not good.counts.dropped and failing.counts.processed == 0
 
 
@@ -316,9 +318,11 @@ def test_a_bag_that_records_everything_changes_no_count():
         until(lambda: (process.send(), time.sleep(0.1), all(heard.values()))[-1])
         for pad in ('left', 'right'):
             taxels, contacts = (process.input(f'/{pad}/{role}') for role in ('processor', 'classifier'))
-            until(lambda one=contacts: one.counts.processed + one.counts.overtaken == process.sequence)
-            assert taxels.counts == (process.sequence, process.sequence, {}, 0, 0)
-            assert not contacts.counts.dropped and not contacts.counts.skipped and contacts._subscription is None
+            until(lambda one=contacts: one.counts.processed + one.counts.overtaken + one.counts.skipped
+                  == process.sequence)
+            assert taxels.counts.received == taxels.counts.processed + taxels.counts.overtaken == process.sequence
+            assert contacts.counts.received == contacts.counts.processed + contacts.counts.overtaken
+            assert contacts.counts.skipped == taxels.counts.overtaken and contacts._subscription is None
 
 
 def replaying(path, **more):
