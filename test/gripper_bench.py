@@ -264,8 +264,9 @@ class GripperBench(TimedBench):
         if not has_node:
             return
         given = {'action_type': kind, 'gap_scale': scale, 'gap_offset': offset, **dict(parameters)}
-        self.node = self.add(self.timed(GripperNode)(parameter_overrides=[Parameter(name, value=value)
-                                                                          for name, value in given.items()]))
+        self.node = self.add(self.timed(GripperNode)(
+            start_parameter_services=False,  # no test asks them, and each costs time in every wait
+            parameter_overrides=[Parameter(name, value=value) for name, value in given.items()]))
         self.client.until_ready()
         self.until_joined(lambda: self.node.count_publishers('/grasp'))
         self.until_listened()
