@@ -7,7 +7,7 @@ import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.fusion import FusionSettings, RecognitionFusion
-from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
+from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, UnknownReason
 from training.ground_truth.seeds import Purpose, generator
 
 PERIOD = 0.01
@@ -154,3 +154,40 @@ def test_unseen_between_two_contacts_joins_none_of_their_evidence():
     fusion.update(0.5, Recognition.certain(Shape.NONE))
     fusion.update(0.51, Recognition.unknown(UnknownReason.NOT_SEEN))
     assert fusion.update(0.52, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
+
+
+def doubted():
+    return Recognition.of({Shape.RIGHT_TRIANGLE: 0.97, Shape.CIRCLE: 0.03}).no_surer_than(0.85, UnknownReason.TOO_SMALL)
+
+
+def test_no_number_of_frames_makes_a_name_sure_that_the_taxels_do_not_support():
+    fusion = RecognitionFusion()
+    for k in range(300):
+        fused = fusion.update(k * PERIOD, doubted())
+        assert fused.recognition.shape is Shape.RIGHT_TRIANGLE and fused.recognition.confidence < 0.851
+    assert fused.recognition.confidence > 0.8
+
+
+def test_a_doubt_of_a_taught_shape_world_has_all_of_its_classes():
+    cup = TaughtShape('cup')
+    found = Recognition.of({Shape.SQUARE: 0.95, cup: 0.05}).no_surer_than(0.85, UnknownReason.UNFAMILIAR)
+    fused = RecognitionFusion().update(0.0, found.over((*Shape, cup)))
+    assert cup in fused.recognition.probabilities and fused.recognition.confidence < 0.85
+
+
+def test_a_hidden_part_and_a_doubt_are_both_kept_by_the_fusion():
+    readings = [doubted(), Recognition.of({Shape.RIGHT_TRIANGLE: 0.9, Shape.SQUARE: 0.1}), doubted()]
+    frame = Recognition.of_alternatives((0.5, 0.25, 0.25), readings)
+    assert sum(frame.probabilities.values()) == pytest.approx(1)
+    fusion = RecognitionFusion()
+    fused = [fusion.update(k * PERIOD, frame) for k in range(300)][-1]
+    assert 0.8 < fused.recognition.confidence < 0.25 + 0.75 * 0.851
+
+
+def test_a_doubt_that_begins_lowers_what_was_sure():
+    fusion = RecognitionFusion()
+    for k in range(100):
+        sure = fusion.update(k * PERIOD, Recognition.of({Shape.RIGHT_TRIANGLE: 0.97, Shape.CIRCLE: 0.03}))
+    for k in range(100, 200):
+        fused = fusion.update(k * PERIOD, doubted())
+    assert sure.recognition.confidence > 0.99 and fused.recognition.confidence < 0.851

@@ -63,8 +63,9 @@ class Alternative(NamedTuple):
 class Recognition(NamedTuple):
     """The most probable shape; ``probabilities`` holds every Shape, then those taught, and sums to 1.
 
-    Where hidden taxels may change the answer, ``alternatives`` holds that for each way in which they may be read, and
-    ``probabilities`` are the weighted mean of these; otherwise it is empty.
+    Where hidden taxels may change the answer, ``alternatives`` holds that for each way in which they may be read. Where
+    the taxels do not support the name, one of the alternatives is UNKNOWN. ``probabilities`` are the weighted mean of
+    the alternatives. No number of frames makes such an answer sure.
     """
 
     shape: ShapeClass
@@ -111,22 +112,21 @@ class Recognition(NamedTuple):
 
         An UNKNOWN has their reason where they agree in it, else NOT_SEEN.
         """
-        mean = {shape: sum(weight * each.probabilities.get(shape, 0.0) for weight, each in zip(weights, alternatives))
-                for shape in dict.fromkeys(shape for each in alternatives for shape in each.probabilities)}
+        readings = [Alternative(weight * part, probabilities) for weight, each in zip(weights, alternatives)
+                    for part, probabilities in each.alternatives or (Alternative(1.0, each.probabilities),)]
+        mean = {shape: sum(weight * probabilities.get(shape, 0.0) for weight, probabilities in readings)
+                for shape in dict.fromkeys(shape for _, probabilities in readings for shape in probabilities)}
         reasons = {each.reason for each in alternatives}
         reason = reasons.pop() if len(reasons) == 1 else UnknownReason.NOT_SEEN
-        return cls.of(mean, reason)._replace(joined=alternatives[0].joined, alternatives=tuple(
-            Alternative(weight, each.probabilities) for weight, each in zip(weights, alternatives)))
+        return cls.of(mean, reason)._replace(joined=alternatives[0].joined, alternatives=tuple(readings))
 
     def no_surer_than(self, most: float, doubt: UnknownReason) -> 'Recognition':
-        """Return it with a probability of ``shape`` of at most ``most``, 0.5 or more; UNKNOWN gets the rest.
+        """Return it as a sure answer that is UNKNOWN with a probability of 1 - ``most``, which is less than a half.
 
         ``doubt``: what speaks against the name.
         """
-        excess = max(self.confidence - most, 0.0)
-        unknown = self.probabilities[Shape.UNKNOWN] + excess
-        return self._replace(doubt=doubt, probabilities=MappingProxyType(
-            {**self.probabilities, self.shape: self.confidence - excess, Shape.UNKNOWN: unknown}))
+        unknown = Recognition.certain(Shape.UNKNOWN).over(tuple(self.probabilities))
+        return Recognition.of_alternatives((most, 1 - most), (self, unknown))._replace(doubt=doubt)
 
     def exchanged(self, one: Shape, other: Shape) -> 'Recognition':
         """Return it with the probabilities of two shapes exchanged; it is of the ``other`` where it was of ``one``."""
