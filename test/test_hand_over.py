@@ -280,10 +280,7 @@ def test_images_that_cannot_be_made_are_counted_and_cost_no_shape():
 def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(monkeypatch):
     with Process() as process:
         stage = process.input('/left/classifier')
-        for _ in range(30):
-            process.send()
-            time.sleep(PERIOD)
-        until(lambda: stage.counts.processed > 5)
+        until(lambda: (process.send(), time.sleep(PERIOD), stage.counts.processed > 5)[-1])
         contacts = heard_by(process.peer, Contact, '/left/contact')
         outsider = rclpy.create_node('outsider')
         publisher = outsider.create_publisher(Contact, '/left/contact', frames_qos(10))
@@ -294,13 +291,15 @@ def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(m
         foreign.sequence += 1_000_000
         malformed = Contact(sequence=7, rows=3, cols=3)
         before = stage.counts.processed
-        for _ in range(30):
+
+        def are_both_dropped():
             foreign.sequence += 1
             publisher.publish(foreign)
             publisher.publish(malformed)
             process.send()
             time.sleep(PERIOD)
-        until(lambda: stage.counts.dropped.get(RejectReason.OTHER_SOURCE, 0) > 30)
+            return stage.counts.dropped.get(RejectReason.OTHER_SOURCE, 0) > 30
+        until(are_both_dropped)
         assert stage.counts.processed < before + 15
         assert stage.counts.dropped[RejectReason.WRONG_LENGTH] > 10
         outsider.destroy_node()

@@ -66,8 +66,9 @@ def test_every_frame_arrives_as_the_shape_or_is_counted(world):
     world.wait(lambda: world.latest('left')['sequence'] >= latest_sent, 'the shape of the latest frame')
     shapes = world.received('left', since)
     # A busy machine reads some TPDOs too late for their sweep; their taxels are then hidden
-    assert ('SQUARE', 'NOT_UNKNOWN') in {seen(shape) for shape in shapes} <= {
-        ('SQUARE', 'NOT_UNKNOWN'), ('UNKNOWN', 'NOT_SEEN')}
+    assert {seen(shape) for shape in shapes} <= {('SQUARE', 'NOT_UNKNOWN'), ('UNKNOWN', 'NOT_SEEN')}
+    if not any(seen(shape) == ('SQUARE', 'NOT_UNKNOWN') for shape in shapes):
+        raise world.failure('no shape of all was seen whole')
     # both pads: by the link, not by shared memory or another network
     assert world.hosts.octets() - octets > 2 * TAXELS * VALUE_BYTES * (len(shapes) - 3)
     world.wait(lambda: skipped() - reported >= missing(shapes), 'what is missing to be counted')
@@ -165,7 +166,9 @@ def test_a_driver_of_the_same_name_on_another_host_is_not_believed(world):
             world.wait(lambda: dropped() > before, 'the other driver to be seen')
             world.wait(lambda: not current(world.latest('grasp')), 'no grasp to be current')
             time.sleep(1.0)
-            assert world.false(FalseClaim('empty', empty), since).seconds == 0
+            # A driver of ours that is held up for 0.2 s as the other one begins looks like one that was started again
+            if (seconds := world.false(FalseClaim('empty', empty), since).seconds) > 0:
+                raise world.failure(f'"empty" was claimed for {seconds:.2f} s')
             world.wait(lambda: 'SEVERAL_PUBLISHERS' in world.values['/left/processor']['faults'], 'the fault')
             if not world.has_server:  # by the server a driver knows only who shares a topic with it as a reader
                 world.wait(lambda: world.values['/skin_driver: left']['other_publishers'], 'the driver to see it')
