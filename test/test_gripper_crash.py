@@ -19,7 +19,7 @@ from tactile_node.grasp.closing import Outcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
-TIMEOUT = 2.0  # s, for the gripper to answer: longer than a busy machine keeps it waiting
+TIMEOUT = 5.0  # s, for the gripper to answer: longer than the 3 s after which Fast DDS repeats a lost message
 DISCOVERY = 2.0  # s, for the gripper node to discover a gripper that has discovered it
 WIDEST = 0.08  # m, opening of the open gripper
 NARROW = 0.075  # m, opening of a goal that closes it from WIDEST
