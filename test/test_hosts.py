@@ -14,9 +14,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from can_bench import TooSlowError
 from hosts_bench import HostsWorld, missing, use_from_other_host
 from misled_bench import FalseClaim, current, empty
 from two_hosts import Hosts, NoHostsError
+
+from tactile_node.ros.source_guard import SOURCE_RESTART
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -166,9 +169,12 @@ def test_a_driver_of_the_same_name_on_another_host_is_not_believed(world):
             world.wait(lambda: dropped() > before, 'the other driver to be seen')
             world.wait(lambda: not current(world.latest('grasp')), 'no grasp to be current')
             time.sleep(1.0)
-            # A driver of ours that is held up for 0.2 s as the other one begins looks like one that was started again
-            if (seconds := world.false(FalseClaim('empty', empty), since).seconds) > 0:
-                raise world.failure(f'"empty" was claimed for {seconds:.2f} s')
+            finding = world.false(FalseClaim('empty', empty), since)
+            # A driver that this machine holds up as the other one begins looks like one that was started again
+            if finding.stall < SOURCE_RESTART:
+                assert finding.seconds == 0
+            elif finding.seconds:
+                raise TooSlowError(f'the machine did not run for {finding.stall:.2f} s, and "empty" was claimed')
             world.wait(lambda: 'SEVERAL_PUBLISHERS' in world.values['/left/processor']['faults'], 'the fault')
             if not world.has_server:  # by the server a driver knows only who shares a topic with it as a reader
                 world.wait(lambda: world.values['/skin_driver: left']['other_publishers'], 'the driver to see it')
