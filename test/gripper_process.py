@@ -1,4 +1,6 @@
-"""Serves a gripper's own action until a test stops or kills this process: python gripper_process.py KIND.
+"""Serves a gripper's own action until a test stops or kills this process: python gripper_process.py KIND [TRAVEL].
+
+TRAVEL [m]: by which it closes in a step of 0.02 s, as by which it opens unless it is given.
 
 KIND: works, hangs (after it has accepted a goal it answers nothing) or rejects. It prints a line for each event, the
 first one when it has discovered the client of its action.
@@ -12,10 +14,7 @@ from control_msgs.action import ParallelGripperCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
 PERIOD = 0.02  # s, of a step
-TRAVEL = 0.001  # m, in a step that opens it
-#: m, in a step that closes it. A process that was stopped may get the cancel seconds after the goal, because Fast DDS
-#: repeats a lost message every 3 s: it then has come 15 mm, and touches nothing.
-SLOW_TRAVEL = 0.0001
+TRAVEL = 0.001  # m, in a step
 START = 0.06  # m
 ACTION = '/gripper_controller/gripper_cmd'
 
@@ -23,8 +22,8 @@ ACTION = '/gripper_controller/gripper_cmd'
 class Gripper:
     """A gripper that preempts."""
 
-    def __init__(self, kind):
-        self.kind, self.opening, self.goal = kind, START, None
+    def __init__(self, kind, travel=TRAVEL):
+        self.kind, self.closes_by, self.opening, self.goal = kind, float(travel), START, None
         self.node = rclpy.create_node('gripper')
         self.server = ActionServer(
             self.node, ParallelGripperCommand, ACTION, execute_callback=lambda handle: None,
@@ -48,7 +47,7 @@ class Gripper:
             say('cancelled', self.opening)
             return
         target = self.goal.request.command.position[0]
-        self.opening += max(-SLOW_TRAVEL, min(TRAVEL, target - self.opening))
+        self.opening += max(-self.closes_by, min(TRAVEL, target - self.opening))
         if self.opening == target:
             self.end(self.goal.succeed, reached_goal=True)
             say('reached', target)
@@ -68,7 +67,7 @@ def say(event, opening):
 
 if __name__ == '__main__':
     rclpy.init()
-    gripper = Gripper(sys.argv[1])
+    gripper = Gripper(*sys.argv[1:])
     while not gripper.node.count_clients(f'{ACTION}/_action/send_goal'):
         rclpy.spin_once(gripper.node, timeout_sec=PERIOD)
     print('ready', flush=True)

@@ -24,6 +24,9 @@ DISCOVERY = 2.0  # s, for the gripper node to discover a gripper that has discov
 WIDEST = 0.08  # m, opening of the open gripper
 NARROW = 0.075  # m, opening of a goal that closes it from WIDEST
 NARROWER = 0.055  # m, of one that closes it from START
+#: m in a step, by which a gripper closes. One that was stopped may get the cancel up to 3 s after the goal: it then has
+#: come 15 mm, and touches nothing.
+TRAVEL = '0.0001'
 LONG = pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LONG is not set')
 
 
@@ -33,8 +36,9 @@ class Gripper:
     def __init__(self, kind, motor):
         self.lines, self._motor = [], motor
         motor.move_to(START)
-        self.process = subprocess.Popen([sys.executable, str(Path(__file__).with_name('gripper_process.py')), kind],
-                                        env=environment_with('control_msgs'), stdout=subprocess.PIPE, text=True)
+        command = [sys.executable, str(Path(__file__).with_name('gripper_process.py')), kind, TRAVEL]
+        self.process = subprocess.Popen(command, env=environment_with('control_msgs'), stdout=subprocess.PIPE,
+                                        text=True)
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self):
