@@ -125,6 +125,18 @@ def sum_around(values: np.ndarray) -> np.ndarray:
     return around
 
 
+def reached(start: np.ndarray, taxels: np.ndarray) -> np.ndarray:
+    """Return the groups of ``taxels`` that ``start`` is a part of, all bool (rows, cols).
+
+    >>> reached(np.array([[True, False, False, False]]), np.array([[True, True, False, True]]))[0].tolist()
+    [True, True, False, False]
+    """
+    groups, count = ndimage.label(taxels, EIGHT_CONNECTED)
+    of_start = np.bincount(groups[start], minlength=count + 1) > 0
+    found: np.ndarray = of_start[groups]
+    return found
+
+
 def linked(taxels: np.ndarray, between: int) -> np.ndarray:
     """Number the groups of ``taxels``, bool (rows, cols), with at most so many others ``between`` neighbours; 0: none.
 

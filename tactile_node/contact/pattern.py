@@ -42,12 +42,17 @@ class ContactPattern(NamedTuple):
     is_left_over: bool = False  #: all that is pressed is left over: what remains of a contact, however small, is held
 
     @property
+    def may_hide_contact(self) -> bool:
+        """True if something may touch the pad although no contact is found."""
+        return self.is_left_over or self.is_covered
+
+    @property
     def pad_seen(self) -> bool:
         """Whether no group of hidden taxels has room for a contact of 4: only then do 0 contacts mean an empty pad.
 
         A pad on which something is left over is not empty.
         """
-        return not (self.is_left_over or self.is_covered) and pad_seen(self.hidden, self.unmapped)
+        return not self.may_hide_contact and pad_seen(self.hidden, self.unmapped)
 
     @classmethod
     def of(cls, mask: np.ndarray, values: np.ndarray) -> 'ContactPattern':
@@ -188,7 +193,7 @@ class PatternExtractor:
 
 
 class _Found(NamedTuple):
-    """What of a frame is pressed, before it is told apart into contacts."""
+    """Pressed taxels of a frame, before they are divided into contacts."""
 
     pressed: np.ndarray  #: bool (rows, cols)
     noise: np.ndarray    #: float (rows, cols), NaN where it is not known

@@ -40,7 +40,7 @@ class Threshold(NamedTuple):
 
 
 class StandingOut(NamedTuple):
-    """What stands out of a frame."""
+    """Pressed taxels of a frame, and their halo."""
 
     pressed: np.ndarray      #: bool (rows, cols)
     halo: np.ndarray | None  #: (rows, cols), part of the values that is the halo of what is pressed; None: no halo

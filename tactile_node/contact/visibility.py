@@ -52,8 +52,7 @@ def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONT
     False
     """
     hidden = int(np.count_nonzero(pattern.hidden))
-    is_doubtful = pattern.is_left_over or pattern.is_covered
-    is_seen = not is_doubtful and pad_seen(pattern.hidden, pattern.unmapped, smallest_contact)
+    is_seen = not pattern.may_hide_contact and pad_seen(pattern.hidden, pattern.unmapped, smallest_contact)
     mask = pattern.mask
     ring, at_edge, goes_on = _around(pattern, finger_ends)
     room = min(smallest_contact, ceil(CONTACT_PART * np.count_nonzero(mask)))

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of
+from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, reached
 
 LEAST_CONVEXITY = 0.7  #: the five shapes fill more, gaps of speckle closed and rims filled; chosen on validation seeds
 PARTIAL_LEVEL = 0.2     #: share of the contact's mean, pressures that belong to it
@@ -31,9 +31,7 @@ def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:
     unseen = np.isnan(values)
     pressures = values[mask & ~unseen]
     wide = mask | (np.where(unseen, 0.0, values) >= PARTIAL_LEVEL * float(pressures.mean()))
-    labels = ndimage.label(wide, EIGHT_CONNECTED)[0]
-    is_of_contact = np.bincount(labels[mask], minlength=int(labels.max()) + 1) > 0
-    wide = is_of_contact[labels]
+    wide = reached(mask, wide)
     rows, cols = box_of(wide)
     inside, unseen = wide[rows, cols], unseen[rows, cols]
     hull = _hull(inside)

@@ -1,9 +1,8 @@
 """How sure a name may be: no surer than what the taxels of the contact can decide, whatever the network says."""
 
 import numpy as np
-from scipy import ndimage
 
-from tactile_node.contact.neighbours import EIGHT_CONNECTED
+from tactile_node.contact.neighbours import reached
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import are_on_off
 from tactile_node.shape.likeness import FIGURES
@@ -85,10 +84,7 @@ def low_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
     if not inside.size or are_on_off(values):
         return None
     wide = mask | (values >= LOW_SHARE * inside.mean())
-    groups, count = ndimage.label(wide, EIGHT_CONNECTED)
-    is_of_contact = np.zeros(count + 1, bool)
-    is_of_contact[groups[mask]] = True
-    low: np.ndarray = is_of_contact[groups]
+    low = reached(mask, wide)
     return low if np.count_nonzero(low) > np.count_nonzero(mask) else None
 
 
