@@ -90,7 +90,7 @@ class _Run:
 
     @property
     def goal(self) -> Goal | None:
-        """What the client asks of a goal that closes."""
+        """Goal of the client if it closes, else None."""
         return self.task.goal if isinstance(self.task, Closing) else None
 
 

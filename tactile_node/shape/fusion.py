@@ -8,8 +8,8 @@ class leads by more than ``lead``. So a change is followed after at most
 
 What is hidden stays hidden: however many frames agree, they do not show it. So each way in which the hidden taxels may
 be read (`Recognition.alternatives`) is fused apart, and the result is the mean of these. The same holds of a name that
-the taxels do not support, because the next frame has no more taxels. A frame in which nothing is
-seen is no evidence: it is reported as not seen, and the evidence of the frames before waits for the next that is.
+the taxels do not support, because the next frame has no more taxels. A frame in which nothing is seen is no evidence:
+it is reported as not seen, and the evidence of the frames before waits for the next that is.
 
 The classes are those of the frames: the shapes, and those that were taught.
 """

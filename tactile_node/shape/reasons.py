@@ -1,4 +1,4 @@
-"""What speaks against each of the five shapes in a contact that is none of them."""
+"""Finds why a contact is none of the five shapes."""
 
 import numpy as np
 from scipy import ndimage
@@ -8,7 +8,7 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.shape.patch import joined
 from tactile_node.shape.recognition import UnknownReason
 
-COVERED_SHARE = 0.6  #: of the taxels that are seen: the outline of a contact that covers more is not
+COVERED_SHARE = 0.6  #: share of the visible taxels: the outline of a contact that covers more is not visible
 HOLLOW_TAXELS = 3    #: taxels of a hole; uneven gains make smaller ones
 CUT_SHARE = 0.5      #: of the side of a square as large: a contact that has more taxels at the pad's edge goes on there
 
