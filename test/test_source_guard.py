@@ -5,7 +5,7 @@ from itertools import chain
 
 import pytest
 
-from tactile_node.ros.source_guard import CONFIRMING_STAMPS, SOURCE_HOLD, SOURCE_RESTART, SourceGuard, StampGuard
+from tactile_node.ros.source_guard import CONFIRMING_STAMPS, SOURCE_HOLD, SourceGuard, StampGuard
 
 PERIOD, EPOCH = 0.02, 1.7e9
 
@@ -38,9 +38,18 @@ def test_ours_is_used_again_when_the_other_has_ended():
     assert [message for message in used if message[0] >= again] == sent(500, first=1000)[round(again / PERIOD):]
 
 
-def test_a_driver_that_starts_again_is_used_at_once():
-    later = sent(50, begin=10.0 + 1.1 * SOURCE_RESTART)
-    assert accepted(sent(501), later) == sent(501) + later
+def test_a_driver_that_starts_again_is_used_once_the_one_before_is_gone():
+    later = sent(100, begin=10.3)
+    used = accepted(sent(501), later)
+    assert used == sent(501) + [message for message in later if message[0] > 10.0 + SOURCE_HOLD]
+
+
+@pytest.mark.parametrize('pause', [0.25, 0.9])
+def test_a_driver_held_up_as_another_begins_is_not_taken_for_one_that_was_started_again(pause):
+    ours = [(arrival if number <= 50 else max(arrival, 1.0 + pause), number, stamp, name)
+            for arrival, number, stamp, name in sent(500)]
+    both = accepted(ours, sent(100, first=5, begin=1.005, name='theirs'))
+    assert not [message for message in both if message[3] == 'theirs']
 
 
 @pytest.mark.parametrize('silence', [0.3, 0.9])

@@ -2,8 +2,9 @@
 
 import math
 
-SOURCE_HOLD = 1.0  #: s for which a source that has sent nothing still counts as one
-SOURCE_RESTART = 0.2  #: s, the same, of one that has sent nothing since another began: that is how a restart looks
+#: s for which a source that has sent nothing still counts as one. A busy machine may hold up a driver for some tenths
+#: of a second just as another one begins. A driver that is started again takes longer until its first message.
+SOURCE_HOLD = 1.0
 SOURCE_REACH = 10  #: frames by which a source may advance at any time; more takes as long as its frames take
 SOURCE_LEAP = 1.5  #: a source may be faster than it was by this factor
 MOST_SOURCES = 16  #: that are remembered
@@ -15,7 +16,6 @@ class Source:
     def __init__(self, arrival: float, sequence: int, stamp: float):
         self.arrival, self.sequence, self.stamp = arrival, sequence, stamp
         self.is_confirmed = False  #: a single message may be a false one
-        self._began = arrival
         self._period = math.inf  # s between two frames
 
     def advance(self, sequence: int, stamp: float, left_out: int) -> int | None:
@@ -23,11 +23,6 @@ class Source:
         frames = sequence - self.sequence
         passed = max(0.0, stamp - self.stamp) / self._period
         return frames if 0 <= frames <= SOURCE_REACH + left_out + SOURCE_LEAP * passed else None
-
-    def is_alive(self, arrival: float, beside: 'Source') -> bool:
-        """Return whether it counts when a message of ``beside`` arrives."""
-        hold = SOURCE_HOLD if self.arrival >= beside._began else SOURCE_RESTART
-        return self.is_confirmed and arrival - self.arrival <= hold
 
     def take(self, arrival: float, sequence: int, stamp: float) -> None:
         if sequence > self.sequence and stamp > self.stamp:
@@ -40,7 +35,7 @@ class SourceGuard:
 
     While two sources send, no message is accepted: which of them is the right one is not known. A source is one from
     its second message on; the first is not accepted while another source sends. So a source that has started again is
-    used after SOURCE_RESTART. The middleware cannot decide it: a publisher that was killed stays in its graph for 20 s.
+    used once the one before has been silent for SOURCE_HOLD. The middleware cannot decide it: a publisher that was killed stays in its graph for 20 s.
 
     >>> guard = SourceGuard()
     >>> [guard.accepts(0.02 * n, number, 100 + 0.02 * n) for n, number in enumerate([70, 71, 5, 72, 6, 73])]
@@ -65,7 +60,7 @@ class SourceGuard:
         else:
             source = Source(arrival, sequence, stamp)
             self._sources.append(source)
-        is_alone = not any(each.is_alive(arrival, beside=source) for each in self._sources if each is not source)
+        is_alone = not any(each.is_confirmed for each in self._sources if each is not source)
         source.is_confirmed = source.is_confirmed or is_alone
         return is_alone
 
