@@ -35,7 +35,8 @@ class SourceGuard:
 
     While two sources send, no message is accepted: which of them is the right one is not known. A source is one from
     its second message on; the first is not accepted while another source sends. So a source that has started again is
-    used once the one before has been silent for SOURCE_HOLD. The middleware cannot decide it: a publisher that was killed stays in its graph for 20 s.
+    used once the one before has been silent for SOURCE_HOLD. The middleware cannot decide it: a publisher that was
+    killed stays in its graph for 20 s.
 
     >>> guard = SourceGuard()
     >>> [guard.accepts(0.02 * n, number, 100 + 0.02 * n) for n, number in enumerate([70, 71, 5, 72, 6, 73])]
