@@ -113,3 +113,14 @@ def test_the_answer_has_the_reason():
     covered = np.round(10 + 5 * np.exp(-((y - 2.4) ** 2 + (x - 2.8) ** 2) / 12), 2)
     found = recogniser.recognise(PatternExtractor().extract(covered))
     assert (found.shape, found.reason, found.is_evidence) == (Shape.UNKNOWN, UnknownReason.COVERS_PAD, False)
+
+
+def test_a_first_frame_without_a_taxel_near_0_is_not_taken_for_an_empty_pad():
+    recogniser, rng = make_recogniser(), np.random.default_rng(3)
+    unlike = rng.normal(15.0, 1.5, (6, 6))
+    extractor = PatternExtractor()
+    first = recogniser.recognise(extractor.extract(unlike))
+    assert (first.shape, first.reason) == (Shape.UNKNOWN, UnknownReason.COVERS_PAD)
+    at_rest = extractor.extract(rng.normal(15.0, 1.5, (6, 6)))  # the first frame showed what this array reads at rest
+    assert recogniser.recognise(at_rest).shape is Shape.NONE
+    assert recogniser.recognise(PatternExtractor().extract(rng.normal(0.0, 1.5, (6, 6)))).shape is Shape.NONE

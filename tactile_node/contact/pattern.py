@@ -37,7 +37,8 @@ class ContactPattern(NamedTuple):
     saturated: np.ndarray   #: bool, taxels at the end of their range: their value is a lower bound
     unmapped: np.ndarray    #: bool, places without a taxel: no part of the pad, as what lies beyond its edge
     noise: np.ndarray       #: float, standard deviation of each taxel at rest [unit of the values]; NaN: not known
-    #: no contact stands out of a small array, but neighbours read alike: an object may cover most of it
+    #: no contact stands out of a small array, but neighbours read alike, or all read above 0 and no earlier frame shows
+    #: what they read at rest: an object may cover most of it
     is_covered: bool = False
     is_left_over: bool = False  #: all that is pressed is left over: what remains of a contact, however small, is held
 
@@ -121,6 +122,7 @@ class PatternExtractor:
         valid = np.abs(numbers) < HIGHEST_VALUE
         missing = _taxels(unmapped, frame.shape, 'unmapped')
         hidden = ~(valid | missing)
+        is_first = self._floor.is_new
         found = self._found(frame, numbers, valid)
         pressed, noise, rest = found.pressed & valid, found.noise, found.rest
         if rest and np.count_nonzero(pressed):
@@ -143,13 +145,13 @@ class PatternExtractor:
             labels[mask] = 1
         else:
             mask = pressed.copy()
+        may_cover = self._is_free and not contacts and frame.dtype != bool and frame.size <= SMALL_ARRAY
         return ContactPattern(
             mask=read_only(mask), values=read_only(np.where(valid, numbers, np.nan)), contacts=contacts,
             labels=read_only(labels), sizes=tuple(np.bincount(labels.reshape(-1))[1:].tolist()),
             hidden=read_only(hidden), saturated=read_only(_taxels(saturated, frame.shape, 'saturated') & valid),
             unmapped=read_only(missing), noise=noise,
-            is_covered=self._is_free and not contacts and frame.dtype != bool and frame.size <= SMALL_ARRAY
-            and bool(valid.all()) and are_alike(numbers),
+            is_covered=may_cover and bool(valid.all()) and (are_alike(numbers) or is_first and _are_raised(numbers)),
             is_left_over=is_left and not contacts)
 
     def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> '_Found':
@@ -210,6 +212,11 @@ def are_alike(values: np.ndarray) -> bool:
     pairs = pairs / max(np.abs(pairs).max(initial=0.0), np.finfo(float).tiny)  # their squares have a float
     one, other = pairs - pairs.mean(1, keepdims=True)
     return bool(one @ other > ALIKE_CORRELATION * np.sqrt(one @ one * (other @ other)))
+
+
+def _are_raised(values: np.ndarray) -> bool:
+    """Return whether all taxels read above 0, by more than they differ: by what they read at rest, or by a load."""
+    return bool(values.min() > NOISE_SPREADS * values.std())
 
 
 def _are_counts(values: np.ndarray) -> bool:
