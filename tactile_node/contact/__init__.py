@@ -1,1 +1,1 @@
-"""Taxel frame -> contact pattern: which taxels are pressed, together."""
+"""From a taxel frame to a contact pattern: which taxels are pressed, and which of them belong together."""

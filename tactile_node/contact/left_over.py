@@ -1,34 +1,55 @@
-"""Taxels that stay on after the contact they belonged to is gone."""
+"""Left-over taxels: taxels that stay pressed after the contact they belonged to is gone."""
 
 import numpy as np
 
 from tactile_node.contact.neighbours import linked
 from tactile_node.taxel_frame import read_only
 
-REMAINING_SHARE = 1 / 3    #: share of the contact that a taxel belonged to: less is what is left over
-RELEASE_FRAMES = 15  #: frames in which a contact that falls to REMAINING_SHARE of its size is let go; 0.3 s at 50 Hz
-RETURN_GROWTH = 2          #: times what was left over: a contact again
-PIECES_APART = 2          #: taxels between pieces of one contact, at most: silent lines tear it
-LEAST_COMPACTNESS = 0.62  #: fraction of a contact's sides in common; what is left over, or by chance, is ragged
-IDLE_FRAMES = 25     #: frames without being pressed after which a taxel begins again: some flicker
+REMAINING_SHARE = 1 / 3  #: A group can be left over if it has at most this share of the taxels of its former contact.
+#: Time in which a contact has to shrink to REMAINING_SHARE to count as released [frames]; 0.3 s at 50 Hz.
+RELEASE_FRAMES = 15
+RETURN_GROWTH = 2  #: Factor by which a left-over group has to grow to count as a contact again.
+PIECES_APART = 2   #: Largest gap between pieces of one contact [taxels]; silent lines tear a contact into pieces.
+#: Smallest share of taxel sides that the taxels of a contact have in common. Left-over and random groups are ragged and
+#: have less.
+LEAST_COMPACTNESS = 0.62
+#: Time without being pressed after which the history of a taxel is forgotten [frames]; some taxels flicker.
+IDLE_FRAMES = 25
 
 
 class LeftOver:
-    """Finds the pressed taxels of a pad that stay on while their surroundings come and go.
+    """Finds the left-over taxels of a pad in successive frames.
 
-    A taxel is left over while it is pressed in a group of at most a third of the taxels of the largest contact that it
-    belonged to, pieces close to each other taken as one, if the group is ragged, or if all of it fell so low within
-    RELEASE_FRAMES: an object that leaves more slowly is followed. A contact that reaches it again clears it, and so
-    does a fallen group that grows. Nothing is known of a taxel that was on from the first frame.
+    A pressed taxel is left over if its group is much smaller than the contact to which the taxel belonged before, and
+    if the group also looks like a remainder:
+
+    - The group has at most a third (REMAINING_SHARE) of the taxels of the largest contact that the taxel belonged to.
+      Pieces close to each other count as one group.
+    - The group is ragged, or all of it shrank to that size within RELEASE_FRAMES. An object that leaves more slowly
+      stays a contact.
+
+    Left-over taxels become a contact again when a contact reaches them, or when a group that shrank grows by
+    RETURN_GROWTH. If a taxel was pressed from the first frame on, its earlier contact is not known, so it cannot be
+    found left over.
     """
 
     def __init__(self) -> None:
         self._largest = self._recent = self._idle = self._since = self._left = np.zeros((0, 0))
 
     def update(self, pressed: np.ndarray, is_one: bool = False) -> np.ndarray:
-        """Return the taxels left over, bool (rows, cols), of successive frames ``pressed``.
+        """Return the left-over taxels after one more frame.
 
-        ``is_one``: they are known to be one group, which spares the search.
+        Parameters
+        ----------
+        pressed : np.ndarray
+            Pressed taxels of the frame, bool (rows, cols).
+        is_one : bool
+            True if the caller knows that ``pressed`` is a single group. The search for groups is then skipped.
+
+        Returns
+        -------
+        np.ndarray
+            Left-over taxels, bool (rows, cols), read-only.
         """
         if self._largest.shape != pressed.shape:
             self._largest, self._recent, self._idle, self._since, self._left = np.zeros((5, *pressed.shape))
@@ -52,13 +73,19 @@ class LeftOver:
         return self._left
 
     def keep_only_left_over(self) -> None:
-        """Forget all but the taxels left over now: a contact that new thresholds make smaller has not been let go."""
+        """Forget all contacts but the current left-over taxels.
+
+        Call this when thresholds change: a contact that new thresholds make smaller has not been released.
+        """
         self._largest = self._largest * self._left
         self._recent = self._recent * self._left
 
 
 def _sizes(pressed: np.ndarray, groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the size of each group and whether it is ragged; 0 and False of number 0."""
+    """Return the size of each group, and an array that is True for each ragged group.
+
+    Group 0, the taxels of no group, has size 0 and is not ragged.
+    """
     count = int(groups.max()) + 1
     sizes = np.bincount(groups.reshape(-1), minlength=count)
     down, along = pressed[1:] & pressed[:-1], pressed[:, 1:] & pressed[:, :-1]

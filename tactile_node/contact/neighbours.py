@@ -1,4 +1,4 @@
-"""The taxels around each one, and how much of a pad is seen: a few whole-array operations."""
+"""Neighbourhoods of taxels, and whether a pad is seen, as a few whole-array operations."""
 
 import numpy as np
 from scipy import ndimage
@@ -10,11 +10,27 @@ EIGHT_CONNECTED = read_only(np.ones((3, 3), bool))
 
 
 def pad_seen(hidden: np.ndarray, unmapped: np.ndarray, smallest_contact: int = SMALLEST_CONTACT) -> bool:
-    """Return whether no 8-connected group of ``hidden`` taxels has room for ``smallest_contact`` taxels.
+    """Return True if no group of connected hidden taxels has room for a contact.
 
-    A line is a contact, too: one lost TPDO of eight taxels in a row can hide a bar. A pad without any visible taxel is
-    not seen.
+    A line of taxels can be a contact, too: one lost TPDO that carries eight taxels of a row can hide a bar. A pad
+    without any visible taxel is not seen.
 
+    Parameters
+    ----------
+    hidden : np.ndarray
+        Taxels of the pad without a valid value, bool (rows, cols).
+    unmapped : np.ndarray
+        Places without a taxel, bool (rows, cols).
+    smallest_contact : int
+        Size of the smallest contact that is reported [taxels].
+
+    Returns
+    -------
+    bool
+        True if each 8-connected group of hidden taxels has fewer than ``smallest_contact`` taxels.
+
+    Examples
+    --------
     >>> hidden = np.zeros((4, 4), bool)
     >>> hidden[1, :3] = True
     >>> pad_seen(hidden, np.zeros((4, 4), bool)), pad_seen(hidden, np.zeros((4, 4), bool), smallest_contact=3)
@@ -26,7 +42,10 @@ def pad_seen(hidden: np.ndarray, unmapped: np.ndarray, smallest_contact: int = S
 
 
 def largest_group(taxels: np.ndarray, reaching: np.ndarray | None = None) -> int:
-    """Return the size of the largest 8-connected group of ``taxels`` that has one of ``reaching``; 0 without any."""
+    """Return the size of the largest 8-connected group of ``taxels`` that shares a taxel with ``reaching``, or 0.
+
+    With ``reaching`` None, every group counts.
+    """
     if not taxels.any():
         return 0
     labels, _ = ndimage.label(taxels, EIGHT_CONNECTED)
@@ -37,7 +56,7 @@ def largest_group(taxels: np.ndarray, reaching: np.ndarray | None = None) -> int
 
 
 def grown(mask: np.ndarray) -> np.ndarray:
-    """Return ``mask``, bool (rows, cols), and its 8 neighbours.
+    """Return ``mask``, bool (rows, cols), extended by the 8 neighbours of each of its taxels.
 
     >>> grown(np.array([[True, False, False]])).tolist()
     [[True, True, False]]
@@ -51,7 +70,7 @@ def grown(mask: np.ndarray) -> np.ndarray:
 
 
 def framed(taxels: np.ndarray) -> np.ndarray:
-    """Return ``taxels`` with a row or column of zeros on each side: `numpy.pad` in a fifth of its time.
+    """Return ``taxels`` with a row or column of zeros added on each side; five times as fast as `numpy.pad`.
 
     >>> framed(np.array([[7]])).tolist()
     [[0, 0, 0], [0, 7, 0], [0, 0, 0]]
@@ -63,7 +82,9 @@ def framed(taxels: np.ndarray) -> np.ndarray:
 
 
 def enclosed(mask: np.ndarray) -> np.ndarray:
-    """Return the taxels with ``mask``, bool (rows, cols), on both sides in their row or column, 2 taxels away or less.
+    """Return the taxels between two taxels of ``mask`` in their row or column, each at most 2 taxels away.
+
+    ``mask`` and the result are bool (rows, cols).
 
     >>> enclosed(np.array([[True, False, False, True, False, False, False, True]]))[0].nonzero()[0].tolist()
     [1, 2, 5]
@@ -79,10 +100,23 @@ def _enclosed_along_rows(mask: np.ndarray) -> np.ndarray:
 
 
 def box_of(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
-    """Return the rows and columns of the least box around the taxels of ``mask``, bool (rows, cols) with one at least.
+    """Return the smallest box of rows and columns that contains all taxels of ``mask``.
 
-    With ``margin`` more rows and columns on each side, as far as there are any before the first.
+    Parameters
+    ----------
+    mask : np.ndarray
+        bool (rows, cols), with at least one taxel set.
+    margin : int
+        Number of rows and columns to add on each side. The box never begins before row or column 0, but it may end
+        beyond the last one, where numpy cuts a slice.
 
+    Returns
+    -------
+    tuple of slice
+        Rows and columns of the box.
+
+    Examples
+    --------
     >>> box_of(np.eye(4, dtype=bool)[:, 1:])
     (slice(1, 4, None), slice(0, 3, None))
     """
@@ -92,7 +126,7 @@ def box_of(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
 
 
 def touches_edge(mask: np.ndarray) -> bool:
-    """Return whether a taxel of ``mask``, bool (rows, cols), is in the first or last row or column.
+    """Return True if ``mask``, bool (rows, cols), has a taxel in the first or last row or column.
 
     >>> touches_edge(np.pad(np.ones((2, 2), bool), 1)), touches_edge(np.eye(3, dtype=bool))
     (False, True)
@@ -111,7 +145,9 @@ def sides_reached(mask: np.ndarray) -> SkinSide:
 
 
 def sum_around(values: np.ndarray) -> np.ndarray:
-    """Return the sum over each taxel and its 8 neighbours, of numbers or bool (rows, cols); nothing beyond the edge.
+    """Return for each taxel the sum of its value and the values of its 8 neighbours, float (rows, cols).
+
+    ``values`` are numbers or bool. There is nothing to add beyond the edge of the pad.
 
     >>> sum_around(np.array([[1.0, 2.0, 4.0]])).tolist()
     [[3.0, 7.0, 6.0]]
@@ -126,7 +162,7 @@ def sum_around(values: np.ndarray) -> np.ndarray:
 
 
 def reached(start: np.ndarray, taxels: np.ndarray) -> np.ndarray:
-    """Return the groups of ``taxels`` that ``start`` is a part of, all bool (rows, cols).
+    """Return the groups of ``taxels`` that share a taxel with ``start``; all arrays are bool (rows, cols).
 
     >>> reached(np.array([[True, False, False, False]]), np.array([[True, True, False, True]]))[0].tolist()
     [True, True, False, False]
@@ -138,8 +174,22 @@ def reached(start: np.ndarray, taxels: np.ndarray) -> np.ndarray:
 
 
 def linked(taxels: np.ndarray, between: int) -> np.ndarray:
-    """Number the groups of ``taxels``, bool (rows, cols), with at most so many others ``between`` neighbours; 0: none.
+    """Number the groups of taxels, where a small gap does not separate two groups.
 
+    Parameters
+    ----------
+    taxels : np.ndarray
+        bool (rows, cols).
+    between : int
+        Largest number of other taxels between two neighbours of the same group.
+
+    Returns
+    -------
+    np.ndarray
+        Group number of each taxel, int (rows, cols). Taxels of no group have 0; taxels in the gaps may have a number.
+
+    Examples
+    --------
     >>> linked(np.array([[True, False, True, False, False, True]]), 1)[0, [0, 2, 5]].tolist()
     [1, 1, 2]
     """

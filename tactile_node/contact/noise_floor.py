@@ -1,4 +1,4 @@
-"""The noise and the rest of each taxel, learned frame by frame while nothing presses it."""
+"""The level and the noise of each taxel at rest, learned frame by frame while nothing presses the taxel."""
 
 from math import sqrt
 from typing import NamedTuple
@@ -8,25 +8,34 @@ import numpy as np
 from tactile_node.contact.neighbours import grown, sum_around
 from tactile_node.taxel_frame import read_only
 
-FEWEST_TAXELS = 8       #: taxels that show a level
-RESTING_SHARE = 0.25   #: part of the visible taxels that has to rest; an object may cover the others
-TAKEN_SPREADS = 2.5    #: standard deviations of those taken within which a taxel is taken, too: a light contact is near
-#: of normal values this leaves out the upper 1 %: the mean of the others is so many of their standard
+FEWEST_TAXELS = 8     #: Smallest number of taxels that can show a level.
+RESTING_SHARE = 0.25  #: Share of the visible taxels that has to rest; an object may cover the others.
+#: A taxel counts as resting up to this many standard deviations above the mean of the resting taxels. The limit is low
+#: because the readings of a light contact begin near it.
+TAKEN_SPREADS = 2.5
+#: The limit above leaves out the upper 1 % of normally distributed values. The mean of the remaining values is too low
+#: by this many of their standard deviations.
 CLIPPED_SHIFT = 0.023
-CLIPPED_WIDTH = 0.972  #: deviations too low, and these are by this factor too small
-FAR_DISTANCES = 10.0  #: distances of the lowest quarter from the lowest eighth below that; of normal values 5 at most
-MANY_VALUES = 64         #: values whose eighth and quarter show a distance
-MOST_ROUNDS = 12      #: in practice 3 to 6
+CLIPPED_WIDTH = 0.972  #: The same limit makes the standard deviation too small by this factor.
+#: Values are far below the others if they lie this many times the distance between the first quartile and the first
+#: octile below the first octile. Normally distributed values reach at most 5.
+FAR_DISTANCES = 10.0
+MANY_VALUES = 64  #: Smallest number of values whose octile and quartile are reliable.
+MOST_ROUNDS = 12  #: Limit of the iteration; in practice it takes 3 to 6 rounds.
 
 
 class Resting(NamedTuple):
-    """``level`` and ``deviation`` (standard deviation over the taxels), in the unit of the values; NaN: not known."""
+    """Level of the taxels at rest and standard deviation over these taxels, in the unit of the values.
+
+    Both are NaN if they are not known.
+    """
 
     level: float
     deviation: float
 
     @property
     def is_known(self) -> bool:
+        """True if level and deviation are numbers."""
         return self.level == self.level
 
 
@@ -34,14 +43,31 @@ UNKNOWN_REST = Resting(float('nan'), float('nan'))
 
 
 def resting_of(values: np.ndarray) -> Resting:
-    """Return level and noise of the taxels at rest among the visible ``values``, finite, of any shape.
+    """Return level and noise of those taxels that rest.
 
-    The lowest quarter is taken to rest, then all that is no farther above the mean of those taken than 2.5 standard
-    deviations, until nothing changes (sigma clipping from below; both are then corrected as for normal values). Of
-    noise below the resolution the deviation is 0. Of 64 values or more, up to an eighth may lie far below the others,
-    as of taxels that lost their offset: they are left out. Values in whole steps are taken up to one step farther, for
-    there are none between. UNKNOWN_REST for fewer than 8 values.
+    The function clips outliers from above (one-sided sigma clipping). It begins with the lowest quarter of the values.
+    It then adds all values up to 2.5 standard deviations above the mean of the values taken so far, until nothing
+    changes. Level and deviation are corrected for the clipping as for normally distributed values.
 
+    Parameters
+    ----------
+    values : np.ndarray
+        Values of the visible taxels, finite, of any shape.
+
+    Returns
+    -------
+    Resting
+        Level and standard deviation in the unit of ``values``; UNKNOWN_REST for fewer than 8 values. The deviation is 0
+        if the noise is below the resolution of the values.
+
+    Notes
+    -----
+    Among 64 values or more, up to an eighth may lie far below the others, as when taxels have lost their offset. These
+    values are left out. If the values come in whole steps, the limit is one step higher, because there are no values in
+    between.
+
+    Examples
+    --------
     >>> resting_of(np.array([4.0, 5.0, 6.0] * 20 + [50.0] * 20)).level
     4.0
     """
@@ -53,7 +79,7 @@ def resting_of(values: np.ndarray) -> Resting:
     ordered = ordered[_far_below(ordered):]
     count = ordered.size
     origin = float(ordered[0])
-    offset = ordered - origin  # sums of squares of small numbers
+    offset = ordered - origin  # small numbers keep the sums of squares precise
     sums, squares = offset.cumsum(), (offset * offset).cumsum()
     taken = max(int(RESTING_SHARE * count), 1)
     step = _step(offset[:taken])
@@ -69,7 +95,10 @@ def resting_of(values: np.ndarray) -> Resting:
 
 
 def _far_below(ordered: np.ndarray) -> int:
-    """Return how many of the values, sorted, lie far below all others; of equal ones the next step is the distance."""
+    """Return how many of the sorted values lie far below all others.
+
+    If the first octile and the first quartile are equal, the distance to the next larger value replaces theirs.
+    """
     if ordered.size < MANY_VALUES:
         return 0
     eighth = ordered.item(ordered.size // 8)
@@ -82,54 +111,80 @@ def _far_below(ordered: np.ndarray) -> int:
 
 
 def _step(ordered: np.ndarray) -> float:
-    """Return the resolution of values, sorted, of which at most a quarter differ; 0 of others, and where none do."""
+    """Return the smallest gap between sorted values that come in steps, or 0 if they do not.
+
+    Values come in steps if fewer than a quarter of the neighbours differ, but some do.
+    """
     gaps = ordered[1:] - ordered[:-1]
     gaps = gaps[gaps > 0]
     return float(gaps.min()) if 0 < 4 * len(gaps) < len(ordered) else 0.0
 
 
-LEARNED_FRAMES = 25    #: frames at rest from which on a taxel's own noise counts
-REMEMBERED_FRAMES = 500      #: frames at rest that it is the mean of, 10 s at 50 Hz
-LOUDEST_RATIO = 4.0         #: x the noise of the pad: what reads more is a contact or a fault, not noise
-OUTLYING_SPREADS = 2.0        #: standard deviations that one frame counts at most
-TOGETHER_SPREADS = 9.0        #: standard deviations by which 3x3 taxels rise together where a contact grows slowly
-FOLLOWED_RISE = 0.1        #: standard deviations that the level at rest rises in a frame
-LOUDER_RATIO = 2.0          #: x the noise before something pressed
-COVERED_SCATTER = 0.5         #: share of the noise: the level of resting taxels varies less, that of a covered pad more
+LEARNED_FRAMES = 25      #: Number of frames at rest after which a taxel's own noise is used.
+REMEMBERED_FRAMES = 500  #: Number of frames at rest over which the noise is averaged; 10 s at 50 Hz.
+#: Highest noise of a taxel relative to the noise of the pad. Higher readings come from a contact or a fault, not from
+#: noise.
+LOUDEST_RATIO = 4.0
+#: A reading counts as at most this many standard deviations away from the level, so that one outlier changes little.
+OUTLYING_SPREADS = 2.0
+#: If the sum of 3x3 taxels rises by more than this many standard deviations, they rise together, as under a slowly
+#: growing contact.
+TOGETHER_SPREADS = 9.0
+FOLLOWED_RISE = 0.1  #: Largest rise of the level at rest in one frame [standard deviations].
+LOUDER_RATIO = 2.0   #: Highest noise during a touch, relative to the noise before the touch.
+#: Share of the frame's deviation by which the level at rest may rise from frame to frame. The level of a pad that an
+#: object covers rises by more.
+COVERED_SCATTER = 0.5
 
 
 class NoiseFloor:
-    """Level and noise at rest of the taxels of one pad, from frame to frame; values are of any one unit.
+    """Level and noise at rest of the taxels of one pad, followed from frame to frame, in the unit of the values.
 
-    A taxel's noise is the root mean square of its readings about the level at rest, its own offset included, and at
-    least the noise over the resting taxels of the frame. It is not learned where taxels rise together: a contact that
-    grows slowly must not become noise. Until a taxel has rested for LEARNED_FRAMES frames, the frame's noise counts, as
-    with an object that is held from the start.
+    The noise of a taxel is the root mean square of its readings about the level at rest. It includes the taxel's own
+    offset and is at least the noise over the resting taxels of the frame. The noise is not learned where taxels rise
+    together, because a slowly growing contact must not become noise. Until a taxel has rested for LEARNED_FRAMES
+    frames, the noise of the frame replaces its own. This is the case for an object that is held from the start.
 
-    The level rises slowly and falls at once: where an object comes to cover the whole pad, the lowest taxels are
-    pressed. While something presses, the noise of the frame counts for at most LOUDER_RATIO times that before: a held
-    object must not drown in the noise of a motor. ``highest``: of values that were tared, the level that no pad at rest
-    reaches.
+    The level at rest rises slowly and falls at once. When an object comes to cover the whole pad, even the lowest
+    taxels are pressed, and the level must not rise to their readings. While something presses the pad, the noise is
+    limited to LOUDER_RATIO times the noise before the touch. A held object must not disappear in the noise of a motor.
+
+    Parameters
+    ----------
+    highest : float
+        Level that no pad at rest reaches, for values that were tared; infinite for other values.
     """
 
     def __init__(self, highest: float = np.inf):
         self._highest = highest
-        self.of_frame = UNKNOWN_REST  #: level and deviation at rest, by the latest frame alone
+        self.of_frame = UNKNOWN_REST  #: level and deviation at rest from the latest frame alone
         self._last = Resting(0.0, 0.0)
         self._is_first = True
-        self._quiet = np.inf  # noise of the pad while something presses it, before it became louder
+        self._quiet = np.inf  # noise of the pad when the present touch began; infinite without a touch
         self._is_loud = False
         self._squares = self._frames = np.zeros((0, 0))
 
     @property
     def is_new(self) -> bool:
-        """True until a frame has shown what taxels read at rest."""
+        """True until a frame has shown what the taxels read at rest."""
         return self._is_first
 
     def measure(self, values: np.ndarray, valid: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the level at rest and the noise of each taxel, float (rows, cols), of a frame, ``valid`` where seen.
+        """Return the level at rest and the noise of each taxel for a new frame.
 
-        Both are 0 where nothing is known yet.
+        Parameters
+        ----------
+        values : np.ndarray
+            Taxel values, float (rows, cols).
+        valid : np.ndarray
+            Taxels with a valid value, bool (rows, cols).
+
+        Returns
+        -------
+        level : float
+            Level at rest; 0 as long as it is not known.
+        noise : np.ndarray
+            Standard deviation of each taxel at rest, float (rows, cols), read-only; 0 as long as it is not known.
         """
         self.of_frame = resting_of(values[valid])
         self._last = self._followed(self.of_frame)
@@ -141,9 +196,19 @@ class NoiseFloor:
 
     def learn(self, values: np.ndarray, noise: np.ndarray, at_rest: np.ndarray,
               is_touched: bool = False) -> None:
-        """Learn from the taxels ``at_rest``, bool, of the frame measured last, whose ``noise`` was returned.
+        """Learn the noise from the resting taxels of the frame that `measure` saw last.
 
-        ``is_touched``: whether something presses the pad, as far as noise that has become louder does not decide.
+        Parameters
+        ----------
+        values : np.ndarray
+            Taxel values of that frame, float (rows, cols).
+        noise : np.ndarray
+            Noise that `measure` returned for that frame, float (rows, cols).
+        at_rest : np.ndarray
+            Taxels at rest, bool (rows, cols).
+        is_touched : bool
+            True if something presses the pad. The value is ignored while the noise is above its limit, because the
+            noise may then hide a contact.
         """
         if not self._is_loud:
             self._quiet = min(self._quiet, self._last.deviation) if is_touched else np.inf
@@ -155,15 +220,16 @@ class NoiseFloor:
         self._squares += np.where(quiet, news / np.minimum(np.maximum(self._frames, 1), REMEMBERED_FRAMES), 0.0)
 
     def _followed(self, found: Resting) -> Resting:
-        """Return what is at rest, if anything is."""
+        """Return the new level and deviation at rest, or the previous ones if no taxel rests in this frame."""
         level, deviation = self._last
         limit = self._highest
         if not self._is_first:
             limit = min(limit, level + max(TAKEN_SPREADS * deviation, COVERED_SCATTER * found.deviation))
-        if not found.is_known or found.level > limit:  # covered whole, or nearly so
+        if not found.is_known or found.level > limit:  # an object covers the whole pad, or nearly all of it
             return self._last
         rise = np.inf if self._is_first else FOLLOWED_RISE * found.deviation
         self._is_first = False
-        most = LOUDER_RATIO * self._quiet if self._quiet > 0 else np.inf  # noise below the resolution is not known
+        # Without a limit if the noise before the touch was below the resolution and is therefore not known.
+        most = LOUDER_RATIO * self._quiet if self._quiet > 0 else np.inf
         self._is_loud = found.deviation > most
         return Resting(min(found.level, level + rise), min(found.deviation, most))

@@ -1,4 +1,4 @@
-"""Taxel values -> contact pattern: what is pressed, with hysteresis, then the contacts, the largest first."""
+"""From taxel values to a contact pattern: the pressed taxels, with hysteresis, numbered by contact, largest first."""
 
 from typing import NamedTuple
 
@@ -14,33 +14,39 @@ from tactile_node.contact.standing_out import NOISE_SPREADS, StandingOut, Thresh
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO, read_only
 
-BASELINE_SHARE = 0.1  #: share of what a contact rises above it: less is noise, or the skin's response around a contact
-LEAST_COUNTS = 3.0  #: rise of readings in whole counts: idle ones differ by two
-HIGHEST_VALUE = 1e150    #: magnitude from which on a number is no value, as if infinite: its square has no float
-SMALL_ARRAY = 64  #: taxels of an array that one object may cover, so that too few rest
-#: correlation of neighbours on a pad with a contact; without one, in 20,000 frames, at most 0.4
+#: A level at rest below this share of a contact's rise is ignored: it is noise, or the skin's response around a
+#: contact.
+BASELINE_SHARE = 0.1
+LEAST_COUNTS = 3.0     #: Smallest rise of a contact in whole counts; idle readings differ by up to two counts.
+HIGHEST_VALUE = 1e150  #: A number of this magnitude or more is no valid value, like infinity: its square has no float.
+SMALL_ARRAY = 64       #: Largest number of taxels of an array that one object may cover, so that too few taxels rest.
+#: Smallest correlation of neighbouring taxels on a pad with a contact. Without a contact, 20,000 frames had 0.4 at
+#: most.
 ALIKE_CORRELATION = 0.45
-MOST_LABELS = 255  #: contacts beyond so many have no label
+MOST_LABELS = 255  #: Largest number of contacts with a label of their own.
 
 
 class ContactPattern(NamedTuple):
-    """The taxels pressed together; arrays are read-only, of shape (rows, cols)."""
+    """The contacts that one frame shows. Arrays are read-only, of shape (rows, cols)."""
 
-    mask: np.ndarray    #: bool, the largest contact
-    #: float, the frame's values, NaN where a taxel has no valid one or is left over; of an array without a unit, less
-    #: what its taxels read at rest where that is not about 0, and less the halo of the contacts
+    mask: np.ndarray  #: bool, the taxels of the largest contact
+    #: float, the values of the frame; NaN where a taxel has no valid value or is left over. In an array without a unit,
+    #: the level at rest is subtracted unless it is about 0, and so is the halo of the contacts.
     values: np.ndarray
-    contacts: int       #: number of separate contacts seen on the pad, 0 when it is empty or not seen
-    labels: np.ndarray  #: uint8, the contact that a taxel belongs to: 1 the largest, 2 the next, ...; 0 none
-    sizes: tuple[int, ...]  #: taxels of each label: sizes[0] is that of label 1
-    hidden: np.ndarray      #: bool, taxels of the pad without a valid value, or left over
-    saturated: np.ndarray   #: bool, taxels at the end of their range: their value is a lower bound
-    unmapped: np.ndarray    #: bool, places without a taxel: no part of the pad, as what lies beyond its edge
-    noise: np.ndarray       #: float, standard deviation of each taxel at rest [unit of the values]; NaN: not known
-    #: no contact stands out of a small array, but neighbours read alike, or all read above 0 and no earlier frame shows
-    #: what they read at rest: an object may cover most of it
+    contacts: int  #: number of separate contacts on the pad; 0 if the pad is empty or not seen
+    #: uint8, number of the contact that a taxel belongs to: 1 is the largest contact, 2 the next, ...; 0 is none
+    labels: np.ndarray
+    sizes: tuple[int, ...]  #: number of taxels of each label, beginning with label 1
+    hidden: np.ndarray  #: bool, taxels of the pad without a valid value, and left-over taxels
+    saturated: np.ndarray  #: bool, taxels at the end of their range, whose value is a lower bound
+    unmapped: np.ndarray  #: bool, places without a taxel; like the places beyond the edge, they are no part of the pad
+    noise: np.ndarray  #: float, standard deviation of each taxel at rest [unit of the values]; NaN if it is not known
+    #: True if an object may cover most of a small array, so that no contact stands out. This is assumed if neighbouring
+    #: taxels read alike. It is also assumed if all taxels read above 0 and no earlier frame shows what they read at
+    #: rest.
     is_covered: bool = False
-    is_left_over: bool = False  #: all that is pressed is left over: what remains of a contact, however small, is held
+    #: True if all pressed taxels are left over. The rest of a contact may still be held, however small it is.
+    is_left_over: bool = False
 
     @property
     def may_hide_contact(self) -> bool:
@@ -49,16 +55,25 @@ class ContactPattern(NamedTuple):
 
     @property
     def pad_seen(self) -> bool:
-        """Whether no group of hidden taxels has room for a contact of 4: only then do 0 contacts mean an empty pad.
+        """True if the frame shows enough of the pad for 0 contacts to mean an empty pad.
 
-        A pad on which something is left over is not empty.
+        This requires that no group of hidden taxels has room for a contact of 4 taxels, and that nothing is left over.
         """
         return not self.may_hide_contact and pad_seen(self.hidden, self.unmapped)
 
     @classmethod
     def of(cls, mask: np.ndarray, values: np.ndarray) -> 'ContactPattern':
-        """Return the pattern of one contact ``mask``, bool, or none, of a frame ``values``, both (rows, cols).
+        """Return the pattern of a frame with one contact, or with none.
 
+        Parameters
+        ----------
+        mask : np.ndarray
+            Taxels of the contact, bool (rows, cols).
+        values : np.ndarray
+            Taxel values, float (rows, cols). Taxels with a value that is not finite are hidden.
+
+        Examples
+        --------
         >>> ContactPattern.of(np.array([[True, False]]), np.array([[5.0, np.nan]])).hidden.tolist()
         [[False, True]]
         """
@@ -72,23 +87,30 @@ class ContactPattern(NamedTuple):
 class PatternExtractor:
     """Extracts the contact pattern of successive frames of one pad.
 
-    Pressed is what stands out of the noise, up to where it reads half of its contact's own level (`standing_out`).
-    With ``thresholds`` it is what reaches fixed values: a taxel becomes pressed at the press threshold or above and is
-    released below the release threshold. ``unit`` of the values, 'Pa', 'N' or '1' (on/off, pressed from 0.5 on);
-    None: any. Arrays without a unit of which no value is other than 0 and one more are on/off.
-    A bool frame is itself the pressed taxels.
+    By default a taxel is pressed if it stands out of the noise. A contact ends where its taxels read less than half of
+    its own level (`standing_out`). With ``thresholds``, fixed values decide: a taxel becomes pressed at the press
+    threshold or above and is released below the release threshold. A frame of bool already gives the pressed taxels.
 
-    A taxel without a valid value (NaN, infinite) is not in the pattern, but keeps its hysteresis state for when
-    it is valid again. One exception: invalid taxels fully enclosed by the contact are filled in, for a dead
-    taxel under an object is no hole of the object.
+    An array without a unit is on/off if its values are 0 and at most one other number.
 
-    Taxels that stay on after their contact is gone are hidden (`LeftOver`): they are no contact, and whether something
-    presses there is not known.
+    If a taxel has no valid value (NaN, infinite), it is not in the pattern. It keeps its hysteresis state until it is
+    valid again. There is one exception: the contact also gets the invalid taxels that it fully encloses, because a dead
+    taxel under an object is no hole in the object.
 
-    Pressed taxels that face each other across hidden ones, along a row or a column, are one contact: a row that
-    was not seen tears no contact apart.
+    Taxels that stay pressed after their contact is gone are hidden (`LeftOver`). They are no contact, and whether
+    something presses there is not known.
 
-    With ``largest`` False the mask is every pressed taxel of the pad, not the largest contact alone.
+    If pressed taxels face each other across hidden taxels, along a row or a column, they belong to one contact. A row
+    that was not seen does not tear a contact apart.
+
+    Parameters
+    ----------
+    thresholds : PressThresholds or None
+        Fixed thresholds; None to compare with the noise.
+    unit : str or None
+        Unit of the values: 'Pa', 'N' or '1' (on/off, pressed from 0.5 on); None for any other.
+    largest : bool
+        True if the mask of a pattern is its largest contact; False if it is all pressed taxels of the pad.
     """
 
     def __init__(self, thresholds: PressThresholds | None = None, *, unit: str | None = None, largest: bool = True):
@@ -101,7 +123,7 @@ class PatternExtractor:
         self.set_thresholds(thresholds)
 
     def set_thresholds(self, thresholds: PressThresholds | None) -> None:
-        """Find the contact in progress again by ``thresholds``; the noise floor and the left-over taxels stay."""
+        """Apply new thresholds and forget the pressed taxels; the noise floor and the left-over taxels stay."""
         if thresholds is None and self._is_on_off:
             press = PRESS_BY_UNIT[ON_OFF_UNIT]
             thresholds = PressThresholds(press, RELEASE_RATIO * press)
@@ -112,10 +134,23 @@ class PatternExtractor:
 
     def extract(self, values: ArrayLike, *, saturated: ArrayLike | None = None,
                 unmapped: ArrayLike | None = None) -> ContactPattern:
-        """Return the contact pattern of a frame, real numbers or bool, shape (rows, cols).
+        """Return the contact pattern of a frame.
 
-        ``saturated`` and ``unmapped``: bool, of the same shape, as in ContactPattern; None: no such taxel. A frame of
-        another shape than the one before starts again without a pressed taxel. Raises InputError for anything else.
+        If the frame has another shape than the one before, the extractor starts again without a pressed taxel.
+
+        Parameters
+        ----------
+        values : array_like
+            Taxel values, real numbers or bool, (rows, cols).
+        saturated : array_like or None
+            Taxels at the end of their range, bool (rows, cols); None for no such taxel.
+        unmapped : array_like or None
+            Places without a taxel, bool (rows, cols); None for no such place.
+
+        Raises
+        ------
+        InputError
+            If an argument has another type or shape.
         """
         frame = as_frame(values)
         numbers = frame.astype(float, copy=False)
@@ -133,10 +168,10 @@ class PatternExtractor:
         labels, contacts = number_contacts(pressed, hidden)
         is_one = contacts == 1 and not np.count_nonzero(hidden)
         left = np.zeros(frame.shape, bool)
-        if self._largest:  # a contact is no smaller for what is not seen of it
+        if self._largest:  # hidden taxels that were pressed still count, so that a contact does not seem to shrink
             left = self._left_over.update(pressed | self._before(frame.shape) & hidden, is_one) & valid
         is_left = bool(np.count_nonzero(left))
-        if is_left:  # what they read is no contact, and hides whether there is one
+        if is_left:
             valid = valid & ~left
             hidden = hidden | left
             labels, contacts = number_contacts(pressed & ~left, hidden)
@@ -172,12 +207,12 @@ class PatternExtractor:
         return _Found(pressed, noise if np.count_nonzero(noise) else unknown, level if self._is_free else 0.0, halo)
 
     def _above(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-        """Return what reaches the thresholds; without any, what is not 0."""
+        """Return the taxels that reach the thresholds; without thresholds, the taxels above 0."""
         press = release = float(np.finfo(float).tiny)
         if self._thresholds:
             press, release = self._thresholds.press, self._thresholds.release
         before = self._before(values.shape)
-        # Comparisons with NaN are false, as wanted: neither pressed nor released.
+        # A taxel without a valid value is neither pressed nor released; comparisons with NaN are false.
         pressed = before & ~(valid & (values < release))
         pressed |= valid & (values >= press)
         self._pressed = pressed
@@ -195,37 +230,45 @@ class PatternExtractor:
 
 
 class _Found(NamedTuple):
-    """Pressed taxels of a frame, before they are divided into contacts."""
+    """The pressed taxels of a frame before they are divided into contacts."""
 
-    pressed: np.ndarray  #: bool (rows, cols)
-    noise: np.ndarray    #: float (rows, cols), NaN where it is not known
-    rest: float = 0.0    #: what taxels read at rest; 0 where a unit gives the zero
-    halo: np.ndarray | None = None  #: (rows, cols), of the pressed taxels
+    pressed: np.ndarray             #: bool (rows, cols)
+    noise: np.ndarray               #: float (rows, cols), NaN where it is not known
+    rest: float = 0.0               #: level at rest; 0 for an array with a unit, whose zero is known
+    halo: np.ndarray | None = None  #: (rows, cols), halo of the pressed taxels
 
 
 def are_alike(values: np.ndarray) -> bool:
-    """Return whether neighbouring taxels read alike, as under a contact, where noise does not."""
+    """Return True if neighbouring taxels read alike, as they do under a contact but not in noise."""
     pairs = np.hstack([(values[:, :-1].ravel(), values[:, 1:].ravel()), (values[:-1].ravel(), values[1:].ravel())])
     pairs = pairs[:, np.isfinite(pairs).all(0)]
     if not pairs.size:
         return False
-    pairs = pairs / max(np.abs(pairs).max(initial=0.0), np.finfo(float).tiny)  # their squares have a float
+    pairs = pairs / max(np.abs(pairs).max(initial=0.0), np.finfo(float).tiny)  # so that their squares do not overflow
     one, other = pairs - pairs.mean(1, keepdims=True)
     return bool(one @ other > ALIKE_CORRELATION * np.sqrt(one @ one * (other @ other)))
 
 
 def _are_raised(values: np.ndarray) -> bool:
-    """Return whether all taxels read above 0, by more than they differ: by what they read at rest, or by a load."""
+    """Return True if all taxels read above 0 by more than they differ: by their level at rest, or under a load."""
     return bool(values.min() > NOISE_SPREADS * values.std())
 
 
 def _are_counts(values: np.ndarray) -> bool:
-    """Return whether ``values`` are whole numbers."""
+    """Return True if ``values`` are whole numbers."""
     return bool((values == np.rint(values)).all())
 
 
 def of_contact(pattern: ContactPattern, number: int) -> ContactPattern:
-    """Return ``pattern`` with the contact of label ``number``, and the hidden taxels that it encloses, as its mask."""
+    """Return ``pattern`` with another contact as its mask.
+
+    Parameters
+    ----------
+    pattern : ContactPattern
+        Pattern of a frame.
+    number : int
+        Label of the contact. The mask also gets the hidden taxels that this contact encloses.
+    """
     if number == 1:
         return pattern
     mask = _with_enclosed(pattern.labels == number, ~pattern.hidden)
@@ -233,10 +276,24 @@ def of_contact(pattern: ContactPattern, number: int) -> ContactPattern:
 
 
 def number_contacts(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return the contact of each taxel, uint8, 1 the largest, 0 none, and the number of contacts.
+    """Number the contacts of a frame by size.
 
-    A contact is 8-connected; hidden taxels with pressed ones on both sides of their row or column connect. Of equally
-    large contacts the first in row-major order comes first; those after MOST_LABELS are counted and have no label.
+    A contact is a group of 8-connected taxels. Hidden taxels connect the pressed taxels on both sides of them in a row
+    or column. Among equally large contacts, the first in row-major order comes first.
+
+    Parameters
+    ----------
+    pressed : np.ndarray
+        Pressed taxels, bool (rows, cols).
+    hidden : np.ndarray
+        Taxels of the pad without a valid value, bool (rows, cols).
+
+    Returns
+    -------
+    labels : np.ndarray
+        Number of the contact that each taxel belongs to, uint8 (rows, cols): 1 for the largest, 0 for none.
+    contacts : int
+        Number of contacts. Contacts after MOST_LABELS are counted but have no label.
     """
     connected = pressed | between(pressed, hidden) if np.count_nonzero(hidden) else pressed
     found, contacts = ndimage.label(connected, EIGHT_CONNECTED)
@@ -251,15 +308,29 @@ def number_contacts(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray
 
 
 def between(pressed: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Return the ``hidden`` taxels of a row or column between two ``pressed`` ones, with only hidden others."""
+    """Return the ``hidden`` taxels that lie between two ``pressed`` ones in a row or column.
+
+    Only other hidden taxels may lie in between.
+    """
     left, right, below, above = in_line(pressed, hidden)
     return left & right | below & above
 
 
 def in_line(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the ``hidden`` taxels whose next taxel that is not hidden is ``pressed``, by the direction of that one.
+    """Return the hidden taxels that follow a pressed taxel, or other hidden taxels that do, in one of four directions.
 
-    Towards lower and higher columns, lower and higher rows.
+    Parameters
+    ----------
+    pressed : np.ndarray
+        Pressed taxels, bool (rows, cols).
+    hidden : np.ndarray
+        Taxels of the pad without a valid value, bool (rows, cols).
+
+    Returns
+    -------
+    tuple of np.ndarray
+        Four arrays, bool (rows, cols): hidden taxels whose next taxel that is not hidden is pressed, looking towards
+        lower columns, higher columns, lower rows and higher rows.
     """
     below, above = _in_line_along_rows(pressed.T, hidden.T)
     return *_in_line_along_rows(pressed, hidden), below.T, above.T
@@ -275,7 +346,7 @@ def _in_line_along_rows(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.nda
 
 
 def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """Add the groups of invalid taxels with only taxels of ``mask`` around them; the pad's edge is open."""
+    """Return ``mask`` with the groups of invalid taxels that it encloses; groups at the pad's edge are not enclosed."""
     if np.count_nonzero(valid) == valid.size:
         return mask
     labels, count = ndimage.label(np.pad(~valid, 1), EIGHT_CONNECTED)
@@ -287,9 +358,12 @@ def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
 
 
 def as_frame(values: ArrayLike) -> np.ndarray:
-    """Return ``values`` as a frame, bool or float, shape (rows, cols); the masked taxels of a masked array are NaN.
+    """Return ``values`` as a frame, bool or float (rows, cols); the masked taxels of a masked array become NaN.
 
-    Raises InputError for anything but real numbers or bool of two dimensions, with at least one taxel.
+    Raises
+    ------
+    InputError
+        If ``values`` are not real numbers or bool, do not have two dimensions, or have no taxel.
     """
     try:
         frame = np.ma.filled(np.ma.asarray(values, float), np.nan) if np.ma.is_masked(values) else np.asarray(values)
@@ -301,7 +375,7 @@ def as_frame(values: ArrayLike) -> np.ndarray:
 
 
 def _taxels(given: ArrayLike | None, shape: tuple[int, ...], name: str) -> np.ndarray:
-    """Return the taxels of ``given``, none where it is None; always a new array."""
+    """Return ``given`` as a new array; no taxel is set if ``given`` is None."""
     if given is None:
         return np.zeros(shape, bool)
     taxels = np.array(given)

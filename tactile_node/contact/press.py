@@ -1,4 +1,4 @@
-"""From which value on a taxel is pressed, and below which it is released; whether taxels are on/off."""
+"""Press and release thresholds of taxels, and on/off taxels."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from tactile_node.errors import ConfigurationError
 
 
 def are_on_off(values: np.ndarray) -> bool:
-    """Return whether all ``values``, finite or NaN (no valid value), are 0 or one other number above it.
+    """Return True if all ``values`` are 0 or one other number above 0; NaN (no valid value) does not count.
 
     >>> are_on_off(np.array([0.0, 5.0, np.nan])), are_on_off(np.array([0.0, 5.0, 2.0]))
     (True, False)
@@ -18,17 +18,26 @@ def are_on_off(values: np.ndarray) -> bool:
     return bool(count == values.size or count + np.count_nonzero(np.isnan(values)) == values.size)
 
 
-#: Thresholds of arrays without a unit, as fractions of the full scale.
-PRESS_FRACTION = 0.3
-RELEASE_FRACTION = 0.2
-SMALLEST_CONTACT = 4  #: taxels of the smallest contact that is reported
+PRESS_FRACTION = 0.3    #: Press threshold of an array without a unit, as a fraction of the full scale.
+RELEASE_FRACTION = 0.2  #: Release threshold of an array without a unit, as a fraction of the full scale.
+SMALLEST_CONTACT = 4    #: Number of taxels of the smallest contact that is reported.
 
 
 @dataclass(frozen=True)
 class PressThresholds:
-    """A taxel is pressed at ``press`` or above and is released below ``release``, in the unit of its values.
+    """Fixed thresholds: a taxel becomes pressed at ``press`` or above and is released below ``release``.
 
-    Raises ConfigurationError unless 0 < release <= press, press finite.
+    Parameters
+    ----------
+    press : float
+        Press threshold in the unit of the taxel values, finite.
+    release : float
+        Release threshold in the unit of the taxel values, at most ``press``.
+
+    Raises
+    ------
+    ConfigurationError
+        Unless 0 < release <= press < infinity.
     """
 
     press: float
@@ -37,21 +46,36 @@ class PressThresholds:
     def __post_init__(self) -> None:
         try:
             is_usable = bool(0 < self.release <= self.press < np.inf)
-        except (TypeError, ValueError):  # no numbers
+        except (TypeError, ValueError):  # press or release is no number
             is_usable = False
         if not is_usable:
             raise ConfigurationError(
                 'press and release thresholds', expected='0 < release <= press, finite',
                 got=f'press {self.press}, release {self.release}',
-                remedy='Give both in the unit of the taxel values, release a little lower than press.')
+                remedy='Give both in the unit of the taxel values, with release a little lower than press.')
 
     @classmethod
     def of_full_scale(cls, full_scale: float, press: float = PRESS_FRACTION,
                       release: float | None = None) -> 'PressThresholds':
-        """Return thresholds that are fractions of ``full_scale``.
+        """Return thresholds that are fractions of the full scale.
 
-        ``release`` None: RELEASE_FRACTION, or ``press`` where that is lower. Raises ConfigurationError.
+        Parameters
+        ----------
+        full_scale : float
+            Highest value that a taxel can read.
+        press : float
+            Press threshold as a fraction of ``full_scale``.
+        release : float or None
+            Release threshold as a fraction of ``full_scale``; None for RELEASE_FRACTION, or for ``press`` if that is
+            lower.
 
+        Raises
+        ------
+        ConfigurationError
+            Unless 0 < release <= press and both thresholds are finite.
+
+        Examples
+        --------
         >>> PressThresholds.of_full_scale(100.0)
         PressThresholds(press=30.0, release=20.0)
         """

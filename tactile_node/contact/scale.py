@@ -1,4 +1,4 @@
-"""Whether readings can be of their unit: counts and fractions of full scale are easily passed as pascal."""
+"""Check that readings are in their unit: counts and fractions of full scale are easily passed as pascal."""
 
 import numpy as np
 
@@ -7,19 +7,42 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT
 
-LOW_SHARE = 0.2   #: share of the least reading of a unit that counts: no skin shows a contact there in steps of 1 Pa
-NO_SKIN_SHARE = 1e-3    #: share below which no skin shows a contact there in any steps
+#: A contact below this share of the smallest contact of its unit (LEAST_BY_UNIT) is suspect. No skin shows a contact
+#: there in steps of 1 Pa.
+LOW_SHARE = 0.2
+#: Below this share of the smallest contact of its unit, no skin shows a contact, whatever its steps.
+NO_SKIN_SHARE = 1e-3
 
 
 class UnitScale:
-    """Follows one pad until a reading is high enough for ``unit``; below ``most`` of that a contact is an error."""
+    """Checks the readings of one pad until a reading is as high as the smallest contact of the unit (LEAST_BY_UNIT).
+
+    Parameters
+    ----------
+    unit : str or None
+        Unit of the readings; None for none, then nothing is checked.
+    most : float
+        Share of the smallest contact of the unit below which a contact is an error.
+    """
 
     def __init__(self, unit: str | None, most: float = LOW_SHARE):
         self.unit, self._most = unit, most
         self._least = LEAST_BY_UNIT.get(unit or '', 0.0)
 
     def doubt(self, frame: np.ndarray) -> InputError | None:
-        """Return what is wrong where ``frame``, bool or float, shows a contact too low for the unit, in steps of 1."""
+        """Return the error if a frame shows a contact that is too low for the unit, or None.
+
+        Parameters
+        ----------
+        frame : np.ndarray
+            Taxel values, bool or float (rows, cols). A frame of bool is never in doubt.
+
+        Returns
+        -------
+        InputError or None
+            The error, to be raised or reported. Contacts above NO_SKIN_SHARE are in doubt only if the readings are
+            whole numbers or on/off.
+        """
         readings = frame[np.isfinite(frame)]
         largest = np.max(readings, initial=0.0)
         if frame.dtype == bool or largest >= self._least:
@@ -32,11 +55,11 @@ class UnitScale:
         if not found.contacts or not are_alike(found.values):
             return None
         return InputError('taxel values', expected=f'contacts of {self._least:g} {self.unit} or more',
-                          got=f'one of at most {largest:g}, as of counts or fractions of full scale',
-                          remedy='Give counts no unit, or convert them; in a layout correct unit and scale.')
+                          got=f'a contact of at most {largest:g}, which looks like counts or fractions of full scale',
+                          remedy='Give counts no unit, or convert them. In a layout, correct unit and scale.')
 
 
 def _have_step_1(readings: np.ndarray) -> bool:
-    """Return whether ``readings`` are whole numbers with no common step but 1, or on/off."""
+    """Return True if ``readings`` are on/off, or whole numbers with no common step but 1."""
     whole = np.rint(readings).clip(-1e6, 1e6)
     return bool((whole == readings).all() and (np.gcd.reduce(whole.astype(int)) == 1 or are_on_off(readings)))

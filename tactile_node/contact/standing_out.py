@@ -1,9 +1,12 @@
-"""Which taxels stand out of the noise, and where a contact ends: relative to the noise and to the contact's own level.
+"""Find the taxels that stand out of the noise, and the outline of each contact.
 
-Grips are light: a fixed fraction of the full scale misses most of them. Under a flat indenter the normal stress in the
-skin is half of the indenter's pressure at its edge, at any depth (Boussinesq, a loaded half-plane), so a contact's
-outline is where its taxels read half of what they read inside. Taxels differ in gain and real objects press unevenly:
-what reads less between pressed taxels is pressed, too, while it is more than the skin's response.
+Grips are light, so a fixed fraction of the full scale misses most of them. This module compares a taxel with the noise
+and with the level of its own contact. Under a flat indenter, the normal stress in the skin at the indenter's edge is
+half of the indenter's pressure, at any depth (Boussinesq, a loaded half-plane). The outline of a contact is therefore
+where its taxels read half of what they read inside.
+
+Taxels differ in gain, and real objects press unevenly. A taxel between pressed taxels is therefore pressed, too, if it
+reads less than half but more than the skin's response beside a contact.
 """
 
 from typing import NamedTuple
@@ -14,42 +17,60 @@ from scipy import ndimage
 from tactile_node.contact.halo import halo_of
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, enclosed, grown
 
-OUTLINE_SHARE = 0.5      #: share of the local level
-NOISE_SPREADS = 3.0        #: standard deviations that a taxel of a contact is above the level at rest
-KEPT_SHARE = 0.85        #: share of both: what is pressed stays so down to here
-ALONE_SPREADS = 6.0        #: standard deviations of a group of fewer than GROUP_TAXELS taxels: noise makes groups, too
-GROUP_TAXELS = 4          #: taxels at NOISE_SPREADS that noise does not make (once in 20,000 frames of 256 taxels)
-HALO_SHARE = 0.25  #: of the highest reading within HALO_REACH taxels: less is the skin's response beside a contact
-HALO_REACH = 3
-BETWEEN_SHARE = 0.2      #: of the highest level within HALO_REACH taxels: less between pressed ones parts two contacts
-MOST_SPECKS = 2         #: groups of fewer than GROUP_TAXELS taxels that a contact whose taxels differ in gain sheds
-PLANE_TAXELS = 12    #: taxels that show a tilt
-STEEPEST_TILT = 0.5     #: the plane of the local level changes by at most so much of its mean
+OUTLINE_SHARE = 0.5  #: Share of the local level of a contact at which its outline is.
+#: Height of a contact's taxels above the level at rest, at least [standard deviations of the noise].
+NOISE_SPREADS = 3.0
+KEPT_SHARE = 0.85  #: Hysteresis: a pressed taxel stays pressed down to this share of both limits.
+#: A group of fewer than GROUP_TAXELS taxels is pressed only if one of them rises by this many standard deviations,
+#: because noise forms small groups, too.
+ALONE_SPREADS = 6.0
+#: Number of connected taxels at NOISE_SPREADS that noise does not form (once in 20,000 frames of 256 taxels).
+GROUP_TAXELS = 4
+#: A reading below this share of the highest reading within HALO_REACH taxels is the skin's response beside a contact.
+HALO_SHARE = 0.25
+HALO_REACH = 3  #: Distance over which readings are compared [rows and columns].
+#: Taxels between pressed taxels join them if they read at least this share of the highest level within HALO_REACH
+#: taxels. Lower readings separate two contacts.
+BETWEEN_SHARE = 0.2
+#: Number of groups of fewer than GROUP_TAXELS taxels that one contact may shed if its taxels differ in gain.
+MOST_SPECKS = 2
+PLANE_TAXELS = 12    #: Smallest number of taxels that can show a tilt.
+STEEPEST_TILT = 0.5  #: Largest deviation of the tilted level from its mean, as a share of the mean.
 
 
 class Threshold(NamedTuple):
-    """From where on a taxel stands out, in the unit of the values."""
+    """Limits above which a taxel stands out, in the unit of the values."""
 
     level: float       #: level of the taxels at rest
-    noise: np.ndarray  #: (rows, cols), standard deviation of each
-    least: float       #: above the level at rest, whatever the noise
-    #: Highest reading of a resting taxel, judged by this frame alone. A taxel of a contact must exceed this reading or
+    noise: np.ndarray  #: (rows, cols), standard deviation of each taxel at rest
+    least: float       #: smallest rise above the level at rest, whatever the noise
+    #: Highest reading of a resting taxel, from this frame alone. A taxel of a contact must exceed this reading or
     #: HALO_SHARE of the frame's highest reading, whichever is lower. Otherwise a wide halo would count as pressed after
     #: quieter frames.
     highest_rest: float = -np.inf
 
 
 class StandingOut(NamedTuple):
-    """Pressed taxels of a frame, and their halo."""
+    """The pressed taxels of a frame, and their halo."""
 
     pressed: np.ndarray      #: bool (rows, cols)
-    halo: np.ndarray | None  #: (rows, cols), part of the values that is the halo of what is pressed; None: no halo
+    #: (rows, cols), part of each value that the halo of the pressed taxels adds; None without a halo
+    halo: np.ndarray | None
 
 
 def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, before: np.ndarray) -> StandingOut:
-    """Return the pressed taxels of ``values``; those that were pressed ``before`` stay so longer.
+    """Return the pressed taxels of a frame.
 
-    ``valid``: bool, the taxels with a value.
+    Parameters
+    ----------
+    values : np.ndarray
+        Taxel values, float (rows, cols).
+    valid : np.ndarray
+        Taxels with a valid value, bool (rows, cols).
+    threshold : Threshold
+        Limits for this frame.
+    before : np.ndarray
+        Taxels pressed in the frame before, bool (rows, cols). They stay pressed down to KEPT_SHARE of the limits.
     """
     raised = np.where(valid, values - threshold.level, 0.0)
     ease = np.where(before, KEPT_SHARE, 1.0)
@@ -65,7 +86,7 @@ def _found(raised: np.ndarray, valid: np.ndarray, threshold: Threshold, ease: np
     pressed = np.zeros(raised.shape, bool)
     if np.count_nonzero(candidates):
         candidates &= raised >= min(threshold.highest_rest - threshold.level, HALO_SHARE * raised.max())
-        box = box_of(candidates, HALO_REACH)  # the time then depends on the contacts alone
+        box = box_of(candidates, HALO_REACH)  # the time depends on the size of the contacts, not of the pad
         pressed[box] = _pressed(raised[box], candidates[box], ease[box], ALONE_SPREADS * threshold.noise[box])
     return pressed
 
@@ -74,7 +95,7 @@ def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, stron
     near = candidates & (raised >= HALO_SHARE * _highest_near(raised))
     level = _outlined(raised, near, ease)
     rest = near & ~grown(level > 0)
-    if np.count_nonzero(rest) >= GROUP_TAXELS:  # beside a stronger contact, joined to it by the skin's response
+    if np.count_nonzero(rest) >= GROUP_TAXELS:  # a weaker contact that the skin's response joins to a stronger one
         level = np.maximum(level, _outlined(raised, rest, ease))
     pressed = level > 0
     weak = candidates & ~pressed & enclosed(pressed)
@@ -85,16 +106,16 @@ def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, stron
 
 
 def _highest_near(values: np.ndarray) -> np.ndarray:
-    """Return the highest of ``values`` up to HALO_REACH rows and columns away; what lies beyond the edge is 0."""
+    """Return for each taxel the highest value up to HALO_REACH rows and columns away; values beyond the edge are 0."""
     return ndimage.maximum_filter(values, 2 * HALO_REACH + 1, mode='constant')
 
 
 def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> np.ndarray:
-    """Return the level of their group for the ``candidates`` at half of it or more, 0 for all other taxels."""
+    """Return the local level of each candidate that reaches half of this level, and 0 for all other taxels."""
     groups, count = ndimage.label(candidates, EIGHT_CONNECTED)
     flat, weight = groups.reshape(-1), raised.reshape(-1)
     sums = np.bincount(flat, weight, count + 1)
-    sums[0] = 1.0  # of no group, of any sign
+    sums[0] = 1.0  # taxels of no group may add up to 0
     levels = np.bincount(flat, weight * weight, count + 1) / sums
     local = levels[groups]
     inside = candidates & (raised >= OUTLINE_SHARE * local)
@@ -105,7 +126,7 @@ def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> n
 
 
 def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np.ndarray) -> None:
-    """Set ``local`` in the ``group`` to the plane through what its ``inside`` reads."""
+    """Set ``local`` in the ``group`` to the plane through the readings of its ``inside`` taxels."""
     row, col = group.nonzero()
     y, x = (group & inside).nonzero()
     reading = raised[y, x]
@@ -123,7 +144,10 @@ def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np
 
 
 def _are_specks(pressed: np.ndarray, raised: np.ndarray) -> bool:
-    """Return whether more than MOST_SPECKS small groups read as much as the largest: noise, not to be joined."""
+    """Return True if more than MOST_SPECKS small groups read as much as the largest group.
+
+    Such groups are noise and must not be joined to a contact.
+    """
     groups, count = ndimage.label(pressed, EIGHT_CONNECTED)
     groups = groups[pressed]
     sizes = np.bincount(groups, minlength=count + 1)[1:]
@@ -133,7 +157,7 @@ def _are_specks(pressed: np.ndarray, raised: np.ndarray) -> bool:
 
 
 def _significant(pressed: np.ndarray, strong: np.ndarray) -> np.ndarray:
-    """Return ``pressed`` without the small groups that noise makes."""
+    """Return ``pressed`` without the small groups that noise forms."""
     if not np.count_nonzero(pressed & ~strong):
         return pressed
     groups, count = ndimage.label(pressed, EIGHT_CONNECTED)

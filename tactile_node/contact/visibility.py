@@ -1,7 +1,7 @@
-"""How much of a pad, and of what lies around a contact, a frame shows.
+"""How much a frame shows of a pad and of the surroundings of a contact.
 
-A hidden taxel belongs to the pad and has no valid value. What lies beyond the pad's edge, and places without a taxel,
-are no part of the pad.
+A hidden taxel belongs to the pad and has no valid value. Places beyond the pad's edge and places without a taxel are no
+part of the pad.
 """
 
 from math import ceil
@@ -14,39 +14,55 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.taxel_frame import NO_SIDE, SkinSide
 
-CONTACT_PART = 0.1  #: of a contact's taxels: so many hidden ones together beside it may change its size by as much
+#: Share of a contact's taxels. This many connected hidden taxels beside a contact may change its size by the same
+#: share.
+CONTACT_PART = 0.1
 
 
 class Visibility(NamedTuple):
-    """Counts are in taxels; those of the contact and its ring are 0 where there is no contact."""
+    """How much of a pad and of its largest contact is seen. Counts are numbers of taxels.
 
-    pad_seen: bool             #: no group of hidden taxels has room for the smallest contact, and none is left over
-    hidden: int                #: taxels of the pad
-    largest_hidden: int        #: size of the largest 8-connected group of hidden taxels
-    hidden_in_contact: int     #: enclosed by the contact and counted as a part of it
-    hidden_in_ring: int        #: taxels of the ring, those next to the contact, also by a corner
-    ring: int                  #: the whole ring, hidden taxels too
+    The ring of a contact is all taxels next to it, also by a corner. Without a contact, the counts of the contact and
+    of its ring are 0.
+    """
+
+    #: True if no group of hidden taxels has room for the smallest contact, and nothing may hide a contact
+    pad_seen: bool
+    hidden: int             #: hidden taxels of the pad
+    largest_hidden: int     #: size of the largest 8-connected group of hidden taxels
+    hidden_in_contact: int  #: hidden taxels that the contact encloses and that count as a part of it
+    hidden_in_ring: int     #: hidden taxels of the ring
+    ring: int               #: all taxels of the ring, including the hidden ones
     saturated_in_contact: int
     saturated_in_ring: int
-    at_edge: bool              #: the contact reaches the pad's edge, or a place without a taxel
-    goes_on: bool              #: the finger goes on there beyond the skin: what presses on it is not measured
-    #: a group of hidden taxels in the ring has room for the smallest contact, or for CONTACT_PART of this one: it may
-    #: continue there. Fewer (scattered dead taxels) make its outline uncertain.
+    at_edge: bool  #: True if the contact reaches the pad's edge or a place without a taxel
+    goes_on: bool  #: True if the finger goes on there beyond the skin, where its load is not measured
+    #: True if the contact may continue in hidden taxels of the ring: a group of them has room for the smallest contact,
+    #: or for CONTACT_PART of this contact. Fewer hidden taxels (scattered dead ones) only make its outline uncertain.
     outline_hidden: bool
-    inside_hidden: bool        #: the contact encloses such a group: what presses there is not known
+    inside_hidden: bool  #: True if the contact encloses such a group, whose load is not known
 
     @property
     def is_part(self) -> bool:
-        """Whether a part of what presses is not measured: by hidden or saturated taxels, or beyond the skin."""
+        """True if a part of the load is not measured, under hidden or saturated taxels or beyond the skin."""
         return self.outline_hidden or self.inside_hidden or self.goes_on or self.saturated_in_contact > 0
 
 
 def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONTACT,
                   finger_ends: SkinSide = NO_SIDE) -> Visibility:
-    """Return what is seen of the pad and of the mask of ``pattern``; ``smallest_contact`` [taxels].
+    """Return how much a frame shows of the pad and of the contact in its mask.
 
-    ``finger_ends``: the sides at which the finger ends with the skin.
+    Parameters
+    ----------
+    pattern : ContactPattern
+        Pattern of the frame.
+    smallest_contact : int
+        Size of the smallest contact that is reported [taxels].
+    finger_ends : SkinSide
+        Sides at which the finger ends together with the skin.
 
+    Examples
+    --------
     >>> values = np.full((4, 4), np.nan)
     >>> visibility_of(ContactPattern.of(values > 0, values)).pad_seen
     False
@@ -68,9 +84,9 @@ def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONT
 
 
 def _around(pattern: ContactPattern, finger_ends: SkinSide) -> tuple[np.ndarray, bool, bool]:
-    """Return the ring of the contact, whether the contact reaches the end of the pad, and whether the finger goes on.
+    """Return the ring of the contact, True if it reaches the end of the pad, and True if the finger goes on there.
 
-    Where the pad has no taxel, it does.
+    A place without a taxel is an end of the pad at which the finger goes on.
     """
     mask = pattern.mask
     around = grown(mask) & ~mask

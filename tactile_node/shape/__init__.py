@@ -1,1 +1,1 @@
-"""Features -> recognised shape."""
+"""From a contact pattern to the recognised shape."""

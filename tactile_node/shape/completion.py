@@ -1,6 +1,7 @@
-"""What a contact may be where hidden taxels cover a part of it: the same frame with these taxels read in other ways.
+"""Read a contact with hidden taxels in several ways: the same frame with the hidden taxels empty or pressed.
 
-If a recogniser answers all of them alike, the hidden taxels do not matter; if not, they decide, and it cannot be sure.
+If a recogniser gives the same answer for all readings, the hidden taxels do not matter. Otherwise the hidden taxels
+decide, and the recogniser cannot be sure.
 """
 
 from collections.abc import Sequence
@@ -13,13 +14,15 @@ from tactile_node.contact.pattern import ContactPattern, in_line, number_contact
 from tactile_node.contact.visibility import Visibility
 from tactile_node.taxel_frame import read_only
 
-SCATTERED_SHARE = 0.1  #: of the ring: so many hidden taxels apart from each other are dead ones, which change little
+#: Share of the ring. Up to this many hidden taxels apart from each other are dead taxels, which change little.
+SCATTERED_SHARE = 0.1
 
 
 def hidden_taxels_matter(pattern: ContactPattern, visibility: Visibility) -> bool:
-    """Return whether more than single taxels are hidden within the contact or its ring, or many of the ring's.
+    """Return True if hidden taxels may change the shape of the contact.
 
-    A few scattered ones are what the recogniser was trained with.
+    This is the case if connected taxels are hidden within the contact or its ring, or if more than SCATTERED_SHARE of
+    the ring is hidden. The recogniser was trained with a few scattered hidden taxels.
     """
     if not visibility.hidden_in_ring and not visibility.hidden_in_contact:
         return False
@@ -33,9 +36,10 @@ def hidden_taxels_matter(pattern: ContactPattern, visibility: Visibility) -> boo
 
 
 def completions(pattern: ContactPattern) -> tuple[ContactPattern, ContactPattern, ContactPattern]:
-    """Return the contact of ``pattern`` with its hidden taxels empty, pressed next to it, and pressed as it continues.
+    """Return three readings of a contact whose hidden taxels are empty, pressed next to it, or pressed all along.
 
-    It continues straight on, as far as taxels are hidden. A pressed taxel has the median value of the contact.
+    In the third reading, the contact continues straight on along rows and columns as far as taxels are hidden. A hidden
+    taxel that is read as pressed gets the median value of the contact.
     """
     nowhere = np.zeros_like(pattern.hidden)
     beside = grown(pattern.mask) & pattern.hidden
@@ -46,14 +50,27 @@ def completions(pattern: ContactPattern) -> tuple[ContactPattern, ContactPattern
 
 
 def distinct(patterns: Sequence[ContactPattern]) -> tuple[list[ContactPattern], list[int]]:
-    """Return ``patterns`` without those that are the same object as one before, and the index of each among these."""
+    """Remove repeated objects from a list of patterns.
+
+    Parameters
+    ----------
+    patterns : sequence of ContactPattern
+        Patterns, some of which may be the same object.
+
+    Returns
+    -------
+    kept : list of ContactPattern
+        The patterns, each object once, in order of their first appearance.
+    which : list of int
+        For each of ``patterns``, its index in ``kept``.
+    """
     indices: dict[int, int] = {}
     which = [indices.setdefault(id(pattern), len(indices)) for pattern in patterns]
     return [patterns[which.index(k)] for k in range(len(indices))], which
 
 
 def _completed(pattern: ContactPattern, pressed: np.ndarray) -> ContactPattern:
-    """Return ``pattern`` with its hidden taxels ``pressed`` or, the others, empty; its largest piece is the contact."""
+    """Return ``pattern`` with the hidden taxels read as pressed or empty; its largest piece is the contact."""
     seen = pattern.mask & ~pattern.hidden
     level = np.median(pattern.values[seen])
     values = np.where(pattern.hidden, level * pressed, pattern.values)
@@ -63,9 +80,9 @@ def _completed(pattern: ContactPattern, pressed: np.ndarray) -> ContactPattern:
 
 
 def _continued(pattern: ContactPattern) -> np.ndarray:
-    """Return the hidden taxels that the contact covers when it continues along rows and columns, less thin spikes."""
+    """Return the hidden taxels that the contact covers if it continues along rows and columns, without thin spikes."""
     reached = pattern.mask.copy()
     for direction in in_line(pattern.mask & ~pattern.hidden, pattern.hidden):
         reached |= direction
-    wide = ndimage.binary_opening(reached, np.ones((2, 2)))  # thin spikes are in no square of four
+    wide = ndimage.binary_opening(reached, np.ones((2, 2)))  # a thin spike contains no square of 2x2 taxels
     return (wide | pattern.mask) & pattern.hidden

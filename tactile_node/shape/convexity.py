@@ -1,24 +1,37 @@
-"""How much of its convex hull a contact fills: the five shapes are convex, hooks, bows and scattered pieces are not."""
+"""How much of its convex hull a contact fills.
+
+The five shapes are convex; hooks, bows and scattered pieces are not.
+"""
 
 import numpy as np
 from scipy import ndimage
 
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, reached
 
-LEAST_CONVEXITY = 0.7  #: the five shapes fill more, gaps of speckle closed and rims filled; chosen on validation seeds
-PARTIAL_LEVEL = 0.2     #: share of the contact's mean, pressures that belong to it
-#: directions in which the hull is measured, as columns of unit vectors
-HULL_ANGLES = np.radians(np.arange(0.0, 180.0, 7.5))
-HULL_AXES = np.stack((np.cos(HULL_ANGLES), np.sin(HULL_ANGLES)))
-HULL_ROUNDING = 0.01         #: places within so much of the hull are in it [pitches]
+#: Share of its hull that each of the five shapes fills, once gaps of speckle are closed and rims are filled; chosen on
+#: validation seeds.
+LEAST_CONVEXITY = 0.7
+PARTIAL_LEVEL = 0.2  #: Pressures from this share of the contact's mean on belong to the contact.
+HULL_ANGLES = np.radians(np.arange(0.0, 180.0, 7.5))  #: Directions in which the hull is measured [rad].
+HULL_AXES = np.stack((np.cos(HULL_ANGLES), np.sin(HULL_ANGLES)))  #: Unit vector of each direction, one per column.
+HULL_ROUNDING = 0.01  #: Places up to this distance outside the hull count as inside [pitches].
 
 
 def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:
-    """Return whether the contact ``mask`` of a frame ``values`` fills its hull as one of the five shapes does.
+    """Return True if the contact fills its convex hull as much as the five shapes do.
 
-    ``mask``: bool, both (rows, cols). Taxels without a value belong to no notch, and what a rim and one edge of the pad
-    enclose is filled.
+    Taxels without a value are not counted as notches. A hole is filled if it is enclosed by a rim, or by a rim and one
+    edge of the pad.
 
+    Parameters
+    ----------
+    values : np.ndarray
+        Taxel values of the frame, float (rows, cols); NaN where there is none.
+    mask : np.ndarray
+        Taxels of the contact, bool (rows, cols).
+
+    Examples
+    --------
     >>> bar = np.zeros((20, 20))
     >>> bar[9:12, 2:18] = 1
     >>> hook = bar.copy()
@@ -43,13 +56,19 @@ def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:
 
 
 def _fills(taxels: np.ndarray, hull: np.ndarray | tuple[slice, slice]) -> bool:
-    """Return whether ``taxels`` are LEAST_CONVEXITY of ``hull``, bool (rows, cols), or of a box of rows and columns."""
+    """Return True if ``taxels``, bool (rows, cols), fill LEAST_CONVEXITY of ``hull``.
+
+    ``hull`` is a mask, bool (rows, cols), or a box of rows and columns.
+    """
     part = taxels[hull]
     return bool(np.count_nonzero(part) >= LEAST_CONVEXITY * part.size)
 
 
 def _holes(rim: np.ndarray, at_edge: tuple[bool, bool, bool, bool]) -> np.ndarray:
-    """Return what ``rim`` encloses, alone or with one edge of the pad: the first row, the last, columns."""
+    """Return the taxels that ``rim`` encloses, alone or together with one edge of the pad.
+
+    ``at_edge`` says which edges count: the first row, the last row, the first column, the last column.
+    """
     filled = ndimage.binary_fill_holes(rim)
     for edge, is_touched in enumerate(at_edge):
         if is_touched:
@@ -60,7 +79,7 @@ def _holes(rim: np.ndarray, at_edge: tuple[bool, bool, bool, bool]) -> np.ndarra
 
 
 def _hull(mask: np.ndarray) -> np.ndarray:
-    """Return the taxels whose centres are in the hull of the centres of ``mask``."""
+    """Return the taxels whose centres lie in the convex hull of the centres of ``mask``."""
     row, col = np.nonzero(mask)
     along = np.array((col, row)).T @ HULL_AXES
     row, col = np.indices(mask.shape).reshape(2, -1)

@@ -1,17 +1,21 @@
-"""Recognitions of successive frames as one: more certain than any of them, and slow to change.
+"""Fuse the recognitions of successive frames: the result is surer than a single frame, and slow to change.
 
-Each frame adds its log-probabilities, as Bayes' rule has it, with two cautions. Frames a millisecond apart
-err together: a frame counts only for the share of ``correlation_time`` that has passed since the one before.
-And the object may change: evidence fades with ``memory``, no frame counts for more than ``floor`` allows, and no
-class leads by more than ``lead``. So a change is followed after at most
-`FusionSettings.frames_to_follow` frames that agree; a contact that begins or ends starts again at once.
+Each frame adds its log-probabilities, following Bayes' rule, with two limits:
 
-What is hidden stays hidden: however many frames agree, they do not show it. So each way in which the hidden taxels may
-be read (`Recognition.alternatives`) is fused apart, and the result is the mean of these. The same holds of a name that
-the taxels do not support, because the next frame has no more taxels. A frame in which nothing is seen is no evidence:
-it is reported as not seen, and the evidence of the frames before waits for the next that is.
+- Frames in quick succession have the same errors. A frame therefore counts only for the share of ``correlation_time``
+  that has passed since the frame before.
+- The object may change. Evidence therefore fades with ``memory``, ``floor`` limits the evidence of a single frame, and
+  no class leads by more than ``lead``. A change is followed after at most `FusionSettings.frames_to_follow` frames that
+  agree. When a contact begins or ends, the fusion starts again at once.
 
-The classes are those of the frames: the shapes, and those that were taught.
+Hidden taxels stay hidden, no matter how many frames agree. Each way of reading the hidden taxels
+(`Recognition.alternatives`) is therefore fused on its own, and the result is the mean over these readings. A name that
+the taxels do not support is treated in the same way, because the next frame has no more taxels.
+
+If nothing is seen in a frame, the frame is no evidence. It is reported as not seen, and the evidence of the frames
+before it is kept for the next frame.
+
+The classes are the classes of the frames: the shapes and the taught shapes.
 """
 
 from dataclasses import dataclass
@@ -28,14 +32,20 @@ TOUCHING_CLASSES: tuple[ShapeClass, ...] = tuple(shape for shape in Shape if sha
 
 @dataclass(frozen=True)
 class FusionSettings:
-    """How fast evidence counts, fades and is overturned."""
+    """How fast evidence counts, fades and is overturned.
 
-    correlation_time: float = 0.05  #: frames this far apart err independently [s]
+    Raises
+    ------
+    ConfigurationError
+        If a value is out of range.
+    """
+
+    correlation_time: float = 0.05  #: time after which the errors of two frames are independent [s]
     memory: float = 0.5             #: time constant of forgetting [s]
-    floor: float = 0.001            #: smallest probability that a frame may give a class
-    lead: float = 8.0               #: most that the leading class may be ahead [log of odds]
-    switch: float = 1.0             #: how far another class must lead to be reported instead [log of odds]
-    max_gap: float = 0.5            #: after a longer silence, start again [s]
+    floor: float = 0.001            #: smallest probability that a frame can give to a class
+    lead: float = 8.0               #: largest lead of the leading class [log of odds]
+    switch: float = 1.0             #: lead that another class needs to be reported instead [log of odds]
+    max_gap: float = 0.5            #: silence after which the fusion starts again [s]
 
     def __post_init__(self) -> None:
         values = (self.correlation_time, self.memory, self.floor, self.lead, self.max_gap)
@@ -47,14 +57,18 @@ class FusionSettings:
                 got=str(self), remedy='Leave them out for the defaults.')
 
     def gain(self, period: float) -> float:
-        """Return what a frame counts, ``period`` [s] after the one before."""
+        """Return the weight of a frame that follows the frame before after ``period`` [s]."""
         return min(1.0, period / self.correlation_time)
 
     def frames_to_follow(self, period: float, odds: float = 10.0) -> int:
-        """Return the most frames, ``period`` [s] apart, until a new shape is reported.
+        """Return the largest number of frames until a new shape is reported, however long another shape was held.
 
-        When each gives it at least ``odds`` (3...100) against every other shape, however long another
-        was held.
+        Parameters
+        ----------
+        period : float
+            Time between frames [s].
+        odds : float
+            Odds that each frame gives to the new shape against every other shape, at least; 3 to 100.
         """
         ahead, frames = -self.lead, 0
         while ahead < self.switch:
@@ -67,20 +81,20 @@ class FusedRecognition(NamedTuple):
     """The result of all frames since the contact began."""
 
     recognition: Recognition
-    since: float  #: stamp of the first frame reported as this shape without a break [s]
-    held: float   #: time since then [s]; 0 in a frame that is not seen
-    frames: int   #: frames reported so; 0 in a frame that is not seen
+    since: float  #: stamp of the first frame since which this shape is reported without a break [s]
+    held: float   #: time since then [s]; 0 if the frame is not seen
+    frames: int   #: number of frames since then; 0 if the frame is not seen
 
 
 class RecognitionFusion:
-    """Fuses the recognitions of one pad's frames, in the order of their stamps."""
+    """Fuses the recognitions of one pad, frame by frame in the order of their stamps."""
 
     def __init__(self, settings: FusionSettings = FusionSettings()):
         self._settings = settings
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything, as when another object is known to be touched."""
+        """Forget all evidence; call this if another object is known to be touched."""
         self._stamp: float | None = None
         self._shape: ShapeClass | None = None
         self._touching = TOUCHING_CLASSES
@@ -88,16 +102,30 @@ class RecognitionFusion:
         self._frames = 0
         self._reason = UnknownReason.UNFAMILIAR
         self._is_over = True
-        self._evidence = np.zeros((1, len(TOUCHING_CLASSES)))  # a row for each alternative
+        self._evidence = np.zeros((1, len(TOUCHING_CLASSES)))  # one row for each alternative
         self._weights = np.ones(1)
 
     def update(self, stamp: float, frame: Recognition) -> FusedRecognition:
-        """Take the recognition of the frame of ``stamp`` [s] and return the fused result.
+        """Add the recognition of one frame and return the fused result.
 
-        A frame whose likeliest class is NONE ends the contact, as does one of too few taxels for a shape: it is
-        reported at once. A frame that is no evidence is reported as not seen, and `held` starts again with the next. A
-        stamp that goes back or comes after ``max_gap`` starts again, as does a frame of other classes. Raises
-        InputError for NaN or infinite numbers, which would stay in the evidence.
+        A frame whose most probable class is NONE ends the contact and is reported at once; so does a frame with too few
+        taxels for a shape. A frame without evidence is reported as not seen, and ``held`` starts again with the next
+        frame.
+
+        The fusion starts again if the stamp goes backwards or jumps by more than ``max_gap``, or if the frame has
+        different classes.
+
+        Parameters
+        ----------
+        stamp : float
+            Stamp of the frame [s].
+        frame : Recognition
+            Recognition of the frame.
+
+        Raises
+        ------
+        InputError
+            If a number is NaN or infinite, because it would stay in the evidence.
         """
         _check(stamp, frame)
         if not frame.is_evidence:
@@ -131,23 +159,23 @@ class RecognitionFusion:
         fading = exp(-passed / self._settings.memory)
         evidence = self._evidence * fading
         evidence += self._settings.gain(passed) * np.log(np.maximum(seen, self._settings.floor))
-        # Every class stays within `lead` of the one ahead, so that a change is followed in bounded time.
+        # Every class stays within `lead` of the leading class, so that a change is followed in bounded time.
         self._evidence = np.maximum(evidence - evidence.max(1, keepdims=True), -self._settings.lead)
 
     def _together(self) -> np.ndarray:
-        """The evidence of all alternatives as that of one, 0 for the class ahead."""
+        """Return the evidence of all alternatives as the evidence of one, with 0 for the leading class."""
         if len(self._evidence) == 1:
             return self._evidence[0]
         evidence = np.log(self._shares())
         return np.maximum(evidence - evidence.max(), -self._settings.lead)
 
     def _shares(self) -> np.ndarray:
-        """The probabilities that the evidence stands for: the weighted mean of the alternatives."""
+        """Return the probability of each class: the weighted mean over the alternatives."""
         weights = np.exp(self._evidence)
         return self._weights @ (weights / weights.sum(1, keepdims=True))
 
     def _chosen(self) -> ShapeClass:
-        """The class ahead, unless the one reported so far is close behind."""
+        """Return the leading class, or the class reported so far if it is close behind."""
         evidence = self._together()
         ahead = self._touching[int(evidence.argmax())]
         if self._shape is None or self._shape in (Shape.NONE, ahead):

@@ -1,11 +1,11 @@
-"""Patch -> numbers that do not change when the contact is rotated: moments of contact and hull, the hull's width, and
-how well each of the five shapes covers it.
+"""Numbers that describe a patch and do not change when the contact is rotated.
 
-What silent taxels take from a contact's inside, its hull gives back.
+The numbers are moments of the contact and of its hull, the width of the hull, and how well each of the five shapes
+covers the contact. The hull restores taxels inside the contact that are silent.
 
-Moments: J. Flusser, On the independence of rotation moment invariants, Pattern Recognition 33 (2000).
-Hull: the support function h(a) = max of x cos a + y sin a over the contact; its area is the integral of
-(h^2 - h'^2) / 2, its width at a is h(a) + h(a + 180 degrees).
+Moments: J. Flusser, On the independence of rotation moment invariants, Pattern Recognition 33 (2000). Hull: the support
+function h(a) is the maximum of x cos a + y sin a over the contact. The area of the hull is the integral of (h^2 - h'^2)
+/ 2, and its width at a is h(a) + h(a + 180 degrees).
 """
 
 from math import comb
@@ -21,15 +21,16 @@ DIRECTION_VECTORS = np.array([np.sin(DIRECTION_ANGLES), np.cos(DIRECTION_ANGLES)
 CELL_PLACES = np.arange(SIDE, dtype=float)
 HARMONICS = 8
 HARMONIC_WAVES = np.exp(-1j * np.outer(DIRECTION_ANGLES, np.arange(HARMONICS + 1))) / DIRECTIONS
-MOMENT_ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))  #: of complex moments c_pq
+#: Orders (p, q) of the complex moments c_pq.
+MOMENT_ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))
 HIGHEST_ORDER = 6
-COUNT = 9 + 2 * len(MOMENT_ORDERS) + HARMONICS + likeness.COUNT  #: numbers a patch
-LOG_TAXELS = 0  #: which of them is the logarithm of the contact's taxels
-OVERLAPS = slice(COUNT - likeness.COUNT, COUNT - 1)  #: which of them are the overlaps with `likeness.FIGURES`
+COUNT = 9 + 2 * len(MOMENT_ORDERS) + HARMONICS + likeness.COUNT  #: Number of numbers per patch.
+LOG_TAXELS = 0  #: Index of the logarithm of the contact's number of taxels.
+OVERLAPS = slice(COUNT - likeness.COUNT, COUNT - 1)  #: Indices of the overlaps with `likeness.FIGURES`.
 
 
 def _expansion(p: int, q: int) -> np.ndarray:
-    """(x + iy)^p (x - iy)^q as coefficients of y^a x^b, shape ((HIGHEST_ORDER + 1)^2,)."""
+    """Return the coefficients of y^a x^b in (x + iy)^p (x - iy)^q, shape ((HIGHEST_ORDER + 1)^2,)."""
     found = np.zeros((HIGHEST_ORDER + 1, HIGHEST_ORDER + 1), complex)
     for j in range(p + 1):
         for k in range(q + 1):
@@ -43,7 +44,22 @@ DIRECTION_BEFORE = np.arange(-1, DIRECTIONS - 1)
 
 
 def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> np.ndarray:
-    """Return the numbers of K patches, (K, COUNT), of (K, SIDE, SIDE) levels and unseen, (K,) scales."""
+    """Return the numbers that describe K patches.
+
+    Parameters
+    ----------
+    levels : np.ndarray
+        Levels of the patches, (K, SIDE, SIDE).
+    unseen : np.ndarray
+        Share of each cell that is not seen, (K, SIDE, SIDE).
+    scales : np.ndarray
+        Width of a cell [taxels], (K,).
+
+    Returns
+    -------
+    np.ndarray
+        float32 (K, COUNT).
+    """
     weight = np.minimum(np.maximum(levels, 0), 1.5).astype(float)
     down, across = weight.sum(2), weight.sum(1)
     total = down.sum(1)
@@ -57,21 +73,27 @@ def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> 
 
 
 def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Means of y^a x^b, (K, HIGHEST_ORDER + 1, HIGHEST_ORDER + 1), lengths in units of the root of the area."""
+    """Return the means of y^a x^b, (K, HIGHEST_ORDER + 1, HIGHEST_ORDER + 1).
+
+    The unit of length is the root of the area.
+    """
     unit = 1 / np.sqrt(total)[:, None]
     sums = ((y * unit)[:, None] ** MOMENT_POWERS) @ weight @ ((x * unit)[..., None] ** MOMENT_POWERS.T)
     return sums / total[:, None, None]
 
 
 def _magnitudes(moments: np.ndarray) -> np.ndarray:
-    """Magnitudes of the complex moments."""
+    """Return the magnitudes of the complex moments."""
     return np.abs(moments.reshape(len(moments), -1) @ MOMENT_EXPANSIONS)
 
 
 def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """The support function of the cells more than half covered, (K, DIRECTIONS), half a cell beyond centres."""
+    """Return the support function, (K, DIRECTIONS), of the cells that are more than half covered.
+
+    The function reaches half a cell beyond the centres of the cells.
+    """
     cells = inside.reshape(len(inside), -1).sum(1)
-    if not cells.all():  # nothing half covered: as if a single cell were
+    if not cells.all():  # a patch without such a cell gets a single cell in its middle
         inside = inside.copy()
         inside[cells == 0, SIDE // 2, SIDE // 2] = True
         cells = np.maximum(cells, 1)
@@ -81,7 +103,10 @@ def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _widths(support: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Fill of hull and of the least box, widths, harmonics."""
+    """Return the fill of the hull and of the smallest box, the ratio of the widths, and the harmonics.
+
+    The harmonics are those of the support function.
+    """
     half, quarter = DIRECTIONS // 2, DIRECTIONS // 4
     width = support[:, :half] + support[:, half:]
     box = width[:, :quarter] * width[:, quarter:]
@@ -94,7 +119,7 @@ def _widths(support: np.ndarray, total: np.ndarray) -> np.ndarray:
 
 
 def _hull_moments(support: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """How much of the hull is covered, and the moments of the hull filled, its rim shaded over a cell."""
+    """Return the covered share of the hull and the moments of the filled hull, whose rim is shaded over one cell."""
     towards = support[:, :, None, None] + 0.5 - DIRECTION_VECTORS[0, :, None, None] * y[:, None, :, None]
     depth = (towards - DIRECTION_VECTORS[1, :, None, None] * x[:, None, None, :]).min(1)
     filled = np.minimum(np.maximum(depth, 0), 1)

@@ -1,29 +1,48 @@
-"""Patch -> how well each of the five shapes covers it, laid over it by its moments: what is foreign is like none.
+"""How well each of the five shapes covers a patch. An object of a foreign shape is covered well by none of them.
 
-A triangle is found as the affine image of an equilateral one: in coordinates in which its second moments are those of
-a disc its orientation is the phase of the third moment. A rectangle lies along the principal axes, a square at the
-phase of the fourth moment. The overlap is that of areas, with edges as soft as a cell.
+Each figure is laid over the patch by the moments of the patch:
+
+- A triangle is the affine image of an equilateral triangle. In coordinates in which its second moments are those of a
+  disc, the phase of the third moment gives its orientation.
+- A rectangle lies along the principal axes.
+- A square is oriented by the phase of the fourth moment.
+
+The overlap is the intersection of the two areas over their union, with edges softened over one cell.
 """
 
 import numpy as np
 
-FIGURES = 'rectangle', 'square', 'triangle', 'disc'  #: in the order of their numbers
-COUNT = 5         #: numbers a patch: intersection over union with each figure, and the whitened third moment
-FLATTEST_RATIO = 0.02   #: least second moment across, of the mean of both
-SIDE_ANGLES = np.arange(4) * np.pi / 2                   #: directions of a rectangle's sides
-#: of an equilateral triangle's, one twice, at a real third moment
+FIGURES = 'rectangle', 'square', 'triangle', 'disc'  #: Figures in the order of their numbers.
+COUNT = 5  #: Number of numbers per patch: the overlap with each figure, and the whitened third moment.
+FLATTEST_RATIO = 0.02  #: Smallest second moment across the contact, as a share of the mean of both second moments.
+SIDE_ANGLES = np.arange(4) * np.pi / 2  #: Directions from the centre to a rectangle's sides [rad].
+#: Directions from the centre to an equilateral triangle's sides if its third moment is real [rad]; one side is listed
+#: twice.
 CORNER_ANGLES = np.array((1, -1 / 3, 1 / 3, 1)) * np.pi
-#: distance of an equilateral triangle's sides from its centre where its second moments are 1
+#: Distance of an equilateral triangle's sides from its centre if its second moments are 1.
 TRIANGLE_DISTANCE = 2 ** 0.5
 DISC_RADIUS = np.pi ** -0.5
 HALF_CELL = np.float32(0.5)
 
 
 def likeness(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Return the numbers of K patches ``weight`` (K, rows, cols), (K, COUNT).
+    """Return how well the figures cover K patches.
 
-    ``y``, ``x``: the cells' places from the centres of area, (K, rows) and (K, cols) [cells]; ``total``: (K,);
-    ``moments``: means of y^a x^b in units of the root of the area, (K, 5 or more, 5 or more).
+    Parameters
+    ----------
+    weight : np.ndarray
+        Levels of the patches, (K, rows, cols).
+    y, x : np.ndarray
+        Places of the cells relative to the centre of area [cells], (K, rows) and (K, cols).
+    total : np.ndarray
+        Sum of each patch, (K,).
+    moments : np.ndarray
+        Means of y^a x^b in units of the root of the area, (K, 5 or more, 5 or more).
+
+    Returns
+    -------
+    np.ndarray
+        (K, COUNT): the overlap with each of FIGURES, then the magnitude of the whitened third moment.
     """
     root = np.sqrt(total)
     nx, ny, distance, third = _sides(moments, 1 / (12 * total))
@@ -44,9 +63,11 @@ def likeness(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray
 
 
 def _sides(moments: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Directions, (K, 3, 4), and distances of the sides of rectangle, square and triangle [roots of the area].
+    """Return the sides of the rectangle, the square and the triangle that fit the moments, and the third moment.
 
-    And the third moment, complex, where the second moments are 1, (K,). ``cell``: second moment of one cell, (K,).
+    ``cell`` is the second moment of one cell, (K,). The sides are given by their directions from the centre, (K, 3, 4)
+    each for x and y, and by their distances from the centre [roots of the area]. The third moment, complex (K,), is
+    given in coordinates in which the second moments are 1.
     """
     xx, yy, xy = moments[:, 0, 2] + cell, moments[:, 2, 0] + cell, moments[:, 1, 1]
     size, stretch = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)

@@ -1,4 +1,4 @@
-"""The ways to recognise a shape, chosen by name: what nodes and commands call."""
+"""The recognition methods by name, for nodes and commands."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -24,32 +24,40 @@ from tactile_node.shape.shapeless import is_shapeless
 from tactile_node.shape.support import as_far_as_supported
 from tactile_node.shape.volf import VolfClassifier
 
-#: of the frame as it is, and of each of its completions: any of these that differs keeps the confidence below 0.9
+#: Weights of the frame as it is and of its three completions. A single completion with another answer keeps the
+#: confidence below 0.9.
 READING_WEIGHTS = (1 / 2, 1 / 6, 1 / 6, 1 / 6)
-#: Less than FEW_HIDDEN of the ring is hidden, as the network was trained with: two or three that differ keep it below
-#: 0.9, one does not. Chosen on validation contacts.
-FEW_HIDDEN, FEW_WEIGHTS = 0.25, (0.79, 0.07, 0.07, 0.07)
+#: Share of the ring. The network was trained with fewer hidden taxels than this.
+FEW_HIDDEN = 0.25
+#: Weights if fewer taxels than FEW_HIDDEN are hidden. Two completions with another answer keep the confidence below
+#: 0.9, a single one does not. Chosen on validation contacts.
+FEW_WEIGHTS = (0.79, 0.07, 0.07, 0.07)
 
 
 class RecognitionMethod(Protocol):
-    """What every method offers; ``classes``: all that it can answer, in order."""
+    """Interface of a recognition method; ``classes`` lists all its possible answers in order."""
 
     classes: tuple[ShapeClass, ...]
 
     def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
-        """Recognise each of ``patterns``."""
+        """Return the recognition of each of ``patterns``."""
         ...
 
 
 class VisibilityGuard:
-    """A method that does not take what is hidden for what is not there.
+    """Applies a recognition method without taking hidden taxels for empty ones.
 
-    NONE needs a pad that is seen: otherwise it answers UNKNOWN, NOT_SEEN, as it does for the few visible taxels of a
-    contact that may continue where taxels are hidden. Where hidden taxels may change the answer, it reports the mean
-    of what the method answers to each way of reading them.
+    - The guard answers NONE only if the pad is seen. Otherwise it answers UNKNOWN with the reason NOT_SEEN. It gives
+      the same answer for a contact with few visible taxels that may continue in hidden taxels.
+    - If hidden taxels may change the answer, the guard reports the weighted mean of the method's answers to all
+      readings of the hidden taxels.
+    - A contact that specks or lines may form by chance is UNKNOWN. The reason is NOT_SEEN if hidden taxels matter.
+    - Every other UNKNOWN gets its reason from `why_unfamiliar`.
 
-    A contact that specks or lines make by chance is UNKNOWN: NOT_SEEN where hidden taxels matter. The reason of any
-    other UNKNOWN is that of `why_unfamiliar`.
+    Parameters
+    ----------
+    method : RecognitionMethod
+        The method to apply.
     """
 
     def __init__(self, method: RecognitionMethod):
@@ -57,9 +65,14 @@ class VisibilityGuard:
         self.classes = method.classes
 
     def recognise(self, pattern: ContactPattern, visibility: Visibility | None = None) -> Recognition:
-        """Recognise ``pattern``; its ``visibility``, where it is known, spares the computation of it.
+        """Return the recognition of a contact, with a probability for each of ``classes``.
 
-        There is a probability of each of ``classes``, whatever the answer.
+        Parameters
+        ----------
+        pattern : ContactPattern
+            Pattern of the frame.
+        visibility : Visibility or None
+            Visibility of the pattern if the caller knows it; None to compute it.
         """
         found = self._recognise(pattern, visibility or visibility_of(pattern))
         if found.reason is UnknownReason.UNFAMILIAR:
@@ -87,9 +100,19 @@ METHODS: dict[str, Callable[[Path], RecognitionMethod]] = {LEARNED: ShapeRecogni
 
 
 def make_recogniser(method: str = DEFAULT_METHOD, file: str = '') -> VisibilityGuard:
-    """Return the recogniser called ``method``; ``file``: its weights or curves, '' for those of config/.
+    """Return the recogniser for a method.
 
-    Raises ConfigurationError for a name that is none, or a file that cannot be used.
+    Parameters
+    ----------
+    method : str
+        Name of the method, one of METHODS.
+    file : str
+        Path of the file with weights or curves; '' for the method's own file in config/.
+
+    Raises
+    ------
+    ConfigurationError
+        If the method does not exist or the file cannot be used.
     """
     if method not in METHODS:
         raise ConfigurationError('recognition method', expected='one of ' + ', '.join(METHODS), got=repr(method),

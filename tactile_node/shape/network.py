@@ -1,7 +1,7 @@
 """A small convolutional network, evaluated with numpy alone.
 
-Two convolutions, rectified, each of which halves rows and columns (taps 4x4, then 3x3); their output
-joined with the geometry; dense layers, rectified but the last. Trained by training/train.py.
+The network has two rectified convolutions with taps of 4x4 and then 3x3. Each halves rows and columns. Their output and
+the geometry go through dense layers, which are rectified except for the last one. training/train.py trains the network.
 """
 
 from typing import NamedTuple
@@ -13,17 +13,30 @@ TAPS = (4, 3)
 
 
 class Network(NamedTuple):
-    """Weights, float32: convolutions (taps²·in, out), taps row by row, dense layers (in, out)."""
+    """Weights of the network, float32.
+
+    A convolution has the shape (taps² · in, out), with its taps row by row. A dense layer has the shape (in, out).
+    """
 
     kernels: tuple[np.ndarray, ...]
     biases: tuple[np.ndarray, ...]
-    middle: np.ndarray   #: (COUNT,) and
-    spread: np.ndarray   #: (COUNT,): geometry is used as (geometry - middle) / spread
+    middle: np.ndarray  #: (COUNT,), subtracted from the geometry
+    spread: np.ndarray  #: (COUNT,), divides the result: (geometry - middle) / spread
 
     def embedding(self, images: np.ndarray, geometry: np.ndarray) -> np.ndarray:
-        """Return what the last layer sees, (K, last width), and after it the standard geometry, (K, COUNT), float32.
+        """Return the input of the last layer, followed by the standardised geometry.
 
-        ``images`` (K, rows, cols, channels), ``geometry`` (K, COUNT).
+        Parameters
+        ----------
+        images : np.ndarray
+            (K, rows, cols, channels).
+        geometry : np.ndarray
+            (K, COUNT).
+
+        Returns
+        -------
+        np.ndarray
+            float32 (K, width).
         """
         for kernel, bias, taps in zip(self.kernels, self.biases, TAPS):
             images = _convolved(images, kernel, bias, taps)
@@ -34,17 +47,17 @@ class Network(NamedTuple):
         return np.concatenate((flow, standard), 1, dtype=np.float32)
 
     def logits(self, embedding: np.ndarray) -> np.ndarray:
-        """Return the logits, (K, outputs), of an embedding."""
+        """Return the logits, (K, outputs), for an embedding."""
         return embedding[:, :len(self.kernels[-1])] @ self.kernels[-1] + self.biases[-1]
 
     @property
     def width(self) -> int:
-        """Columns of an embedding."""
+        """Number of columns of an embedding."""
         return len(self.kernels[-1]) + len(self.middle)
 
 
 def _convolved(images: np.ndarray, kernel: np.ndarray, bias: np.ndarray, taps: int) -> np.ndarray:
-    """One cell of zeros around; rectified."""
+    """Return the rectified convolution of ``images``, which are padded with one cell of zeros."""
     count, rows, cols, channels = images.shape
     padded = np.zeros((count, rows + 2, cols + 2, channels), np.float32)
     padded[:, 1:-1, 1:-1] = images

@@ -1,8 +1,8 @@
-"""Contact pattern -> patch: the contact on a small grid, in a standard place, level and orientation.
+"""From a contact pattern to a patch: the contact on a small grid, in a standard place, level and orientation.
 
-What the learned recogniser looks at. A contact is the pattern's mask, joined with the pressed pieces
-that lie within reach of each other (silent columns and dead taxels tear a contact apart), and, where
-taxels give pressures, the partial pressures of its rim.
+The patch is the input of the learned recogniser. Its contact is the mask of the pattern and the pressed pieces close to
+it, because silent columns and dead taxels tear a contact apart. If the taxels give pressures, the patch also shows the
+partial pressures at the rim of the contact.
 """
 
 from typing import NamedTuple
@@ -14,28 +14,30 @@ from tactile_node.contact.pattern import MOST_LABELS, ContactPattern
 from tactile_node.contact.press import are_on_off
 from tactile_node.taxel_frame import read_only
 
-SIDE = 20        #: rows and columns of a patch
-PATCH_ROOM = 18        #: a contact wider than this is scaled down to it
-BRIDGED_TAXELS = 2      #: pieces with up to so many taxels between them are one contact [taxels]
-PIECE_TAXELS = 3        #: fewer taxels beside a contact are no piece of it
-RIM_REACH = 2          #: how far beyond the mask partial pressures reach [taxels]
-HIGHEST_LEVEL = 255 / 160  #: level of a taxel: training keeps levels as bytes, so no network has seen a higher one
+SIDE = 20           #: Number of rows and of columns of a patch.
+PATCH_ROOM = 18     #: A wider contact is scaled down to this width [cells].
+BRIDGED_TAXELS = 2  #: Pieces with at most this many taxels between them belong to one contact.
+PIECE_TAXELS = 3    #: Smallest number of taxels of a piece; smaller groups beside a contact are specks.
+RIM_REACH = 2       #: Distance from the mask up to which partial pressures are shown [taxels].
+#: Highest level of a taxel. Training stores levels as bytes, so no network has seen a higher one.
+HIGHEST_LEVEL = 255 / 160
 ROWS_AROUND, COLS_AROUND = np.indices((3, 3)).reshape(2, -1)
 
 
 class Patch(NamedTuple):
-    """A contact in standard form; ``level`` 1 is full contact pressure."""
+    """A contact in standard form; ``level`` is 1 at full contact pressure."""
 
-    level: np.ndarray    #: float32, (SIDE, SIDE); where nothing is known, what the neighbours suggest
-    unseen: np.ndarray   #: float32, (SIDE, SIDE): 1 where a taxel is dead or beyond the pad's edge
-    scale: float         #: taxels a patch cell is wide, 1 or more
-    graded: bool         #: True: from pressures; False: from on/off taxels
+    level: np.ndarray   #: float32 (SIDE, SIDE); where nothing is known, the mean of the neighbours
+    unseen: np.ndarray  #: float32 (SIDE, SIDE), 1 where a taxel is dead or beyond the pad's edge
+    scale: float        #: width of a cell [taxels], at least 1
+    graded: bool        #: True if the levels come from pressures, False if they come from on/off taxels
 
 
 def joined(pattern: ContactPattern) -> np.ndarray:
-    """Return the mask with the pressed pieces near it, and those near them, bool, shape (rows, cols).
+    """Return the mask of the pattern together with the pressed pieces close to it, and the pieces close to those.
 
-    Specks are left out: groups of fewer than PIECE_TAXELS taxels with at most one taxel between each other.
+    The result is bool (rows, cols). Specks are left out: groups of fewer than PIECE_TAXELS taxels, where taxels with at
+    most one other taxel between them form a group.
     """
     if pattern.contacts <= 1:
         return pattern.mask
@@ -46,17 +48,20 @@ def joined(pattern: ContactPattern) -> np.ndarray:
     pressed = pattern.mask | others
     groups = linked(pressed, BRIDGED_TAXELS)
     of_contact = np.zeros(int(groups.max()) + 1, bool)
-    of_contact[groups[pattern.mask]] = True  # hidden taxels may keep its pieces farther apart than BRIDGED_TAXELS
+    of_contact[groups[pattern.mask]] = True  # several groups if hidden taxels divide the mask by more than that
     return pressed & of_contact[groups]
 
 
 def join_pieces(pattern: ContactPattern) -> ContactPattern:
-    """Return ``pattern`` with the largest contact and the pieces `joined` to it as one, in mask, labels and counts."""
+    """Return ``pattern`` with its largest contact and the pieces close to it (`joined`) as a single contact.
+
+    The mask, the labels, the sizes and the number of contacts all show the joined contact.
+    """
     together = joined(pattern)
     is_piece = np.zeros(MOST_LABELS + 1, bool)
     is_piece[pattern.labels[together | pattern.mask]] = True
     is_piece[0] = False
-    number = np.where(is_piece, 1, np.cumsum(~is_piece)).astype(np.uint8)  # none, then the others in their order
+    number = np.where(is_piece, 1, np.cumsum(~is_piece)).astype(np.uint8)  # new label of each old label
     number[0] = 0
     labels = number[pattern.labels]
     labels[together] = 1
@@ -66,7 +71,15 @@ def join_pieces(pattern: ContactPattern) -> ContactPattern:
 
 
 def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
-    """Return the patch of the contact ``mask``, bool with a taxel in it, of a frame ``values``."""
+    """Return the patch of a contact.
+
+    Parameters
+    ----------
+    values : np.ndarray
+        Taxel values of the frame, float (rows, cols).
+    mask : np.ndarray
+        Taxels of the contact, bool (rows, cols), at least one.
+    """
     (low, high), around = np.array([(used.start, used.stop) for used in box_of(mask)]).T, box_of(mask, RIM_REACH)
     level, dead, graded = _levels(values[around], mask[around])
     first = np.array([shown.start for shown in around])
@@ -81,9 +94,9 @@ def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
 
 def _standing(level: np.ndarray, dead: np.ndarray, before: np.ndarray,
               extent: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[int], list[int]]:
-    """Rotate and mirror: longer along x, more spread towards greater x and y.
+    """Rotate and mirror the contact until it is longer along x and skewed towards greater x and y.
 
-    ``before``: taxels shown above and left of the contact's box, ``extent``: the box's rows and columns.
+    ``before`` are the taxels shown above and left of the contact's box; ``extent`` are the rows and columns of the box.
     """
     after = np.array(level.shape) - extent - before
     (xx, xxx), (yy, yyy) = _spread(level.sum(0)), _spread(level.sum(1))
@@ -100,16 +113,16 @@ def _standing(level: np.ndarray, dead: np.ndarray, before: np.ndarray,
 
 
 def _spread(weight: np.ndarray) -> tuple[float, float]:
-    """Second and third central moments of a distribution along one axis."""
+    """Return the second and third central moments of a distribution along one axis."""
     place = np.arange(len(weight)) - weight @ np.arange(len(weight)) / weight.sum()
     square = weight * place * place
     return float(square.sum()), float(square @ place)
 
 
 def _levels(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Levels, dead taxels (as 1.0), and whether there are pressures between none and full."""
+    """Return the levels, the dead taxels (as 1.0), and True if the levels are graded."""
     dead = np.isnan(values)
-    known = np.where(dead, 0, np.maximum(values, 0))  # below 0 is noise, or what a broken taxel sends
+    known = np.where(dead, 0, np.maximum(values, 0))  # a value below 0 is noise or comes from a broken taxel
     inside = known * mask
     graded = bool(inside.any()) and not are_on_off(values)
     if graded:
@@ -121,7 +134,7 @@ def _levels(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _filled(level: np.ndarray, dead: np.ndarray) -> np.ndarray:
-    """Dead taxels take the mean of those around them that are not."""
+    """Return ``level`` with each dead taxel set to the mean of its neighbours that are not dead."""
     room = np.array(level.shape) + 2
     known, valid = np.zeros(room), np.zeros(room)
     known[1:-1, 1:-1], valid[1:-1, 1:-1] = np.where(dead, 0, level), ~dead
@@ -133,7 +146,7 @@ def _filled(level: np.ndarray, dead: np.ndarray) -> np.ndarray:
 
 
 def _placed(image: np.ndarray, place: list[int], beyond: float) -> np.ndarray:
-    """``image`` with its first taxel at ``place`` of the patch; ``beyond`` around it."""
+    """Return a patch that shows ``image`` with its first taxel at ``place``, and ``beyond`` everywhere else."""
     patch = np.full((SIDE, SIDE), beyond, np.float32)
     source, target = zip(*(_overlap(start, size) for start, size in zip(place, image.shape)))
     patch[target] = image[source]
@@ -147,7 +160,7 @@ def _overlap(start: int, size: int) -> tuple[slice, slice]:
 
 def _scaled(level: np.ndarray, dead: np.ndarray, scale: float, before: list[int],
             extent: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Means over cells ``scale`` taxels wide, the contact in the middle."""
+    """Return the means over cells that are ``scale`` taxels wide, with the contact in the middle of the patch."""
     down, along = (_cells(n, scale, margin, size) for n, margin, size in zip(level.shape, before, extent))
     covered = down.sum(1)[:, None] * along.sum(1)
     level, dead = down @ level @ along.T, down @ dead @ along.T
@@ -155,7 +168,7 @@ def _scaled(level: np.ndarray, dead: np.ndarray, scale: float, before: list[int]
 
 
 def _cells(n: int, scale: float, before: int, size: int) -> np.ndarray:
-    """Share of each patch cell that each of ``n`` taxels covers, shape (SIDE, n)."""
+    """Return the share of each patch cell that each of ``n`` taxels covers, shape (SIDE, n)."""
     edge = (size - SIDE * scale) / 2 + before + scale * np.arange(SIDE + 1)
     taxel = np.arange(n)
     overlap = np.minimum(edge[1:, None], taxel + 1) - np.maximum(edge[:-1, None], taxel)

@@ -1,4 +1,4 @@
-"""Finds why a contact is none of the five shapes."""
+"""Find the reason why a contact has none of the five shapes."""
 
 import numpy as np
 from scipy import ndimage
@@ -8,13 +8,15 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.shape.patch import joined
 from tactile_node.shape.recognition import UnknownReason
 
-COVERED_SHARE = 0.6  #: share of the visible taxels: the outline of a contact that covers more is not visible
-HOLLOW_TAXELS = 3    #: taxels of a hole; uneven gains make smaller ones
-CUT_SHARE = 0.5      #: of the side of a square as large: a contact that has more taxels at the pad's edge goes on there
+COVERED_SHARE = 0.6  #: Share of the visible taxels. If a contact covers more, its outline is not visible.
+HOLLOW_TAXELS = 3    #: Smallest number of taxels of a hole; uneven gains make smaller ones.
+#: Share of the side of a square of the same size. If more taxels of a contact lie at one edge of the pad, the contact
+#: goes on there.
+CUT_SHARE = 0.5
 
 
 def why_unfamiliar(pattern: ContactPattern) -> UnknownReason:
-    """Return why the contact of ``pattern``, which is none of the shapes, is none, by the plainest of its traits.
+    """Return the reason why a contact has none of the shapes; the most obvious one if several apply.
 
     >>> why_unfamiliar(ContactPattern.of(np.eye(4) < 1, np.eye(4)))
     <UnknownReason.COVERS_PAD: 8>

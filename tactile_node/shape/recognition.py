@@ -1,4 +1,4 @@
-"""The shapes, and what a recogniser reports for a contact."""
+"""The shapes, and the result of a recogniser for a contact."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,14 +6,15 @@ from enum import Enum, IntEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
-#: The recognition methods by name; here, so that a command line knows them at once.
-LEARNED, VOLF = 'learned', 'volf'
+# The names of the recognition methods are here, so that a command line need not import the methods to list them.
+LEARNED = 'learned'
+VOLF = 'volf'
 DEFAULT_METHOD = LEARNED
-METHOD_FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: what each reads by default, in config/
+METHOD_FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: Default file of each method, in config/.
 
 
 class Shape(str, Enum):
-    """The classes; the values are the names used in files, on topics and on the command line."""
+    """The shape classes. The values are their names in files, on topics and on the command line."""
 
     CIRCLE = 'circle'
     SQUARE = 'square'
@@ -21,14 +22,14 @@ class Shape(str, Enum):
     RIGHT_TRIANGLE = 'right_triangle'
     ISOSCELES_TRIANGLE = 'isosceles_triangle'
     NONE = 'none'        #: nothing touches the pad
-    UNKNOWN = 'unknown'  #: something does, and its shape cannot be determined
+    UNKNOWN = 'unknown'  #: something touches the pad, but its shape cannot be determined
 
 
 @dataclass(frozen=True)
 class TaughtShape:
-    """A class that a user has taught (`tactile teach`); it has a name, and no outline that could be fitted."""
+    """A class that a user has taught (`tactile teach`). It has a name but no outline that could be fitted."""
 
-    value: str  #: its name, as that of a Shape
+    value: str  #: name of the class, like the value of a Shape
 
 
 ShapeClass: TypeAlias = Shape | TaughtShape
@@ -38,42 +39,45 @@ class UnknownReason(IntEnum):
     """Why a shape is UNKNOWN (ContactShape.msg mirrors these numbers)."""
 
     NOT_KNOWN = 0
-    NOT_UNKNOWN = 1  #: the shape is another one
-    NOT_SEEN = 2     #: hidden taxels: whether something touches the pad, or the outline of what does
-    UNFAMILIAR = 3   #: seen, and its outline is that of none of the shapes known
-    TOO_SMALL = 4    #: seen, and of too few taxels
-    CUT_BY_EDGE = 5    #: seen, and the pad's edge cuts it
-    HOLLOW = 6         #: seen, and it encloses taxels that are not pressed
-    SEVERAL_PARTS = 7  #: seen, and it is of several parts
-    COVERS_PAD = 8     #: something covers most of the pad, so that its outline is not seen
-    UNSTABLE = 9       #: seen, and its name depends on the pressure at which the outline is drawn
+    NOT_UNKNOWN = 1    #: the shape is not UNKNOWN
+    NOT_SEEN = 2       #: hidden taxels: they may hide a contact, or the outline of the contact
+    UNFAMILIAR = 3     #: the contact is seen, and its outline is none of the known shapes
+    TOO_SMALL = 4      #: the contact is seen and has too few taxels
+    CUT_BY_EDGE = 5    #: the contact is seen, and the pad's edge cuts it
+    HOLLOW = 6         #: the contact is seen and encloses taxels that are not pressed
+    SEVERAL_PARTS = 7  #: the contact is seen and consists of several parts
+    COVERS_PAD = 8     #: an object covers most of the pad, so that its outline is not seen
+    UNSTABLE = 9       #: the contact is seen, and its name depends on the pressure at which the outline is drawn
 
 
-#: The shapes that a contact can have, in the package's one order. Files that keep another one name it at their loader.
+#: The shapes that a contact can have, in the order used throughout the package. Files in another order name it at their
+#: loader.
 SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE)
 
 
 class Alternative(NamedTuple):
-    """What a contact is when its hidden taxels are read in one way."""
+    """The probabilities for one way of reading the hidden taxels of a contact."""
 
-    weight: float  #: weight of this way; all sum to 1
+    weight: float  #: weight of this reading; all weights sum to 1
     probabilities: Mapping[ShapeClass, float]
 
 
 class Recognition(NamedTuple):
-    """The most probable shape; ``probabilities`` holds every Shape, then those taught, and sums to 1.
+    """The most probable shape of a contact and the probability of each class.
 
-    Where hidden taxels may change the answer, ``alternatives`` holds that for each way in which they may be read. Where
-    the taxels do not support the name, one of the alternatives is UNKNOWN. ``probabilities`` are the weighted mean of
-    the alternatives. No number of frames makes such an answer sure.
+    ``probabilities`` holds every Shape, then the taught shapes, and sums to 1. If hidden taxels may change the answer,
+    ``alternatives`` holds the answer for each way of reading them. If the taxels do not support the name, one of the
+    alternatives is UNKNOWN. ``probabilities`` is then the weighted mean over the alternatives, and no number of frames
+    makes such an answer sure.
     """
 
     shape: ShapeClass
     probabilities: Mapping[ShapeClass, float]
-    reason: UnknownReason = UnknownReason.NOT_UNKNOWN  #: why ``shape`` is UNKNOWN
+    reason: UnknownReason = UnknownReason.NOT_UNKNOWN  #: the reason if ``shape`` is UNKNOWN
     alternatives: tuple[Alternative, ...] = ()
-    doubt: UnknownReason = UnknownReason.NOT_UNKNOWN   #: what speaks against a name that is not sure
-    joined: bool = False  #: of the largest contact together with pieces close to it, `patch.join_pieces`
+    doubt: UnknownReason = UnknownReason.NOT_UNKNOWN  #: the reason why a name is not sure
+    #: True if the pieces close to the largest contact were taken as a part of it (`patch.join_pieces`)
+    joined: bool = False
 
     @property
     def confidence(self) -> float:
@@ -82,25 +86,25 @@ class Recognition(NamedTuple):
 
     @property
     def is_evidence(self) -> bool:
-        """Whether it says anything of what touches the pad; it does not where that was not seen."""
+        """True if the answer says anything about the object; False if the contact was not seen."""
         return self.reason not in (UnknownReason.NOT_SEEN, UnknownReason.COVERS_PAD) or bool(self.alternatives)
 
     @classmethod
     def certain(cls, shape: ShapeClass) -> 'Recognition':
-        """Make a recognition that gives ``shape`` the probability 1."""
+        """Return a recognition that gives ``shape`` the probability 1."""
         return cls.of({shape: 1.0})
 
     @classmethod
     def unknown(cls, reason: UnknownReason) -> 'Recognition':
-        """Make a recognition that is certainly UNKNOWN."""
+        """Return a recognition that is certainly UNKNOWN."""
         return cls.of({Shape.UNKNOWN: 1.0}, reason)
 
     @classmethod
     def of(cls, probabilities: Mapping[ShapeClass, float],
            reason: UnknownReason = UnknownReason.UNFAMILIAR) -> 'Recognition':
-        """Make a recognition of these probabilities; classes not named have none.
+        """Return a recognition with these probabilities; a class that is not named has the probability 0.
 
-        ``reason`` counts where UNKNOWN is the most probable.
+        ``reason`` is used only if UNKNOWN is the most probable class.
         """
         every: dict[ShapeClass, float] = {shape: float(probabilities.get(shape, 0.0)) for shape in Shape}
         every.update((shape, float(p)) for shape, p in probabilities.items() if isinstance(shape, TaughtShape))
@@ -108,9 +112,16 @@ class Recognition(NamedTuple):
 
     @classmethod
     def of_alternatives(cls, weights: Sequence[float], alternatives: Sequence['Recognition']) -> 'Recognition':
-        """Make a recognition of one contact, parts of which are hidden, from those of its ``alternatives``.
+        """Return the recognition of a contact with hidden taxels from the recognitions of its readings.
 
-        An UNKNOWN has their reason where they agree in it, else NOT_SEEN.
+        If the result is UNKNOWN, its reason is the reason of all readings if they agree, and NOT_SEEN otherwise.
+
+        Parameters
+        ----------
+        weights : sequence of float
+            Weight of each reading; the weights sum to 1.
+        alternatives : sequence of Recognition
+            Recognition of each reading.
         """
         readings = [Alternative(weight * part, probabilities) for weight, each in zip(weights, alternatives)
                     for part, probabilities in each.alternatives or (Alternative(1.0, each.probabilities),)]
@@ -121,21 +132,29 @@ class Recognition(NamedTuple):
         return cls.of(mean, reason)._replace(joined=alternatives[0].joined, alternatives=tuple(readings))
 
     def no_surer_than(self, most: float, doubt: UnknownReason) -> 'Recognition':
-        """Return it as a sure answer that is UNKNOWN with a probability of 1 - ``most``, which is less than a half.
+        """Return a copy in which the name has at most the probability ``most``, no matter how many frames agree.
 
-        ``doubt``: what speaks against the name.
+        Parameters
+        ----------
+        most : float
+            Largest probability of the name, more than a half; UNKNOWN gets the rest.
+        doubt : UnknownReason
+            Reason why the name is not sure.
         """
         unknown = Recognition.certain(Shape.UNKNOWN).over(tuple(self.probabilities))
         return Recognition.of_alternatives((most, 1 - most), (self, unknown))._replace(doubt=doubt)
 
     def exchanged(self, one: Shape, other: Shape) -> 'Recognition':
-        """Return it with the probabilities of two shapes exchanged; it is of the ``other`` where it was of ``one``."""
+        """Return a copy in which two shapes exchange their probabilities.
+
+        If ``one`` is the answer, ``other`` becomes the answer.
+        """
         probabilities = {**self.probabilities, one: self.probabilities[other], other: self.probabilities[one]}
         return self._replace(shape=other if self.shape is one else self.shape,
                              probabilities=MappingProxyType(probabilities))
 
     def over(self, classes: Sequence[ShapeClass]) -> 'Recognition':
-        """Return it with a probability of each of ``classes``, in their order; 0 where it has none."""
+        """Return a copy with a probability for each of ``classes``, in their order; 0 for a class without one."""
         if len(self.probabilities) == len(classes):
             return self
 
@@ -145,7 +164,7 @@ class Recognition(NamedTuple):
             Alternative(weight, all_of(each)) for weight, each in self.alternatives))
 
     def reported_as(self, shape: ShapeClass, reason: UnknownReason) -> 'Recognition':
-        """Return it with another ``shape`` as the answer; ``reason`` counts where that is UNKNOWN."""
+        """Return a copy with another ``shape`` as the answer; ``reason`` is used only if this shape is UNKNOWN."""
         return self._of(shape, self.probabilities, reason)._replace(alternatives=self.alternatives)
 
     @classmethod
@@ -154,7 +173,10 @@ class Recognition(NamedTuple):
                    reason if shape is Shape.UNKNOWN else UnknownReason.NOT_UNKNOWN)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what one line of `tactile classify` holds; `reason` only of an unknown shape, `doubt` of a name."""
+        """Return one line of `tactile classify` as a dictionary.
+
+        ``reason`` is present only for an unknown shape, and ``doubt`` only for a name that is not sure.
+        """
         reason = {'reason': self.reason.name.lower()} if self.shape is Shape.UNKNOWN else {}
         if self.doubt is not UnknownReason.NOT_UNKNOWN:
             reason['doubt'] = self.doubt.name.lower()

@@ -1,8 +1,9 @@
-"""Whether a contact is more than chance: specks, lines and checkerboards have no shape.
+"""Find contacts that may be chance: specks, lines and checkerboards have no shape.
 
-Taxels that are pressed at random make groups, the larger the denser they are (site percolation). How dense they are
-shows beside the contact; how large and how compact such groups become was found by drawing 1,500 pads of 8x8 and 16x16
-taxels and 200 of 64x64 for each density. Contacts are compact: their taxels have their neighbours in the contact.
+Taxels that are pressed at random form groups. The groups are larger where more taxels are pressed (site percolation).
+The density of pressed taxels is measured beside the contact. The size and compactness of random groups come from
+simulations: 1,500 pads of 8x8 and of 16x16 taxels and 200 pads of 64x64 taxels for each density. Real contacts are
+compact, which means that most neighbours of their taxels also belong to the contact.
 """
 
 import numpy as np
@@ -13,41 +14,79 @@ from tactile_node.contact.pattern import ContactPattern, number_contacts
 from tactile_node.contact.press import are_on_off
 from tactile_node.shape.patch import joined
 
-#: Fraction of the taxels beside the contact that are pressed -> taxels of a group that chance does not make there.
+#: Densities of pressed taxels beside a contact [fraction of these taxels].
 DENSITIES = (0.005, 0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.16)
+#: For each density, the size from which on chance does not form a group [taxels].
 GROUPS = (4, 6, 9, 13, 16, 19, 22, 32)
-PLACES = 256       #: taxels of the pad for which GROUPS holds; there is more chance on larger ones:
-MORE_PLACES = 0.6  #: groups are larger by this part where there are PLACES times as many
-DENSEST = 0.16     #: from here on groups of any size are made by chance, and only compactness counts
-OTHER = 6          #: taxels of another contact, which is no speck
-OTHER_COMPACT = 0.57  #: compactness of such a contact
-AWAY = 0.25        #: of the pad: so much beyond the box around the contact shows the density of specks
-MARGIN = 1         #: taxels around that box
-LOOSE = 1.7        #: large groups are more compact: 1 - LOOSE / sqrt(taxels)
-LINE_TAXELS = 1.2  #: taxels of a line at most, for each of the rows or columns along which it lies
-BAND_WIDTH = 0.4   #: of the pad's width, the least that hum shows of a row
-EVENNESS = 1.6     #: times the deviation along other rows: less along a band's is their noise, no bar
-ROW_RISE, ROW_NOISE = 0.15, 7.0  #: of the highest row's level, and deviations of a row's median: hum is more
-STRING, LONG = 4, 0.6  #: rows of a string of pieces at most, and its length at least [of the pad's side]
-FALL, SLOPE = 2, 0.1   #: so many taxels beside a contact, and by this part of its width more, its pressure has fallen
-STEEP = 0.35       #: to this part of it, or less
-BELOW_REST = 0.15  #: of the taxels on a contact's lines: where more read as far below the rest, the lines are noisy
-LINE = 3           #: taxels of a row away from the contact, on average: fewer do not show whether it hums
-SPECKLED = 0.08    #: where so many taxels beside a contact are pressed,
-AMONG_SPECKS = 0.55  #: it is none below this compactness
-RAGGED = 0.45      #: nor below this one where
-FEW = 14           #: it is of fewer taxels, with the pieces close to it,
-FEW_ALONE = 7      #: where nothing else is pressed of fewer than these (slim triangles of 9 taxels are ragged), or
-LARGEST = 0.4      #: less than this part of them is in one piece
-SMALL, PARTIAL = 16, 0.25  #: taxels of a contact so small that its rim counts, and the level of that rim
-SURE = 15.0        #: -log of the probability that chance presses all taxels of a compact contact
+#: Number of taxels of the pad for which GROUPS holds. On a larger pad, chance forms larger groups.
+PLACES = 256
+#: Increase of GROUPS on a pad with PLACES times as many taxels, as a share.
+MORE_PLACES = 0.6
+#: From this density on, chance forms groups of any size, and only their compactness counts.
+DENSEST = 0.16
+#: Smallest number of taxels of another contact that is not a speck.
+OTHER = 6
+#: Smallest compactness of such a contact.
+OTHER_COMPACT = 0.57
+#: Share of the pad. If at least this share lies outside the box around the contact, it shows the density of specks.
+AWAY = 0.25
+#: Margin of that box [taxels].
+MARGIN = 1
+#: Required compactness of large groups: 1 - LOOSE / sqrt(taxels).
+LOOSE = 1.7
+#: Largest number of taxels of a line for each row or column of its length.
+LINE_TAXELS = 1.2
+#: Smallest length of a band of hum, as a share of the pad's width.
+BAND_WIDTH = 0.4
+#: A band is noise, not a bar, if its readings scatter less than this many times as much as those of other rows.
+EVENNESS = 1.6
+#: Hum shows as a second maximum of the rows' levels. The levels must rise to it by more than this share of their range.
+ROW_RISE = 0.15
+ROW_NOISE = 7.0  #: The rise must also exceed this many standard deviations of a row's level.
+#: Largest number of rows (or columns) of a string of pieces.
+STRING = 4
+#: Smallest length of a string of pieces, as a share of the pad's side.
+LONG = 0.6
+#: Distance from a contact at which its pressure must have fallen [taxels].
+FALL = 2
+#: Increase of this distance with the width of the contact.
+SLOPE = 0.1
+#: Share of the contact's pressure to which it must have fallen at this distance.
+STEEP = 0.35
+#: Share of the taxels in the rows or columns of a contact. If more taxels read far below rest, these lines are noisy.
+BELOW_REST = 0.15
+#: Average number of taxels of a row away from the contact. With fewer taxels, it is not known whether the row hums.
+LINE = 3
+#: If the density beside a contact is this high, the contact needs the compactness AMONG_SPECKS.
+SPECKLED = 0.08
+AMONG_SPECKS = 0.55
+#: A contact below this compactness is chance if it is small (FEW, FEW_ALONE) or scattered (LARGEST).
+RAGGED = 0.45
+#: Small: fewer taxels than this, together with the pieces close to the contact.
+FEW = 14
+#: Small, if nothing else is pressed on the pad: fewer taxels than this. Slim triangles of 9 taxels are ragged, too, and
+#: must pass.
+FEW_ALONE = 7
+#: Scattered: less than this share of the taxels is in the largest piece.
+LARGEST = 0.4
+#: A contact of fewer taxels than this is also judged together with its rim.
+SMALL = 16
+#: Lowest pressure of that rim, as a share of the contact's mean.
+PARTIAL = 0.25
+#: Smallest -log of the probability that chance presses all taxels of a compact contact.
+SURE = 15.0
 
 
 def is_shapeless(pattern: ContactPattern) -> bool:
-    """Return whether the contact of ``pattern`` is what noise, stuck taxels, lines or drift make, too.
+    """Return True if the contact may come from noise, stuck taxels, lines or drift.
 
-    That is a group of the size that chance makes at the density of the pressed taxels beside it, a line one taxel
-    wide, what reaches three edges of the pad, so that its width is not seen, and a rise without an edge.
+    A contact is shapeless in these cases:
+
+    - It is a group that chance may form at the density of the pressed taxels beside it.
+    - It is a line one taxel wide.
+    - It reaches three edges of the pad, so that its width is not seen.
+    - It is a rise of the readings without an edge.
+    - It is one piece of a noisy line, or a band of rows on a pad that hums.
 
     >>> row = np.eye(8, dtype=bool)[[3] * 8].T
     >>> is_shapeless(ContactPattern.of(row, row.astype(float)))
@@ -66,7 +105,7 @@ def is_shapeless(pattern: ContactPattern) -> bool:
 
 
 def _is_chance(pattern: ContactPattern, together: np.ndarray) -> bool:
-    """Return whether chance makes such a group at the density of the pressed taxels beside it."""
+    """Return True if chance may form such a group at the density of the pressed taxels beside it."""
     taxels, whole = int(np.count_nonzero(pattern.mask)), np.count_nonzero(together)
     density, compactness = _density_beside(pattern, together), _compactness(pattern.mask)
     if density >= SPECKLED and compactness < AMONG_SPECKS:
@@ -81,9 +120,10 @@ def _is_chance(pattern: ContactPattern, together: np.ndarray) -> bool:
 
 
 def _wider(pattern: ContactPattern) -> ContactPattern:
-    """Return a small contact with the partial pressures around it, and what else reaches their level.
+    """Return a small contact extended by the partial pressures around it.
 
-    A soft cover spreads a contact; a speck has nothing around it. On/off taxels, and large contacts, stay as they are.
+    Other groups that reach the level of these pressures then count as contacts, too. A soft cover spreads a contact,
+    but a speck has nothing around it. On/off taxels and large contacts stay as they are.
     """
     if np.count_nonzero(pattern.mask) >= SMALL or are_on_off(pattern.values):
         return pattern
@@ -95,17 +135,20 @@ def _wider(pattern: ContactPattern) -> ContactPattern:
 
 
 def _is_line(taxels: np.ndarray) -> bool:
-    """Return whether the contact is one taxel wide: a bad line, or a chain of specks."""
+    """Return True if the contact is one taxel wide: it is a bad line or a chain of specks."""
     return bool(np.count_nonzero(taxels) <= LINE_TAXELS * max(_extents(taxels)))
 
 
 def _is_across(mask: np.ndarray) -> bool:
-    """Return whether the contact reaches three edges of the pad; a bar across it reaches two, and shows its width."""
+    """Return True if the contact reaches three edges of the pad.
+
+    A bar across the pad reaches only two edges and shows its width.
+    """
     return sum(bool(edge.any()) for edge in (mask[0], mask[-1], mask[:, 0], mask[:, -1])) >= 3
 
 
 def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:
-    """Return whether the contact is one of many pieces along a few rows or columns: noisy lines."""
+    """Return True if the contact is one of many pieces along a few rows or columns, as noisy lines form them."""
     (high, wide), extents = _extents(together), _extents(mask)
     longest = max(high, wide)
     return bool(min(high, wide) <= STRING and longest >= LONG * together.shape[0 if high > wide else 1]
@@ -113,15 +156,15 @@ def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:
 
 
 def _extents(taxels: np.ndarray) -> tuple[int, int]:
-    """Rows and columns of the least box around them."""
+    """Return the number of rows and columns of the smallest box around the taxels."""
     rows, cols = box_of(taxels)
     return rows.stop - rows.start, cols.stop - cols.start
 
 
 def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
-    """Return whether pressures do not fall off around the contact, or not along its rows or columns.
+    """Return True if the pressures do not fall off around the contact, or do not fall off along its rows or columns.
 
-    It is a rise of the pad's readings, or of whole lines (hum), no contact.
+    The readings of the pad, or of whole lines (hum), have then risen without a contact.
     """
     near = together
     for _ in range(FALL + int(SLOPE * np.count_nonzero(together) ** 0.5)):
@@ -138,16 +181,17 @@ def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
 
 
 def _is_hum(pattern: ContactPattern) -> bool:
-    """Return whether the contact is a band of whole rows or columns on a pad whose other rows or columns move, too."""
+    """Return True if the contact is a band of whole rows or columns on a pad where other rows or columns move, too."""
     turned = (pattern.values, pattern.mask), (pattern.values.T, pattern.mask.T)
     return any(np.count_nonzero(mask.any(0)) >= BAND_WIDTH * mask.shape[1] and _is_band_of_hum(values, mask)
                for values, mask in turned)
 
 
 def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
-    """Return whether the rows of ``mask`` are as even as the others, and levels rise again away from the highest row.
+    """Return True if the rows of the contact are a band of hum.
 
-    Along a bar the readings vary by the gain of its taxels and by its ends, and beyond its flanks the pad rests.
+    They are as even as the other rows, and the levels rise again away from the highest row. Along a bar, the readings
+    vary with the gain of its taxels and at its ends. Beside a bar, the pad is at rest.
     """
     finite, band = np.isfinite(values), np.asarray(mask.any(1))
     is_whole = np.count_nonzero(finite) == finite.size
@@ -168,7 +212,7 @@ def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
 
 
 def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, rest: float, most: float) -> bool:
-    """Return whether the rows of the contact read more than ``most`` above ``rest`` away from it, too, or below it."""
+    """Return True if, away from the contact, its rows also read more than ``most`` above ``rest``, or far below it."""
     rows_of_contact, _ = box_of(taxels)
     lines = values[rows_of_contact]
     if np.count_nonzero(lines < rest - most) > BELOW_REST * lines.size:
@@ -178,26 +222,26 @@ def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, rest: 
     if count < LINE * len(used):
         return False
     along = lines[used] - rest
-    return bool(along.sum() > most * count and _median(along) > most)  # the sum is the quicker
+    return bool(along.sum() > most * count and _median(along) > most)  # the sum is faster to compute
 
 
 def _medians(values: np.ndarray) -> np.ndarray:
-    """Return the medians along the last axis; numpy's own take six times as long."""
+    """Return the medians along the last axis; six times as fast as numpy's."""
     ordered, count = np.sort(values, -1), values.shape[-1]
     return (ordered[..., (count - 1) // 2] + ordered[..., count // 2]) / 2
 
 
 def _median(values: np.ndarray) -> float:
-    """Return the upper median (a quarter of the time of numpy's)."""
+    """Return the upper median; four times as fast as numpy's median."""
     middle = values.size // 2
     return float(np.partition(values, middle)[middle])
 
 
 def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
-    """Return the fraction of the visible taxels away from the contact that are pressed, other contacts left out.
+    """Return the fraction of pressed taxels among the visible taxels away from the contact.
 
-    Rounded up by one taxel: of a few taxels, none pressed says little. What lies around the pieces of a torn contact
-    counts where little else is seen.
+    Other contacts are left out. The number of pressed taxels is rounded up by one, because no pressed taxel among a few
+    says little. If little else is seen, the taxels around the pieces of a torn contact are used as well.
     """
     visible = ~(pattern.hidden | pattern.unmapped)
     away = visible.copy()
@@ -217,6 +261,6 @@ def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
 
 
 def _compactness(mask: np.ndarray) -> float:
-    """Return the fraction of the taxels' sides that have a taxel of ``mask`` beyond them."""
+    """Return the fraction of the taxels' sides at which ``mask`` has another taxel."""
     inner = np.count_nonzero(mask[1:] & mask[:-1]) + np.count_nonzero(mask[:, 1:] & mask[:, :-1])
     return float(inner / (2 * np.count_nonzero(mask)))

@@ -1,4 +1,4 @@
-"""How sure a name may be: no surer than what the taxels of the contact can decide, whatever the network says."""
+"""Limit the confidence of a name to what the taxels of the contact can support, whatever the network says."""
 
 import numpy as np
 
@@ -9,33 +9,35 @@ from tactile_node.shape.likeness import FIGURES
 from tactile_node.shape.patch import joined
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, UnknownReason
 
-SURE = 0.9            #: confidence from which a planner acts on a name
-UNSUPPORTED = 0.85    #: confidence of a name that the taxels do not support, at most
-#: Taxels that decide more than "a small contact". With 6,000 computed contacts of the five shapes (validation seeds),
-#: less than 90 % of the sure squares and rectangles of fewer taxels were right. Triangles count as rectangles: the
-#: computed ones were right, but real fingertips of 6 taxels are called triangles, too.
+SURE = 0.9          #: Confidence from which on a planner acts on a name.
+UNSUPPORTED = 0.85  #: Highest confidence of a name that the taxels do not support.
+#: Number of taxels that a contact needs for a sure name. It was chosen with 6,000 computed contacts of the five shapes
+#: (validation seeds): below it, less than 90 % of the sure squares and rectangles were right. Triangles get the limit
+#: of rectangles. The computed triangles were right, but real fingertips of 6 taxels are also called triangles.
 DECIDING_TAXELS = {Shape.SQUARE: 12, Shape.RECTANGLE: 9, Shape.RIGHT_TRIANGLE: 9, Shape.ISOSCELES_TRIANGLE: 9}
-#: the figure of `likeness` that is laid over a contact of each shape
+#: Figure of `likeness` that is laid over a contact of each shape.
 FIGURE_OF = {Shape.CIRCLE: 'disc', Shape.SQUARE: 'square', Shape.RECTANGLE: 'rectangle',
              Shape.RIGHT_TRIANGLE: 'triangle', Shape.ISOSCELES_TRIANGLE: 'triangle'}
-FIGURE_TAXELS = 40    #: taxels of a contact whose overlap with a figure is no matter of its rim alone
-#: Overlap of such a contact with the figure of its name. On the open arrays and with our computed contacts, 39 of 56
-#: sure names that were wrong or foreign had less, and 29 of 433 that were right.
+FIGURE_TAXELS = 40  #: Number of taxels from which on the overlap with a figure depends on more than the rim.
+#: Overlap with the figure of its name that such a contact needs. On the open arrays and with our computed contacts, 39
+#: of 56 sure names that were wrong or foreign had less, but only 29 of 433 right ones.
 LEAST_OVERLAP = 0.65
-#: Taxels that show corners under uneven gains. Of 250 computed squares with gains of 3:1, the network called 31
-#: circles; a square covered most of these better, and none of as many circles.
+#: Number of taxels that show corners even if the gains are uneven. Of 250 computed squares with gains of 3:1, the
+#: network called 31 circles. A square covered most of these better than a disc. Of 250 circles, a square covered none
+#: better.
 CORNER_TAXELS = 80
-#: Overlap by which a disc covers a large circle better than a square does. Of those 31, 30 had less; of circles under
-#: the same gains, a tenth.
+#: Difference in overlap by which a disc has to cover a large circle better than a square does. Of the 31 squares, 30
+#: had a smaller difference; of circles under the same gains, a tenth.
 CLEARLY_ROUNDER = 0.02
-LOW_SHARE = 0.2       #: of the contact's mean: a low outline, along which most uneven contacts are whole
-LEAST_HELD = 0.5      #: probability of a sure name along the low outline
+#: Share of the contact's mean at which the low outline is drawn. Most uneven contacts are whole within it.
+LOW_SHARE = 0.2
+LEAST_HELD = 0.5  #: Probability that a sure name needs along the low outline.
 
 
 def as_far_as_supported(found: Recognition, pattern: ContactPattern) -> Recognition:
-    """Return ``found``, no surer of its name than the number of taxels of ``pattern`` allows; the likeliest name stays.
+    """Return ``found`` with its confidence limited by the number of taxels of ``pattern``.
 
-    Nothing but a circle is certain from a few taxels.
+    The most probable name stays. Only a circle can be sure with few taxels.
     """
     if not _is_sure(found) or found.shape not in DECIDING_TAXELS:
         return found
@@ -45,10 +47,19 @@ def as_far_as_supported(found: Recognition, pattern: ContactPattern) -> Recognit
 
 
 def as_far_as_it_fits(found: Recognition, taxels: int, overlaps: np.ndarray) -> Recognition:
-    """Return ``found``, no surer of its name than the overlap with the figure of that name allows.
+    """Return a recognition with its confidence limited by the overlap with the figure of its name.
 
-    ``taxels``: of the contact; ``overlaps``: with each of FIGURES. The figure must cover the contact, and no other
-    figure better. A square is a rectangle, too. A large circle that a square covers better is called a square.
+    The figure must cover the contact, and no other figure may cover it better. A square counts as a rectangle, too. If
+    a square covers a large circle better than a disc does, the contact is called a square.
+
+    Parameters
+    ----------
+    found : Recognition
+        Recognition of the contact.
+    taxels : int
+        Number of taxels of the contact.
+    overlaps : np.ndarray
+        Overlap with each of FIGURES.
     """
     if not _is_sure(found) or taxels < FIGURE_TAXELS:
         return found
@@ -66,9 +77,17 @@ def as_far_as_it_fits(found: Recognition, taxels: int, overlaps: np.ndarray) -> 
 
 
 def as_far_as_it_holds(found: Recognition, low: Recognition) -> Recognition:
-    """Return ``found``, no surer of its name than that name holds in ``low``, of the `low_outline` of the contact.
+    """Return a recognition with its confidence limited by the recognition along the low outline.
 
-    Half of the level breaks an object that presses unevenly, and a fragment may look like one of the shapes.
+    At half of its level, an object that presses unevenly may break into fragments, and a fragment may look like one of
+    the shapes.
+
+    Parameters
+    ----------
+    found : Recognition
+        Recognition of the contact.
+    low : Recognition
+        Recognition of the same contact along its `low_outline`.
     """
     if not _is_sure(found) or low.probabilities[found.shape] >= LEAST_HELD:
         return found
@@ -76,9 +95,19 @@ def as_far_as_it_holds(found: Recognition, low: Recognition) -> Recognition:
 
 
 def low_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
-    """Return the contact ``mask`` with the weak pressures joined to it, bool (rows, cols); None where there are none.
+    """Return the contact extended by the weak pressures connected to it, or None if there are none.
 
-    ``values``: of the frame, NaN: no valid value.
+    Parameters
+    ----------
+    values : np.ndarray
+        Taxel values of the frame, float (rows, cols); NaN for no valid value.
+    mask : np.ndarray
+        Taxels of the contact, bool (rows, cols).
+
+    Returns
+    -------
+    np.ndarray or None
+        bool (rows, cols).
     """
     inside = values[mask & np.isfinite(values)]
     if not inside.size or are_on_off(values):
@@ -89,5 +118,5 @@ def low_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
 
 
 def _is_sure(found: Recognition) -> bool:
-    """Return whether ``found`` is sure of one of the five names."""
+    """Return True if ``found`` is sure of one of the five names."""
     return not isinstance(found.shape, TaughtShape) and found.shape in FIGURE_OF and found.confidence >= SURE

@@ -1,12 +1,12 @@
-"""Section 7: the paper's classifier, three planes of two features each.
+"""The classifier of section 7 of the paper: three planes of two features each.
 
-1. (N, dif alpha9): two curves, rectangle | right triangle | the rest;
+1. (N, dif alpha9): two curves divide the plane into rectangle | right triangle | the others;
 2. (min P05, min I5): isosceles triangle | circle and square;
 3. (dif P05 or min P05, dif I5): square | circle.
 
-The curves are data (config/volf_curves.yaml), fitted by `training.fit_curves`. The paper gives no probabilities:
-ours are how often each class was the truth among the training patterns with the same answer of the curves,
-in the same band of N.
+The curves are data (config/volf_curves.yaml), fitted by `training.fit_curves`. The paper gives no probabilities. Ours
+are frequencies among the training patterns: how often each class was true for patterns with the same answer from the
+curves and with N in the same band.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,20 +26,23 @@ from tactile_node.yaml_section import load_mapping
 
 @dataclass(frozen=True)
 class Plane:
-    """One curve and the classes above and below it; features by name as in `tactile features`."""
+    """One curve in a plane of two features, which divides classes above it from classes below it.
 
-    horizontal: tuple[str, str]      #: kind ('value', 'min', 'max' or 'dif') and feature name
+    Features have the names that `tactile features` prints.
+    """
+
+    horizontal: tuple[str, str]  #: kind ('value', 'min', 'max' or 'dif') and name of the feature
     vertical: tuple[str, str]
-    knots: tuple[float, ...]         #: u of the curve's corners, rising
-    levels: tuple[float, ...]        #: v of the curve's corners
+    knots: tuple[float, ...]   #: u of the curve's corners, in rising order
+    levels: tuple[float, ...]  #: v of the curve's corners
 
     def height(self, horizontal: ArrayLike, vertical: ArrayLike) -> np.ndarray:
-        """Return how far points lie above the curve, along v; the sign is the side."""
+        """Return the height of points above the curve, along v; negative below the curve."""
         u, v = axes(horizontal, vertical)
         return v - self._curve(u)
 
     def curve_at(self, horizontal: np.ndarray) -> np.ndarray:
-        """Return the curve itself, in the vertical feature's own unit, for drawing it."""
+        """Return the curve in the unit of the vertical feature, for drawing it."""
         return np.exp(self._curve(axes(horizontal, 0.0)[0])) - 0.01
 
     def _curve(self, u: np.ndarray) -> np.ndarray:
@@ -50,29 +53,33 @@ class Plane:
 
 
 def axes(horizontal: ArrayLike, vertical: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Return the doubly logarithmic axes (u, v)."""
+    """Return the logarithmic axes (u, v) of two features."""
     return np.log(1 + np.asarray(horizontal, float)), np.log(0.01 + np.asarray(vertical, float))
 
 
-SMALLEST = 15  #: a pattern of fewer taxels is UNKNOWN
+SMALLEST = 15  #: A pattern with fewer taxels is UNKNOWN.
 PLANES = ('rectangle', 'right_triangle', 'isosceles_triangle', 'square')
-TAXEL_BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: bands of N, by their least taxel
-#: what the planes answer, in their order of decision: that of the labels of the reproduction, and of each list of
-#: probabilities in the file
+TAXEL_BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: Bands of N, by the smallest number of taxels in each.
+#: The answers of the planes, in their order of decision. The labels of the reproduction and each list of probabilities
+#: in the file have the same order.
 ANSWERS = (*(Shape(name) for name in PLANES), Shape.CIRCLE)
 
 
 def plane_feature(features: Features, name: tuple[str, str]) -> float:
-    """Return a plane's feature: ('value', 'N') or ('dif', 'alpha9') and the like."""
+    """Return the value of a plane's feature, such as ('value', 'N') or ('dif', 'alpha9')."""
     kind, feature = name
     return features.values[feature] if kind == 'value' else getattr(features.rotated[feature], kind)
 
 
 class VolfClassifier:
-    """Recognises shapes by ``planes``: the curve below each shape of PLANES, in this order of decision.
+    """Recognises shapes with the planes of the paper; ``classes`` lists all its possible answers.
 
-    ``classes``: all that it can answer. ``shares``, shape (bands, 5, 5): by band of N and the curves' answer, the
-    probability of each of ANSWERS.
+    Parameters
+    ----------
+    planes : mapping of str to Plane
+        Curve below each shape of PLANES, in order of decision.
+    shares : np.ndarray
+        Probability of each of ANSWERS, by band of N and by answer of the curves, (bands, 5, 5).
     """
 
     classes: tuple[ShapeClass, ...] = tuple(Shape)
@@ -82,7 +89,13 @@ class VolfClassifier:
 
     @classmethod
     def from_file(cls, path: str | Path) -> 'VolfClassifier':
-        """Read the curves that `training.fit_curves` wrote; ConfigurationError where they are not."""
+        """Return the classifier with the curves of a file that `training.fit_curves` has written.
+
+        Raises
+        ------
+        ConfigurationError
+            If the file contains no usable curves.
+        """
         top = load_mapping(Path(path), 'curves of the classifier')
         planes = top.take('planes')
         try:
@@ -93,13 +106,19 @@ class VolfClassifier:
             raise _unusable(path, str(error)) from None
 
     def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
-        """Recognise each of ``patterns``."""
+        """Return the recognition of each of ``patterns``."""
         return [self.classify(compute_features(pattern.mask, Group.CLASSIFIER)) for pattern in patterns]
 
     def classify(self, features: Features) -> Recognition:
-        """Return the most probable shape; NONE for an empty pattern, UNKNOWN below SMALLEST taxels.
+        """Return the recognition of a pattern by its features.
 
-        ``features`` need those of Group.CLASSIFIER. UNKNOWN also where a plane's feature is undefined.
+        The answer is NONE for an empty pattern. It is UNKNOWN for fewer than SMALLEST taxels, or if a feature of a
+        plane is undefined.
+
+        Parameters
+        ----------
+        features : Features
+            Features of the pattern, at least those of Group.CLASSIFIER.
         """
         count = features.values['N']
         if count == 0:
@@ -115,36 +134,39 @@ class VolfClassifier:
 
 
 def band_of(count: ArrayLike) -> np.ndarray | np.intp:
-    """Index into TAXEL_BANDS of a number of taxels."""
+    """Return the index into TAXEL_BANDS for a number of taxels."""
     return np.searchsorted(TAXEL_BANDS[1:], count, 'right')
 
 
 def by_curves(heights: np.ndarray) -> np.ndarray:
-    """Index into the shapes that remain: the first curve a pattern lies above; ``heights``: (curves, ...)."""
+    """Return the index of the answer: the first curve that lies below the pattern, or the last answer if none does.
+
+    ``heights`` has the shape (curves, ...).
+    """
     above = np.concatenate((heights > 0, np.ones((1, *heights.shape[1:]), bool)))
     return above.argmax(0)
 
 
 def _plane(data: Mapping[str, Any]) -> Plane:
-    """One plane of the file; KeyError, TypeError, ValueError where it is not one."""
+    """Return one plane of the file; KeyError, TypeError or ValueError if its data are not usable."""
     horizontal, vertical = (tuple(map(str, data[key])) for key in ('horizontal', 'vertical'))
     knots, levels = (tuple(float(value) for value in data[key]) for key in ('knots', 'levels'))
     if len(horizontal) != 2 or len(vertical) != 2 or not 2 <= len(knots) == len(levels):
-        raise ValueError('a plane without two names an axis and as many levels as knots, at least two')
+        raise ValueError('a plane without two names per axis, or without two or more knots and as many levels')
     if not np.isfinite(knots + levels).all() or not (np.diff(knots) > 0).all():
-        raise ValueError('a curve that is not finite, or whose knots do not rise')
+        raise ValueError('a curve that is not finite or whose knots do not rise')
     return Plane(horizontal, vertical, knots, levels)
 
 
 def _shares(data: Mapping[str, Any]) -> np.ndarray:
-    """Probabilities by band and answer; KeyError, TypeError, ValueError where they are none."""
+    """Return the probabilities by band and answer; KeyError, TypeError or ValueError if the data are not usable."""
     shares = np.array([data[shape.value] for shape in ANSWERS], float).swapaxes(0, 1)
     if shares.shape != (len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)) or not (shares >= 0).all() \
             or not ((sums := shares.sum(2)) > 0).all() or not np.isfinite(sums).all():
-        raise ValueError(f'shares that are not {len(TAXEL_BANDS)} rows of {len(ANSWERS)} probabilities an answer')
+        raise ValueError(f'shares that are not {len(TAXEL_BANDS)} rows of {len(ANSWERS)} probabilities per answer')
     return shares / sums[..., np.newaxis]
 
 
 def _unusable(path: str | Path, got: str) -> ConfigurationError:
     return ConfigurationError(f'curves of the classifier, {path}', expected='a file written by training/fit_curves.py',
-                              got=got, remedy='Use config/volf_curves.yaml, or one that it has written for you.')
+                              got=got, remedy='Use config/volf_curves.yaml, or fit the curves again.')
