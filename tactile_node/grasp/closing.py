@@ -1,7 +1,8 @@
-"""Closing a gripper until its pads are touched or a force is reached: how fast to go on, and when to stop and why.
+"""Close a gripper until its pads are touched or a force is reached: how fast to go on, and when and why to stop.
 
-Pure: time is what it is given. No safety function (ISO 13849, ISO 10218): it limits what it sees, when it sees it.
-Rule: it goes on only by what is seen, current and whole. What may be more than it reads counts as more.
+The module is pure: its callers pass the time. It is not a safety function (ISO 13849, ISO 10218): it limits only the
+force that it sees, and only when it sees it. Rule: closing goes on only if the current readings are complete. If the
+true force may be higher than the reading, the highest possible force counts.
 """
 
 import math
@@ -13,66 +14,70 @@ from tactile_node.errors import ConfigurationError, RefusedGoalError
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.grasp.tracker import GraspContact
 
-BLIND_TIME = 0.5   #: s for which it stops and waits to see again, before the goal ends
-LOST_AFTER = 0.1   #: s without any contact, after both pads were touched: shorter ones are bounces
-START_TIME = 1.0   #: s that a gripper may take beyond its travel, to accept a command and to begin
-REST_TIME = 0.3    #: s without a change of the opening, after which the gripper is at rest
-REST_LIMIT = 2.0   #: s within which it must be at rest to close after a command in doubt, once it has answered
-REST_CHANGE = 2e-4  #: m, of the opening at rest
-SLOWNESS = 3.0     #: times the time that the commanded speed needs, after which it is too slow
-BEYOND = 1e-3      #: m by which a commanded opening may be below 0: controllers close a little more than fully
+BLIND_TIME = 0.5  #: Time for which the gripper stops and waits to see again before the goal ends [s].
+#: Time without any contact after which a touched object counts as lost [s]; shorter times are bounces.
+LOST_AFTER = 0.1
+START_TIME = 1.0    #: Time allowed for the gripper to accept a command and to begin, in addition to its travel [s].
+REST_TIME = 0.3     #: Time without a change of the opening after which the gripper is at rest [s].
+REST_LIMIT = 2.0    #: Time in which the gripper must come to rest after a command in doubt, once it has answered [s].
+REST_CHANGE = 2e-4  #: Largest change of the opening at rest [m].
+#: A gripper is too slow if it needs more than this many times the time that the commanded speed requires.
+SLOWNESS = 3.0
+BEYOND = 1e-3  #: Amount by which a commanded opening may be below 0 [m]; controllers close slightly more than fully.
 
 
 class Outcome(IntEnum):
-    """How a goal ended (GripperOutcome.msg mirrors these numbers)."""
+    """Result of a goal (GripperOutcome.msg mirrors these numbers)."""
 
     NOT_KNOWN = 0
-    REACHED = 1           #: the gripper is at the commanded opening
-    TOUCHED = 2           #: both pads are touched
-    FORCE_REACHED = 3     #: the stronger pad reads the limit, and both are touched
-    STALLED = 4           #: the gripper stalled by its own limit of effort
-    ONE_SIDED = 5         #: one pad is touched, up to the limit of force or of travel
-    NOT_SEEN = 6          #: a pad is unseen, or what is known of it is not current
-    FORCE_NOT_KNOWN = 7   #: saturated, hidden or on/off taxels at a contact: its force may be any
-    LOST = 8              #: both pads were touched, and are empty again
-    TOO_SLOW = 9          #: the gripper takes far longer than its speed explains
+    REACHED = 1          #: the gripper is at the commanded opening
+    TOUCHED = 2          #: both pads are touched
+    FORCE_REACHED = 3    #: both pads are touched, and the stronger one reads the limit
+    STALLED = 4          #: the gripper stalled at its own limit of effort
+    ONE_SIDED = 5        #: only one pad is touched, and the limit of force or of travel is reached
+    NOT_SEEN = 6         #: a pad is unseen, or its readings are not current
+    FORCE_NOT_KNOWN = 7  #: the force is not known: taxels at a contact are saturated, hidden or on/off
+    LOST = 8             #: both pads were touched and are empty again
+    TOO_SLOW = 9         #: the gripper takes far longer than its speed explains
     CANCELED = 10
-    REPLACED = 11         #: by a later goal
+    REPLACED = 11         #: a later goal has replaced this one
     REFUSED = 12          #: the goal cannot be used
-    NO_GRIPPER = 13       #: nothing serves the gripper's own action
+    NO_GRIPPER = 13       #: no server offers the gripper's own action
     GRIPPER_REFUSED = 14  #: the gripper rejected the command
-    GRIPPER_FAILED = 15   #: the gripper ended the command, neither stalled nor there
+    GRIPPER_FAILED = 15   #: the gripper ended the command without stalling and without reaching the opening
     GRIPPER_SILENT = 16   #: the gripper did not answer
-    NOT_STOPPED = 17      #: the gripper did not confirm that it stopped
-    NOT_OPENING = 18      #: the force rises while it should open
-    HOLD_ENDED = 19       #: the travel of the hold is used
-    ALREADY_PRESSED = 20  #: the pads read more than the goal's force and overshoot before anything moved
-    DUPLICATE = 21        #: another process commands the same gripper, or has the same name
+    NOT_STOPPED = 17      #: the gripper did not confirm that it had stopped
+    NOT_OPENING = 18      #: the force rises while the gripper should open
+    HOLD_ENDED = 19       #: the hold has used its travel
+    ALREADY_PRESSED = 20  #: the pads read more than the goal's force plus the overshoot before anything moved
+    DUPLICATE = 21        #: another process commands the same gripper or has the same name
 
 
-#: The gripper does what the goal asked for.
+#: Outcomes in which the gripper has done what the goal asked for.
 SUCCESSES = frozenset((Outcome.REACHED, Outcome.TOUCHED, Outcome.FORCE_REACHED))
 
 
 class PadForce(NamedTuple):
-    """What one pad reads."""
+    """The force that one pad reads."""
 
-    force: float = math.nan       #: of all its contacts [N]; NaN: not known
-    is_bound: bool = False        #: the contact goes on beyond the pad: it is at least this
-    is_hidden: bool = False       #: taxels at the contact are saturated or hidden: it may be any
+    force: float = math.nan  #: force of all contacts of the pad [N]; NaN if it is not known
+    is_bound: bool = False   #: True if the contact goes on beyond the pad, so that the force is a lower bound
+    #: True if taxels at the contact are saturated or hidden, so that the force may have any value
+    is_hidden: bool = False
 
 
 class Touch(NamedTuple):
-    """What a grasp says, at the time of its acquisition."""
+    """The readings of a grasp at the time of its acquisition."""
 
-    acquired: float               #: [s]; -inf: not known
+    acquired: float  #: acquisition [s]; -inf if it is not known
     fresh: bool
     contact: GraspContact
     pads: tuple[PadForce, PadForce]
-    force_sd: float = math.nan    #: standard deviation of either pad's force, at most [N]; NaN: not known
-    #: direction in which the contact on each pad slides, in its own frame [rad]; NaN: it does not, or not known
+    force_sd: float = math.nan  #: largest standard deviation of a pad's force [N]; NaN if it is not known
+    #: direction in which the contact slides on each pad, in the pad's own frame [rad]; NaN if it does not slide or this
+    #: is not known
     slides: tuple[float, float] = (math.nan, math.nan)
-    is_whole: bool = True         #: all of it was seen at once
+    is_whole: bool = True  #: True if all fields come from the same frame
 
     @property
     def is_touched(self) -> bool:
@@ -80,7 +85,7 @@ class Touch(NamedTuple):
 
     @property
     def strongest(self) -> float:
-        """Force that the stronger pad reads [N]; NaN: not known."""
+        """Force that the stronger pad reads [N]; NaN if no force is known."""
         return max((pad.force for pad in self.pads if math.isfinite(pad.force)), default=math.nan)
 
     @property
@@ -90,11 +95,14 @@ class Touch(NamedTuple):
 
     @property
     def has_force(self) -> bool:
-        """Whether the force of each contact is known, or is a bound."""
+        """True if the force of each contact is known or is a bound."""
         return not (self.is_touched and any(pad.is_hidden or math.isnan(pad.force) for pad in self.pads))
 
     def most(self, edge_share: float) -> float:
-        """Return the force of the stronger pad, of a contact that goes on beyond it the most that it may be [N]."""
+        """Return the highest force that the stronger pad may have [N].
+
+        If the contact goes on beyond a pad, the pad may read only ``edge_share`` of the force.
+        """
         return max(pad.force / (edge_share if pad.is_bound else 1.0) for pad in self.pads)
 
     @property
@@ -102,13 +110,14 @@ class Touch(NamedTuple):
         return self.fresh and self.contact not in (GraspContact.NOT_KNOWN, GraspContact.UNSEEN)
 
     def is_current(self, now: float, max_age: float) -> bool:
-        """Whether both pads were seen, at most ``max_age`` before ``now`` [s]."""
+        """Return True if both pads were seen at most ``max_age`` [s] before ``now`` [s]."""
         return self.is_seen and now - self.acquired <= max_age
 
     def after(self, before: 'Touch') -> 'Touch':
-        """Return what is known with what was seen ``before``: one frame with a lost CAN frame is no blindness.
+        """Return these readings if both pads are seen, or else the readings ``before``.
 
-        It is as old as what was seen; a force that one pad alone reads now counts.
+        A single frame with a lost CAN frame must not make the gripper blind. The result is then as old as ``before``,
+        but a force that one pad reads now replaces its old force.
         """
         if self.is_seen:
             return self
@@ -121,19 +130,26 @@ NO_TOUCH = Touch(-math.inf, False, GraspContact.NOT_KNOWN, (PadForce(), PadForce
 
 @dataclass(frozen=True)
 class TouchLimits:
-    """Limits of closing. Raises ConfigurationError for those out of range, and for speeds that exceed the force."""
+    """Limits of closing.
 
-    widest: float = 0.08            #: opening of the gripper when it is open [m]
-    fast_speed: float = 0.02        #: of the opening, until the first touch [m/s]
-    slow_speed: float = 0.005       #: from then on, or from an opening of slow_from on [m/s]
-    slow_from: float = 0.0          #: [m]
-    touch_force: float = 2.0        #: of the stronger pad, where a goal gives none [N]
-    highest_force: float = 20.0     #: that a goal may give [N]
-    edge_share: float = 0.5         #: of its force that a pad reads of a contact that goes on beyond it
-    one_sided_travel: float = 0.02  #: for which it goes on with one pad touched [m]; 0: it stops at once
-    max_age: float = 0.15           #: of what is seen [s]
-    latency: float = 0.06           #: from a touch until the gripper stops [s]
-    stiffness: float = 1000.0       #: of pads and object: force for a metre of the opening [N/m]
+    Raises
+    ------
+    ConfigurationError
+        If a limit is out of range, or if the overshoot at ``fast_speed`` exceeds ``touch_force``.
+    """
+
+    widest: float = 0.08         #: opening of the open gripper [m]
+    fast_speed: float = 0.02     #: speed of the opening until the first touch [m/s]
+    slow_speed: float = 0.005    #: speed after the first touch, or below the opening slow_from [m/s]
+    slow_from: float = 0.0       #: opening below which the gripper closes slowly [m]; 0 for none
+    touch_force: float = 2.0     #: force of the stronger pad for a goal that gives none [N]
+    highest_force: float = 20.0  #: highest force that a goal may give [N]
+    edge_share: float = 0.5      #: share of the force that a pad reads if the contact goes on beyond the pad
+    #: travel for which the gripper goes on with only one pad touched [m]; 0 to stop at once
+    one_sided_travel: float = 0.02
+    max_age: float = 0.15      #: largest age of the readings [s]
+    latency: float = 0.06      #: time from a touch until the gripper stops [s]
+    stiffness: float = 1000.0  #: stiffness of pads and object: force per opening [N/m]
 
     def __post_init__(self) -> None:
         positive = (self.widest, self.fast_speed, self.slow_speed, self.touch_force, self.highest_force,
@@ -152,7 +168,7 @@ class TouchLimits:
                 f'= {self.overshoot(self.fast_speed):.3g} N', remedy='Close slower, or allow more force.')
 
     def overshoot(self, speed: float) -> float:
-        """Return the force that is added from a touch until the gripper stops [N]."""
+        """Return the force that is added between a touch and the stop of the gripper [N]."""
         return self.latency * speed * self.stiffness
 
     def fastest(self, force: float) -> float:
@@ -161,26 +177,43 @@ class TouchLimits:
 
 
 class Goal(NamedTuple):
-    """What a client asks for."""
+    """The request of a client."""
 
-    opening: float       #: [m]
-    speed: float         #: of the opening, until the first touch [m/s]
-    force: float         #: limit of the stronger pad [N]
-    until_touched: bool  #: the client gave no force: it stops when both pads are touched
-    speed_is_fixed: bool = False  #: the gripper takes none
+    opening: float  #: [m]
+    speed: float  #: speed of the opening until the first touch [m/s]
+    force: float  #: limit for the stronger pad [N]
+    until_touched: bool  #: True if the client gave no force, so that the gripper stops when both pads are touched
+    speed_is_fixed: bool = False  #: True if the gripper does not accept a speed
 
     def slow_speed(self, limits: TouchLimits) -> float:
-        """Return the speed from the first touch on [m/s]."""
+        """Return the speed after the first touch [m/s]."""
         return self.speed if self.speed_is_fixed else min(limits.slow_speed, self.speed)
 
 
 def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *,
               speed_is_fixed: bool = False) -> Goal:
-    """Return the goal to close to ``opening`` [m]; ``speed`` [m/s] and ``force`` [N] 0: not given.
+    """Return the goal to close to an opening.
 
-    ``speed_is_fixed``: the gripper takes none, and closes at ``limits.fast_speed``. Raises RefusedGoalError for numbers
-    out of range, and for a speed whose overshoot exceeds the force.
+    Parameters
+    ----------
+    opening : float
+        Opening [m].
+    speed : float
+        Speed until the first touch [m/s]; 0 if it is not given.
+    force : float
+        Limit for the stronger pad [N]; 0 if it is not given.
+    limits : TouchLimits
+        Limits of closing.
+    speed_is_fixed : bool
+        True if the gripper does not accept a speed and closes at ``limits.fast_speed``.
 
+    Raises
+    ------
+    RefusedGoalError
+        If a number is out of range, or if the overshoot at the speed exceeds the force.
+
+    Examples
+    --------
     >>> make_goal(0.0, 0.0, 0.6, TouchLimits(latency=0.06, stiffness=1000.0)).speed
     0.01
     """
@@ -199,37 +232,60 @@ def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *
 
 
 def check_number(name: str, value: float, low: float, high: float, unit: str) -> None:
-    """Raise RefusedGoalError unless ``value`` is a number from ``low`` to ``high``."""
+    """Raise RefusedGoalError unless ``value`` is a finite number from ``low`` to ``high``."""
     if not low <= value <= high or math.isinf(value):
         raise RefusedGoalError(name, expected=f'{low:g} to {high:g} {unit}', got=f'{value:g} {unit}',
                                remedy='Correct the goal, or the parameters of the gripper node.')
 
 
 class Closing:
-    """One goal to close, from its start at ``now`` [s] and an ``opening`` [m], NaN: not known."""
+    """One goal to close, from its start on.
+
+    Parameters
+    ----------
+    goal : Goal
+        The goal.
+    limits : TouchLimits
+        Limits of closing.
+    now : float
+        Time of the start [s].
+    opening : float
+        Opening at the start [m]; NaN if it is not known.
+    """
 
     def __init__(self, goal: Goal, limits: TouchLimits, now: float, opening: float):
         self.goal, self._limits = goal, limits
         self._opening, self._looked = opening, now
-        self._has_begun = False    # it was sent on its way
-        self._was_held = False     # both pads were touched
-        self._seen = now           # when all that it goes on by was last known
-        self._waits = False        # at rest, until that is known again
-        self._seen_touched = now   # when a contact was last seen
-        self._one_sided: float | None = None  # travel since one pad alone is touched [m]
+        self._has_begun = False    # True once the gripper was commanded to move
+        self._was_held = False     # True once both pads were touched
+        self._seen = now           # time at which the readings were last complete
+        self._waits = False        # True while the gripper rests because the readings are not complete
+        self._seen_touched = now   # time at which a contact was last seen
+        self._one_sided: float | None = None  # travel with only one pad touched [m]; None otherwise
         self._slow_speed = goal.slow_speed(limits)
-        self._pace = self._slow_speed if self._is_narrow() else goal.speed  # while it is seen [m/s]
+        self._pace = self._slow_speed if self._is_narrow() else goal.speed  # speed unless the gripper waits [m/s]
         self._deadline = self._deadline_at(now)
 
     @property
     def speed(self) -> float:
-        """Speed at which it goes on [m/s]; 0: it stops and waits."""
+        """Speed at which the gripper goes on [m/s]; 0 while it stops and waits."""
         return 0.0 if self._waits else self._pace
 
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
-        """Return why to end, by what is known at ``now`` [s]; None: go on at ``speed``.
+        """Return the outcome that ends the goal, or None to go on at ``speed``.
 
-        ``is_still``: a gripper that was to stop has done so. A late or incomplete frame ends no goal: it waits at rest.
+        A late or incomplete frame does not end a goal. The gripper waits at rest.
+
+        Parameters
+        ----------
+        now : float
+            Time [s].
+        touch : Touch
+            Latest readings of the pads.
+        opening : float
+            Present opening [m]; NaN if it is not known.
+        is_still : bool
+            True if a gripper that was told to stop has stopped.
         """
         if self._waits:
             self._deadline += now - self._looked
@@ -280,14 +336,18 @@ class Closing:
             self._one_sided = None
 
     def _travel(self, now: float, opening: float) -> float:
-        """Return how far it has closed since it was looked at [m]: as commanded, where the opening is not known."""
+        """Return how far the gripper has closed since the last look [m].
+
+        If the opening is not known, the travel is the commanded one.
+        """
         is_known = math.isfinite(opening) and math.isfinite(self._opening)
         travel = self._opening - opening if is_known else self.speed * (now - self._looked)
         self._opening, self._looked = opening, now
         return travel
 
     def _is_narrow(self) -> bool:
-        return self._limits.slow_from > 0 and not self._opening > self._limits.slow_from  # nor one that is not known
+        # An unknown opening counts as narrow.
+        return self._limits.slow_from > 0 and not self._opening > self._limits.slow_from
 
     def _deadline_at(self, now: float) -> float:
         opening = self._opening if math.isfinite(self._opening) else self._limits.widest
@@ -295,23 +355,32 @@ class Closing:
 
 
 class Widening:
-    """One goal to open to ``goal`` [m], whatever the pads see, from its start at ``now`` [s] and an ``opening``.
+    """One goal to open, whatever the pads read.
 
-    ``opening`` [m]; NaN: not known.
+    Parameters
+    ----------
+    goal : float
+        Opening to reach [m].
+    limits : TouchLimits
+        Limits of closing.
+    now : float
+        Time of the start [s].
+    opening : float
+        Opening at the start [m]; NaN if it is not known.
     """
 
     def __init__(self, goal: float, limits: TouchLimits, now: float, opening: float):
         self._limits = limits
-        self._force = math.nan  # of the stronger pad at its first current reading [N]
+        self._force = math.nan  # force of the stronger pad at the first current reading [N]
         self._deadline = deadline(now, goal - (opening if math.isfinite(opening) else 0.0), self.speed)
 
     @property
     def speed(self) -> float:
-        """Speed at which it opens [m/s]."""
+        """Speed at which the gripper opens [m/s]."""
         return self._limits.fast_speed
 
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
-        """Return why to end, by what is known at ``now`` [s]; None: go on. The parameters are those of a `Closing`."""
+        """Return the outcome that ends the goal, or None to go on; the parameters are those of `Closing.look`."""
         if touch.is_current(now, self._limits.max_age):
             self._force = touch.strongest if math.isnan(self._force) else self._force
             if touch.strongest > self._force + self._limits.touch_force:
@@ -320,34 +389,49 @@ class Widening:
 
 
 class Rest:
-    """Measures whether an opening has not changed for REST_TIME, from ``now`` [s] on."""
+    """Checks whether an opening has not changed for REST_TIME, from ``now`` [s] on."""
 
     def __init__(self, now: float):
         self._since, self._opening = now, math.nan
 
     def look(self, now: float, opening: float) -> bool:
-        """Return True if it rests. ``opening`` [m]; NaN: not known, and counts as no change."""
+        """Return True if the gripper rests; an unknown ``opening`` (NaN) [m] counts as no change."""
         if math.isfinite(opening) and not abs(opening - self._opening) <= REST_CHANGE:
             self._since, self._opening = now, opening
         return now - self._since >= REST_TIME
 
 
 class Clearing:
-    """Waits, before a goal closes after a command in doubt, until the gripper has answered and is at rest.
+    """Waits until the gripper has answered and is at rest, before a goal closes after a command in doubt.
 
-    ``timeout`` [s]: for the answers to the cancels. A gripper that refuses a cancel and never ends the command is at
-    rest only where its opening is measured.
+    If a gripper refuses a cancel and never ends the command, it counts as at rest only if its opening is measured.
+
+    Parameters
+    ----------
+    now : float
+        Time of the start [s].
+    timeout : float
+        Time allowed for the answers to the cancels [s].
     """
 
     def __init__(self, now: float, timeout: float):
         self._limit = now + timeout
-        self._rest: Rest | None = None  # None: no answer yet
+        self._rest: Rest | None = None  # None as long as there is no answer
         self.is_over = False
 
     def look(self, now: float, opening: float, *, is_answered: bool, is_ended: bool) -> Outcome | None:
-        """Return why the goal cannot close; None: go on. ``opening`` [m]; NaN: not known.
+        """Return the reason why the goal cannot close, or None to go on.
 
-        ``is_answered``: the gripper has answered each cancel; ``is_ended``: by confirming it.
+        Parameters
+        ----------
+        now : float
+            Time [s].
+        opening : float
+            Present opening [m]; NaN if it is not known.
+        is_answered : bool
+            True if the gripper has answered each cancel.
+        is_ended : bool
+            True if its answers confirm that each command has ended.
         """
         if self._rest is None and is_answered:
             self._rest = Rest(now)
@@ -359,5 +443,15 @@ class Clearing:
 
 
 def deadline(now: float, travel: float, speed: float) -> float:
-    """Return when a gripper that sets out ``now`` [s] for ``travel`` [m] at ``speed`` [m/s] is too slow."""
+    """Return the time after which a gripper is too slow [s].
+
+    Parameters
+    ----------
+    now : float
+        Time at which the gripper sets out [s].
+    travel : float
+        Travel [m].
+    speed : float
+        Commanded speed [m/s].
+    """
     return now + START_TIME + SLOWNESS * max(travel, 0.0) / speed

@@ -1,4 +1,4 @@
-"""Where two opposing pads are: from a point on a pad to the gripper's frame, and the line between two."""
+"""Geometry of two opposing pads: from a point on a pad to the gripper's frame, and the line between two contacts."""
 
 import math
 from dataclasses import dataclass, field
@@ -12,10 +12,10 @@ from tactile_node.taxel_frame import read_only
 
 
 class Transform(NamedTuple):
-    """Pose of a frame in another one."""
+    """Pose of a frame in another frame."""
 
-    rotation: np.ndarray     #: (3, 3), columns are the frame's axes
-    translation: np.ndarray  #: (3,), the frame's origin [m]
+    rotation: np.ndarray     #: (3, 3), columns are the axes of the frame
+    translation: np.ndarray  #: (3,), origin of the frame [m]
 
     def __matmul__(self, inner: 'Transform') -> 'Transform':
         return Transform(self.rotation @ inner.rotation, self.rotation @ inner.translation + self.translation)
@@ -29,27 +29,28 @@ IDENTITY_TRANSFORM = Transform(np.eye(3), np.zeros(3))
 
 
 class Placement(NamedTuple):
-    """Where a frame is in another one, and since when that is known."""
+    """Pose of a frame in another frame, and the age of this knowledge."""
 
     transform: Transform
-    measured: float  #: when the oldest of the transforms between them was measured, steady [s]; inf: all are static
+    #: steady time at which the oldest transform between the frames was measured [s]; inf if all are static
+    measured: float
 
 
 class FrameTree:
     """The latest transform of each frame in its parent."""
 
     def __init__(self) -> None:
-        self._edges: dict[str, tuple[str, Placement]] = {}  # parent, and where in it
+        self._edges: dict[str, tuple[str, Placement]] = {}  # parent, and the pose in it
 
     def set(self, frame: str, parent: str, transform: Transform, measured: float = math.inf) -> None:
-        """Take the place of ``frame`` in ``parent``, ``measured`` at a steady time [s]; inf: it is static."""
+        """Store the pose of ``frame`` in ``parent``, measured at a steady time [s]; inf for a static transform."""
         self._edges[frame] = parent, Placement(transform, measured)
 
     def __len__(self) -> int:
         return len(self._edges)
 
     def find(self, frame: str, reference: str) -> Placement | None:
-        """Return where ``frame`` is in ``reference``; None while no chain of transforms joins them."""
+        """Return the pose of ``frame`` in ``reference``, or None while no chain of transforms joins them."""
         of_frame, of_reference = self._ancestors(frame), self._ancestors(reference)
         common = next((name for name in of_frame if name in of_reference), None)
         if common is None:
@@ -58,7 +59,10 @@ class FrameTree:
         return Placement(outer.transform.inverse @ inner.transform, min(outer.measured, inner.measured))
 
     def _ancestors(self, frame: str) -> dict[str, Placement]:
-        """Where the frame is in itself and in each ancestor up to the root; none where transforms form a circle."""
+        """Return the pose of the frame in itself and in each ancestor up to the root.
+
+        The result is empty if the transforms form a circle.
+        """
         found: dict[str, Placement] = {}
         name, place = frame, Placement(IDENTITY_TRANSFORM, math.inf)
         while name not in found:
@@ -71,7 +75,7 @@ class FrameTree:
 
 
 def rotation_matrix(x: float, y: float, z: float, w: float) -> np.ndarray:
-    """Return the rotation (3, 3) of a quaternion, whose length need not be 1 but not 0."""
+    """Return the rotation matrix, (3, 3), of a quaternion of any length above 0."""
     x, y, z, w = np.array((x, y, z, w)) / math.hypot(x, y, z, w)
     return np.array(((1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
                      (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
@@ -80,12 +84,18 @@ def rotation_matrix(x: float, y: float, z: float, w: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class PadPose:
-    """A pad's frame in the gripper's when the gripper is closed (gap 0)."""
+    """Pose of a pad's frame in the gripper's frame when the gripper is closed (gap 0).
 
-    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: origin: the centre of taxel (0, 0) [m]
+    Raises
+    ------
+    ConfigurationError
+        If ``xyz`` or ``rpy`` is not three finite numbers.
+    """
+
+    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: origin of the pad's frame: the centre of taxel (0, 0) [m]
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: roll, pitch, yaw, fixed axes (URDF, REP-103) [rad]
-    rotation: np.ndarray = field(init=False, repr=False, compare=False)  #: (3, 3), columns are the pad's axes
-    origin: np.ndarray = field(init=False, repr=False, compare=False)    #: (3,), xyz [m]
+    rotation: np.ndarray = field(init=False, repr=False, compare=False)  #: (3, 3), columns are the axes of the pad
+    origin: np.ndarray = field(init=False, repr=False, compare=False)  #: (3,), the same as xyz [m]
 
     def __post_init__(self) -> None:
         if len(self.xyz) != 3 or len(self.rpy) != 3 or not np.isfinite((self.xyz, self.rpy)).all():
@@ -105,13 +115,29 @@ class PadPose:
         return self.rotation[:, 2]
 
     def place(self, point: tuple[float, float], gap: float) -> np.ndarray:
-        """Return a point (x, y) of the pad in the gripper's frame, shape (3,) [m], when opened by ``gap``."""
+        """Return a point of the pad in the gripper's frame, (3,) [m].
+
+        Parameters
+        ----------
+        point : tuple of float
+            Point (x, y) in the pad's frame [m].
+        gap : float
+            Opening of the gripper [m].
+        """
         return self.origin + self.rotation[:, :2] @ point - self.normal * (gap / 2)
 
 
 @dataclass(frozen=True)
 class Gripper:
-    """Two pads that face each other; opening by a gap moves each back along its normal by half of it."""
+    """Two pads that face each other.
+
+    When the gripper opens by a gap, each pad moves back along its normal by half the gap.
+
+    Raises
+    ------
+    ConfigurationError
+        If the pads do not face each other.
+    """
 
     left: PadPose = PadPose()
     right: PadPose = PadPose(rpy=(np.pi, 0.0, 0.0))
@@ -125,13 +151,13 @@ class Gripper:
 
     @cached_property
     def closing(self) -> np.ndarray:
-        """Unit vector from the left pad towards the right one."""
+        """Unit vector from the left pad towards the right pad."""
         direction = self.left.normal - self.right.normal
         return read_only(direction / np.linalg.norm(direction))
 
     @cached_property
     def across(self) -> np.ndarray:
-        """Unit vectors across the closing direction along the left pad's x and y axes, shape (2, 3)."""
+        """Unit vectors across the closing direction, along the left pad's x and y axes, (2, 3)."""
         x = self.left.rotation[:, 0] - self.left.rotation[:, 0] @ self.closing * self.closing
         x /= np.linalg.norm(x)
         return read_only(np.array((x, np.cross(self.closing, x))))
@@ -141,16 +167,16 @@ Point = tuple[float, float]  # of a pad, in its own frame [m]
 
 
 class Line(NamedTuple):
-    """From the left contact's centre to the right one's, in the gripper's frame.
+    """The line from the centre of the left contact to the centre of the right contact, in the gripper's frame.
 
-    All but ``offset`` are NaN while the opening is not known: they depend on it.
+    All fields but ``offset`` depend on the opening. They are NaN while it is not known.
     """
 
-    left: np.ndarray       #: (3,) [m]
-    right: np.ndarray      #: (3,) [m]
-    width: float           #: its length [m]
-    offset: float          #: distance of the two centres across the closing direction [m]
-    misalignment: float    #: angle between the line and the closing direction [rad]
+    left: np.ndarray     #: (3,), centre of the left contact [m]
+    right: np.ndarray    #: (3,), centre of the right contact [m]
+    width: float         #: length of the line [m]
+    offset: float        #: distance of the two centres across the closing direction [m]
+    misalignment: float  #: angle between the line and the closing direction [rad]
 
     @property
     def midpoint(self) -> np.ndarray:
@@ -158,15 +184,24 @@ class Line(NamedTuple):
 
     @property
     def axis(self) -> np.ndarray:
-        """Unit vector from left to right; NaN when both are one point."""
+        """Unit vector from left to right; NaN if both points are the same."""
         return (self.right - self.left) / self.width if self.width else np.full(3, np.nan)
 
 
 def contact_line(gripper: Gripper, left_centre: Point, right_centre: Point, gap: float) -> Line:
-    """Return the line between two contacts of a gripper that is open by ``gap`` [m], NaN: not known.
+    """Return the line between the contacts of both pads.
 
-    The offset does not depend on the opening: each pad moves along its own normal, and both together change the
-    distance along the closing direction alone.
+    The offset does not depend on the opening. Each pad moves along its own normal, so both pads together change only
+    the distance along the closing direction.
+
+    Parameters
+    ----------
+    gripper : Gripper
+        Poses of the pads.
+    left_centre, right_centre : tuple of float
+        Centre of each contact in the frame of its pad [m].
+    gap : float
+        Opening of the gripper [m]; NaN if it is not known.
     """
     left, right = gripper.left.place(left_centre, 0.0), gripper.right.place(right_centre, 0.0)
     closing = gripper.closing

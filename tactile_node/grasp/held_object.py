@@ -1,6 +1,6 @@
-"""The object between two pads, once, from what each of them says of its face.
+"""The object between two pads, from the reports of both pads about its faces.
 
-Both faces of what a gripper holds are mostly one shape, seen from two sides: the right pad sees it mirrored.
+Both faces of a held object usually have the same shape, seen from two sides. The right pad sees the shape mirrored.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,45 +12,49 @@ import numpy as np
 from tactile_node.grasp.gripper import Gripper, PadPose, Point
 from tactile_node.shape.recognition import Shape
 
-#: Prior probability that both faces are of one class. A parallel gripper is closed on opposite faces of prisms, bars,
-#: rods and plates, whose faces are alike; the rest leaves room for wedges, handles and lids. Assumed, not measured: of
-#: two sides that are sure (0.99) of one class, or of two, the answer is the same with 0.5 and with 0.99.
+#: Prior probability that both faces have the same class. A parallel gripper usually closes on opposite faces of prisms,
+#: bars, rods and plates, whose faces are alike. The rest leaves room for wedges, handles and lids. The value is
+#: assumed, not measured. If both sides are sure (0.99) of one class, or of two different ones, the answer is the same
+#: with 0.5 and with 0.99.
 SAME_FACES = 0.9
-LEAST_PROBABILITY = 0.5  #: above which a class is reported: it is more probable than all else together
-MOST_DEVIATIONS = 5.0    #: by which two angles of one object may differ; they are not quite normal
-LEAST_CONTRADICTION = radians(5)  #: smaller differences are errors of the pads' poses, which no deviation knows
+#: Probability above which a class is reported, because it is then more probable than all others together.
+LEAST_PROBABILITY = 0.5
+#: Largest difference of two angles of one object [standard deviations]; the errors are not quite normal.
+MOST_DEVIATIONS = 5.0
+#: Differences of angles below this come from errors in the poses of the pads, which no deviation contains [rad].
+LEAST_CONTRADICTION = radians(5)
 NO_CLASSES = (Shape.NONE.value, Shape.UNKNOWN.value)
 
 
 class FaceFit(NamedTuple):
-    """The outline of a face as fitted on its pad; angle, symmetry, handedness, names and bounds as in ContactShape."""
+    """The outline of a face, fitted on its pad; angle, symmetry, handedness, names and bounds as in ContactShape."""
 
-    angle: float                    #: of the shape's own x axis, x towards y of the pad [rad]
-    angle_sd: float                 #: above 0 [rad]; inf where there is no angle
+    angle: float     #: angle of the shape's own x axis, positive from x to y of the pad [rad]
+    angle_sd: float  #: above 0 [rad]; inf if the shape has no angle
     symmetry: int
     handedness: int
     dimension_names: tuple[str, ...]
-    dimensions: tuple[float, ...]   #: [m]
+    dimensions: tuple[float, ...]     #: [m]
     dimension_sds: tuple[float, ...]  #: above 0 [m]
     dimension_is_bound: tuple[bool, ...]
 
 
 class Face(NamedTuple):
-    """What one pad reports of its contact; NaN where not known."""
+    """The report of one pad about its contact; NaN if a value is not known."""
 
-    class_name: str                 #: of which ``fit`` is
-    probabilities: Mapping[str, float]  #: by name of class, none and unknown included; they sum to 1
-    centre: Point                   #: in the pad's frame [m]
-    centre_sd: float                #: each way [m]
+    class_name: str                     #: class of ``fit``
+    probabilities: Mapping[str, float]  #: by name of class, including none and unknown; the sum is 1
+    centre: Point                       #: in the pad's frame [m]
+    centre_sd: float                    #: standard deviation along each axis [m]
     fit: FaceFit | None
-    force: float                    #: [N]
-    force_sd: float                 #: [N]; NaN also where the noise of the taxels is not known
+    force: float     #: [N]
+    force_sd: float  #: [N]; also NaN if the noise of the taxels is not known
     force_is_bound: bool = False
-    slope: Point = (nan, nan)       #: of the pressures along x and y of the pad [Pa/m]
+    slope: Point = (nan, nan)  #: slope of the pressures along x and y of the pad [Pa/m]
 
 
 class HeldObject(NamedTuple):
-    """What both pads hold. By default nothing is known of it; fields as in Grasp.msg."""
+    """The object that both pads hold. By default nothing is known about it. The fields are those of Grasp.msg."""
 
     class_name: str = Shape.UNKNOWN.value
     confidence: float = 0.0
@@ -80,8 +84,19 @@ class _Turn(NamedTuple):
 
 
 def held_object(left: Face, right: Face, gripper: Gripper) -> HeldObject:
-    """Return what both faces are together. Where neither has a fit of the common class there is no size, no yaw.
+    """Return the object that both faces belong to.
 
+    If neither face has a fit of the common class, there is no size and no yaw.
+
+    Parameters
+    ----------
+    left, right : Face
+        Reports of the two pads.
+    gripper : Gripper
+        Poses of the pads.
+
+    Examples
+    --------
     >>> face = Face('circle', {'circle': 0.9, 'unknown': 0.1}, (0.01, 0.0), 1e-4, None, 2.0, 0.1)
     >>> found = held_object(face, face, Gripper())
     >>> found.class_name, round(found.confidence, 2), found.grip_force
@@ -101,10 +116,22 @@ def held_object(left: Face, right: Face, gripper: Gripper) -> HeldObject:
 
 
 def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple[str, float]:
-    """Return the class that both faces are likeliest of, and the probability that both are; UNKNOWN up to 0.5.
+    """Return the most probable class of both faces, and the probability that both faces have it.
 
-    Of two faces of known classes, SAME_FACES are of one, and all classes are equally likely. A side that sees nothing
-    or nothing known, with some probability, leaves the rest at most.
+    If both faces have known classes, they have the same class with the probability SAME_FACES, and all classes are
+    equally likely. If a side reports none or unknown with some probability, at most the rest remains for a class.
+
+    Parameters
+    ----------
+    left, right : mapping of str to float
+        Probability of each class by name.
+
+    Returns
+    -------
+    name : str
+        The class; UNKNOWN if its probability is at most 0.5.
+    probability : float
+        Probability that both faces have this class.
     """
     names = [name for name in {**left, **right} if name not in NO_CLASSES]
     both = {name: left.get(name, 0.0) * right.get(name, 0.0) for name in names}
@@ -119,21 +146,24 @@ def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple
 
 
 def _centre(left: Point, right: Point, gripper: Gripper) -> Point:
-    """Return the midpoint as `HeldObject.centre`: the opening moves it along the closing direction alone."""
+    """Return the midpoint as in `HeldObject.centre`; the opening moves it only along the closing direction."""
     middle = (gripper.left.place(left, 0.0) + gripper.right.place(right, 0.0)) / 2
     x, y = gripper.across @ (middle - gripper.left.origin)
     return float(x), float(y)
 
 
 def _lean(left: Face, right: Face, gripper: Gripper) -> Point:
-    """Return `HeldObject.lean`: what the pads feel alike is no rotation of the gripper's, and cancels."""
+    """Return `HeldObject.lean`.
+
+    A slope that both pads feel in the same way does not come from a rotation of the gripper. It cancels.
+    """
     rise = gripper.left.rotation[:, :2] @ left.slope - gripper.right.rotation[:, :2] @ right.slope
     x, y = gripper.across @ rise / 2
     return float(-y), float(x)
 
 
 def _sized(held: HeldObject, fits: Sequence[FaceFit]) -> HeldObject:
-    """Add the sizes of ``fits``, which are of the object's class."""
+    """Return the object with the sizes of ``fits``, all of the object's class."""
     names = fits[0].dimension_names
     of_each = zip(*(zip(fit.dimensions, fit.dimension_sds, fit.dimension_is_bound)
                     for fit in fits if fit.dimension_names == names))
@@ -142,15 +172,19 @@ def _sized(held: HeldObject, fits: Sequence[FaceFit]) -> HeldObject:
 
 
 def _size(seen: Sequence[tuple[float, float, bool]]) -> tuple[float, float, bool]:
-    """Return one size, its deviation, and whether it is a bound, from the same of each side: the larger of bounds."""
+    """Return one size, its deviation, and True if it is a bound, from the same values of each side.
+
+    A size that is a bound is used only if both sides give bounds; the larger one then counts.
+    """
     whole = [(size, sd) for size, sd, is_bound in seen if not is_bound]
     return (*_mean(whole), False) if whole else max(seen)
 
 
 def _turn(fit: FaceFit, pad: PadPose, side: int, gripper: Gripper) -> _Turn:
-    """Return how a face is turned; ``side``: 1 of the left pad, -1 of the right one.
+    """Return the rotation of a face; ``side`` is 1 for the left pad and -1 for the right pad.
 
-    A mirrored outline with a handedness has its x axis where it was; any other, which is its own mirror image, its y.
+    In a mirrored view, the x axis of an outline with a handedness stays where it was. For any other outline, which is
+    its own mirror image, the y axis stays.
     """
     quarter = 0.0 if fit.handedness else pi / 2
     x, y = gripper.across @ (pad.rotation[:, :2] @ (cos(fit.angle + quarter), sin(fit.angle + quarter)))
@@ -158,7 +192,10 @@ def _turn(fit: FaceFit, pad: PadPose, side: int, gripper: Gripper) -> _Turn:
 
 
 def _turned(held: HeldObject, turns: Sequence[_Turn]) -> HeldObject:
-    """Add the yaw, unless the sides contradict each other; the one that knows its apex says which turn is meant."""
+    """Return the object with its yaw, unless the sides contradict each other.
+
+    A side that knows the apex decides which rotation is meant.
+    """
     base = min(turns)
     held = held._replace(symmetry=base.symmetry)
     if not base.symmetry:
@@ -172,9 +209,9 @@ def _turned(held: HeldObject, turns: Sequence[_Turn]) -> HeldObject:
 
 
 def _mean(values: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the mean of ``values`` with standard deviations, weighted by their variances, and its deviation.
+    """Return the mean of ``values`` with standard deviations, weighted by 1 / variance, and its standard deviation.
 
-    Where they disagree by more than these explain, it is larger by the Birge ratio.
+    If the values differ by more than their deviations explain, the Birge ratio enlarges the standard deviation.
     """
     weights = [sd**-2 for _, sd in values]
     mean = sum(weight * value for weight, (value, _) in zip(weights, values)) / sum(weights)

@@ -1,12 +1,13 @@
-"""Holding with a force what was closed on: when to press harder, when to ease off, and when to end.
+"""Hold an object with a force after closing: when to press harder, when to ease off, and when to end.
 
-Pure: time is what it is given. Rules of trust as in closing.py: by what may be most it closes, by what is at least it
-opens, and without a force that is known it rests.
+The module is pure: its callers pass the time. The rules of trust are those of closing.py. The gripper closes by the
+highest force that the readings allow, opens by the lowest one, and rests if the force is not known.
 
-A correction begins where both pads read more than a deadband D beside the force, and ends at the force. It goes beyond
-by what the gripper moves until it stops, and by a step of it: at most stiffness x (latency x speed + gripper_step). Of
-two readings each is wrong by n at most. With D = that + 2 n, what is read afterwards is at most D beyond the force, so
-no correction causes the opposite one. To press again takes a reading D below the force.
+A correction begins if both pads read more than a deadband D away from the force, and ends at the force. It overshoots
+by the travel until the gripper stops, and by one step of the gripper: at most stiffness x (latency x speed +
+gripper_step). Let n be the largest error of a reading. Two readings together are wrong by at most 2 n. With D =
+overshoot + 2 n, the next reading is at most D beyond the force. No correction therefore causes the opposite correction.
+The gripper presses again only if a reading is D below the force.
 """
 
 import math
@@ -16,62 +17,94 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.closing import LOST_AFTER, Goal, Outcome, Touch, TouchLimits
 from tactile_node.grasp.tracker import GraspContact
 
-NOISE_CERTAINTY = 4.0  #: standard deviations that a reading is wrong by at most
-BLIND_TIME = 1.0       #: s without a force that is known, after which it ends
-SLIDE_PAUSE = 1.0      #: s between two answers to sliding
-#: s for which a slide one way is reported before the answer: 0.2 s of it, and 0.3 s by which a report outlasts it
-#: (pose/track.py). On a shaken hand the object sways in the soft skin, and comes back
+NOISE_CERTAINTY = 4.0  #: Largest error of a reading [standard deviations].
+BLIND_TIME = 1.0       #: Time without a known force after which the hold ends [s].
+SLIDE_PAUSE = 1.0      #: Time between two reactions to sliding [s].
+#: Time for which a slide in one direction must be reported before the hold reacts [s]. It consists of 0.2 s of sliding
+#: and of 0.3 s by which a report outlasts the slide (pose/track.py). On a shaken hand the object sways in the soft skin
+#: and returns.
 SWAY_TIME = 0.5
 
 
 @dataclass(frozen=True)
 class HoldLimits:
-    """Limits of holding. Raises ConfigurationError for those out of range."""
+    """Limits of holding.
 
-    gripper_step: float = 1e-4     #: smallest change of its opening that the gripper makes [m]
-    hold_travel: float = 0.005     #: of all corrections together, at most [m]
-    slide_force_step: float = 0.0  #: by which the force rises where the object slides [N]; 0: it does not
+    Raises
+    ------
+    ConfigurationError
+        If a limit is out of range.
+    """
+
+    gripper_step: float = 1e-4     #: smallest change of the opening that the gripper makes [m]
+    hold_travel: float = 0.005     #: largest travel of all corrections together [m]
+    slide_force_step: float = 0.0  #: step by which the force rises if the object slides [N]; 0 for no reaction
 
     def __post_init__(self) -> None:
         if not (0 < self.gripper_step < math.inf and 0 < self.hold_travel < math.inf
                 and 0 <= self.slide_force_step < math.inf):
             raise ConfigurationError('limits of holding', expected='gripper_step and hold_travel above 0, '
-                                     'slide_force_step not below', got=str(self),
+                                     'slide_force_step 0 or more', got=str(self),
                                      remedy='Correct the parameters of the gripper node.')
 
 
 class Holding:
-    """The hold after ``goal``, whose force it keeps, from ``now`` [s] and an ``opening`` [m] on, NaN: not known."""
+    """The hold after a goal, with the force of this goal.
+
+    Parameters
+    ----------
+    goal : Goal
+        The goal that has ended.
+    limits : TouchLimits
+        Limits of closing.
+    hold : HoldLimits
+        Limits of holding.
+    now : float
+        Time of the start [s].
+    opening : float
+        Opening at the start [m]; NaN if it is not known.
+    """
 
     def __init__(self, goal: Goal, limits: TouchLimits, hold: HoldLimits, now: float, opening: float):
         self._goal, self._limits, self._hold, self._first = goal, limits, hold, opening
-        self.force = goal.force     #: that it keeps [N]
-        self.target = opening       #: to which it goes [m]
-        self.speed = 0.0            #: at which it goes there [m/s]; 0: it rests
-        self.eases = False          #: what it does, or did last, is to open
+        self.force = goal.force  #: force to keep [N]
+        self.target = opening    #: opening to which the gripper moves [m]
+        self.speed = 0.0         #: speed of this movement [m/s]; 0 while the gripper rests
+        self.eases = False       #: True if the present or latest correction opens the gripper
         self._slow = goal.slow_speed(limits)
         self._rested = self._known = self._held = now
-        self._begun, self._begun_opening = now, opening  # the correction
-        self._noise, self._used = 0.0, 0.0    # [N]; travel of the corrections before [m]
-        self._answered = -math.inf            # to sliding
-        self._slides, self._slid_since = (math.nan, math.nan), now  # directions at first
+        self._begun, self._begun_opening = now, opening  # start of the present correction
+        self._noise = 0.0           # largest error of a reading [N]
+        self._used = 0.0            # travel of all earlier corrections [m]
+        self._answered = -math.inf  # time of the latest reaction to sliding
+        self._slides = math.nan, math.nan  # directions at the beginning of the present slide
+        self._slid_since = now      # beginning of the present slide
 
     @property
     def deadband(self) -> float:
-        """How far beside the force a correction begins [N]."""
+        """Deviation from the force at which a correction begins [N]."""
         step = self._limits.stiffness * self._hold.gripper_step
         return step + self._limits.overshoot(self._slow) + 2 * self._noise
 
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool) -> Outcome | None:
-        """Return why it has ended, by what is known at ``now`` [s]; None: go on to ``target`` at ``speed``.
+        """Return the outcome that ends the hold, or None to go on to ``target`` at ``speed``.
 
-        ``is_still``: the gripper has confirmed that it rests.
+        Parameters
+        ----------
+        now : float
+            Time [s].
+        touch : Touch
+            Latest readings of the pads.
+        opening : float
+            Present opening [m]; NaN if it is not known.
+        is_still : bool
+            True if the gripper has confirmed that it rests.
         """
         is_seen = touch.is_current(now, self._limits.max_age)
         if is_seen:
             self._follow(now, touch)
         else:
-            self._slides = math.nan, math.nan  # whether it went on is not known
+            self._slides = math.nan, math.nan  # a slide may have ended unseen
         is_trusted = is_seen and touch.has_force and touch.contact is GraspContact.TWO_SIDED
         end = self._why_end(now, touch, opening, is_seen)
         if end is not None or not is_trusted or (self.speed and self._is_corrected(touch, is_still)):
@@ -92,7 +125,10 @@ class Holding:
         self._follow_slide(now, touch)
 
     def _follow_slide(self, now: float, touch: Touch) -> None:
-        """Note since when it slides one way: since now where it does not, or goes another way on both pads."""
+        """Note the beginning of a slide in one direction.
+
+        The beginning is now if the object does not slide, or if it slides in another direction on both pads.
+        """
         if any(math.cos(first - last) > 0 for first, last in zip(self._slides, touch.slides)):
             left, right = (last if math.isnan(first) else first for first, last in zip(self._slides, touch.slides))
             self._slides = left, right
@@ -107,9 +143,9 @@ class Holding:
         return Outcome.HOLD_ENDED if self._used + self._travelled(now, opening) >= self._hold.hold_travel else None
 
     def _travelled(self, now: float, opening: float) -> float:
-        """Return the travel of the correction under way [m]: as commanded, or as measured where that is more.
+        """Return the travel of the present correction [m]: the commanded or the measured one, whichever is larger.
 
-        A gripper that presses without moving, or goes back whenever it is stopped, comes to an end, too.
+        A hold therefore also ends if the gripper presses without moving, or moves back whenever it is stopped.
         """
         return max(self.speed * (now - self._begun), abs(self._begun_opening - opening)) if self.speed else 0.0
 
@@ -123,7 +159,7 @@ class Holding:
         self.speed, self._rested = 0.0, now
 
     def _correct(self, now: float, touch: Touch, opening: float) -> None:
-        """Begin a correction where one is needed."""
+        """Begin a correction if one is needed."""
         is_answer = self._answers(now)
         lack = self.force - touch.most(self._limits.edge_share)
         excess = touch.weakest - self.force
@@ -133,12 +169,12 @@ class Holding:
         elif excess > self.deadband and math.isfinite(opening):
             target = opening + excess / self._limits.stiffness
             if touch.strongest <= self._limits.highest_force:
-                target = min(self._first, target)  # in this order: NaN where the former is not known
+                target = min(self._first, target)  # in this order, NaN if the first opening is not known
             if target >= opening + self._hold.gripper_step:
                 self.target, self.speed, self.eases = target, self._slow, True
 
     def _answers(self, now: float) -> bool:
-        """Raise the force where the object has slid one way for long enough; return whether it did."""
+        """Raise the force if the object has slid in one direction for long enough, and return True if so."""
         raised = min(self.force + self._hold.slide_force_step, self._limits.highest_force)
         if now - self._slid_since < SWAY_TIME or raised <= self.force or now - self._answered < SLIDE_PAUSE:
             return False

@@ -1,4 +1,4 @@
-"""How far the gripper is open: the last value of a source, as long as it is not too old."""
+"""The opening of the gripper: the latest value from a source, as long as it is not too old."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from tactile_node.errors import ConfigurationError
 
 
 class GapSource(IntEnum):
-    """Where an opening comes from. The codes are stable (Grasp.msg mirrors them)."""
+    """Source of an opening. The codes are stable (Grasp.msg mirrors them)."""
 
     NOT_KNOWN = 0
     PARAMETER = 1
@@ -18,41 +18,47 @@ class GapSource(IntEnum):
 
 
 class Opening(NamedTuple):
-    """The opening at one time. ``gap`` is NaN while there is no source, no value yet, or only one that is too old."""
+    """The opening at one time.
 
-    gap: float = math.nan                     #: [m]
-    source: GapSource = GapSource.NOT_KNOWN   #: source of the last value; NOT_KNOWN: there was none
-    age: float = math.inf                     #: age of the last value, on a steady clock [s]; inf: not known
+    ``gap`` is NaN if there is no source, if the source has no value yet, or if the latest value is too old.
+    """
+
+    gap: float = math.nan                    #: [m]
+    source: GapSource = GapSource.NOT_KNOWN  #: source of the latest value; NOT_KNOWN if there was none
+    age: float = math.inf                    #: age of the latest value, on a steady clock [s]; inf if it is not known
 
 
-#: The opening of a gripper without a source, or of a source without a value.
-UNKNOWN_OPENING = Opening()
+UNKNOWN_OPENING = Opening()  #: Opening of a gripper without a source, or of a source without a value.
 
-#: What a reading may give [m]: two skins pressed into each other are a little less than closed; no gripper opens wider.
-LOWEST_GAP, HIGHEST_GAP = -0.01, 1.0
+LOWEST_GAP = -0.01  #: Smallest plausible opening [m]; two skins pressed into each other are slightly below 0.
+HIGHEST_GAP = 1.0   #: Largest plausible opening [m]; no gripper opens wider.
 
 
 def is_plausible(gap: float) -> bool:
-    """Whether a gripper can be opened by ``gap`` [m]; NaN is not. A wrong sign or unit of the scale shows here."""
+    """Return True if a gripper can be open by ``gap`` [m]; False for NaN.
+
+    A scale with a wrong sign or unit usually shows here.
+    """
     return LOWEST_GAP <= gap <= HIGHEST_GAP
 
 
 @dataclass(frozen=True)
 class LinearGap:
-    """gap = offset + scale * reading. A reading is a sum of joint positions, or a distance.
+    """gap = offset + scale * reading, where the reading is a sum of joint positions or a distance.
 
     >>> round(LinearGap(offset=0.085, scale=-0.1).gap(0.8), 6)  # a knuckle joint that closes as its angle rises
     0.005
     """
 
     offset: float = 0.0  #: [m]
-    scale: float = 1.0   #: metres of opening for a metre or a radian of the reading
+    scale: float = 1.0   #: opening per metre or per radian of the reading
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.offset) and math.isfinite(self.scale) and self.scale):
             raise ConfigurationError(
                 'opening from a reading', expected='finite offset and scale, scale not 0',
-                got=f'offset {self.offset}, scale {self.scale}', remedy='Negative: the gripper closes as it rises.')
+                got=f'offset {self.offset}, scale {self.scale}',
+                remedy='Use a negative scale if the gripper closes as the reading rises.')
 
     def gap(self, reading: float) -> float:
         return self.offset + self.scale * reading
@@ -62,9 +68,16 @@ class LinearGap:
 
 
 class LatestGap:
-    """Holds the last value of one source. Times are of a steady clock [s]: a jump of the wall clock changes nothing.
+    """Holds the latest value of one source.
 
-    ``max_age``: from which on a value is too old to be used [s].
+    All times are steady times [s], so that a jump of the wall clock has no effect.
+
+    Parameters
+    ----------
+    source : GapSource
+        Source of the values.
+    max_age : float
+        Age from which on a value is not used any more [s].
     """
 
     def __init__(self, source: GapSource, max_age: float = math.inf):
@@ -77,17 +90,17 @@ class LatestGap:
         self._measured = math.nan
 
     def set(self, gap: float, measured: float) -> None:
-        """Take a value that was measured at ``measured``; NaN withdraws the one before."""
+        """Store a value measured at the time ``measured``; NaN withdraws the value before."""
         self._gap = gap
         self._measured = measured
 
     def current(self, now: float) -> Opening:
-        """Return the opening at ``now``; its gap is NaN once the last value is too old."""
+        """Return the opening at ``now``; its gap is NaN if the latest value is too old."""
         if math.isnan(self._gap):
             return UNKNOWN_OPENING
         return opening(self._gap, self._source, max(0.0, now - self._measured), self._max_age)
 
 
 def opening(gap: float, source: GapSource, age: float, max_age: float) -> Opening:
-    """Return the opening with a gap that is NaN once it is older than ``max_age`` [s]."""
+    """Return the opening; its gap is NaN if it is older than ``max_age`` [s]."""
     return Opening(gap if age <= max_age else math.nan, source, age)

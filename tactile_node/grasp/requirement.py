@@ -1,4 +1,4 @@
-"""What a grasp has to be, and which parts of it do not hold: of a state at one time, never of an earlier one."""
+"""Requirements on a grasp, and the parts of a requirement that do not hold for the state at one time."""
 
 import math
 from collections.abc import Iterator
@@ -11,25 +11,25 @@ from tactile_node.grasp.gripper import Line
 from tactile_node.grasp.tracker import GraspContact, GraspState
 from tactile_node.shape.recognition import Shape
 
-MOST_REQUIRED = 100  #: shapes of one requirement; there are far fewer classes
+MOST_REQUIRED = 100  #: Largest number of shapes in one requirement; there are far fewer classes.
 NO_SHAPES = ('', Shape.NONE.value, Shape.UNKNOWN.value)
 
 
 class Missing(IntEnum):
-    """A part of a requirement that does not hold (RequirementState.msg mirrors these numbers)."""
+    """Part of a requirement that does not hold (RequirementState.msg mirrors these numbers)."""
 
     NOT_KNOWN = 0        #: not evaluated
     NOTHING = 1
-    NO_RESULT = 2        #: a side has given no result yet
-    UNSEEN = 3           #: a side is hidden, silent or too old
-    NO_CONTACT = 4       #: both pads are seen and empty
+    NO_RESULT = 2   #: a side has no result yet
+    UNSEEN = 3      #: a side is hidden, silent or too old
+    NO_CONTACT = 4  #: both pads are seen and empty
     ONE_SIDED = 5
-    NOT_FRESH = 6        #: the acquisitions of both sides are too far apart
-    BOUND = 7            #: a contact may reach beyond what is seen
+    NOT_FRESH = 6  #: the acquisitions of both sides are too far apart in time
+    BOUND = 7      #: a contact may extend beyond the seen area
     NOT_STABLE = 8
     HELD_TOO_SHORT = 9
     OTHER_SHAPE = 10
-    UNSURE = 11          #: less confident than asked for, or no known shape
+    UNSURE = 11  #: the confidence is lower than required, or the shape is not known
     WIDTH_NOT_KNOWN = 12
     OTHER_WIDTH = 13
     OFFSET_NOT_KNOWN = 14
@@ -38,13 +38,13 @@ class Missing(IntEnum):
     MISALIGNED = 17
 
 
-#: What each state of contact is short of; TWO_SIDED of nothing.
+#: Missing part for each state of contact; TWO_SIDED misses nothing.
 CONTACT_MISSING = {GraspContact.NOT_KNOWN: Missing.NO_RESULT, GraspContact.UNSEEN: Missing.UNSEEN,
                    GraspContact.NO_CONTACT: Missing.NO_CONTACT, GraspContact.ONE_SIDED: Missing.ONE_SIDED}
 
 
 class SideShape(NamedTuple):
-    """What one pad reports of its contact."""
+    """The shape that one pad reports for its contact."""
 
     class_name: str
     confidence: float  #: probability of ``class_name``
@@ -52,26 +52,29 @@ class SideShape(NamedTuple):
 
 @dataclass(frozen=True)
 class Requirement:
-    """A grasp that is fresh, two-sided and stable, and all of these. Limits of 0 do not limit.
+    """A grasp that is fresh, two-sided and stable, and within all of these limits. A limit of 0 has no effect.
 
-    Raises RefusedRequirementError for a limit that is none: NaN, infinite, below 0, a confidence above 1.
+    Raises
+    ------
+    RefusedRequirementError
+        If a limit is NaN, infinite or below 0, a confidence is above 1, or a shape cannot be required.
     """
 
-    shapes: frozenset[str] = frozenset()  #: names of classes, one of which both sides report; empty: any
-    min_confidence: float = 0.0           #: confidence of both sides
-    min_held: float = 0.0                 #: [s]
+    shapes: frozenset[str] = frozenset()  #: names of classes; both sides must report one of them; empty for any
+    min_confidence: float = 0.0           #: smallest confidence of either side
+    min_held: float = 0.0                 #: smallest time for which the grasp has held [s]
     min_width: float = 0.0                #: [m]
     max_width: float = 0.0                #: [m]
     max_offset: float = 0.0               #: [m]
     max_misalignment: float = 0.0         #: [rad]
-    accepts_bound: bool = False           #: also where a contact may reach beyond what is seen
+    accepts_bound: bool = False           #: True to accept a contact that may extend beyond the seen area
 
     def __post_init__(self) -> None:
         limits = {name: getattr(self, name) for name in
                   ('min_confidence', 'min_held', 'min_width', 'max_width', 'max_offset', 'max_misalignment')}
         for name, limit in limits.items():
             if not 0 <= limit < math.inf or name == 'min_confidence' and limit > 1:
-                raise _refused(RequirementRefusal.NOT_A_LIMIT, 'a number from 0 on, a confidence up to 1',
+                raise _refused(RequirementRefusal.NOT_A_LIMIT, 'a number of 0 or more, a confidence of at most 1',
                                f'{name} {limit}', 'Leave it 0 for no limit.')
         if 0 < self.max_width < self.min_width:
             raise _refused(RequirementRefusal.EMPTY_RANGE, 'min_width up to max_width',
@@ -85,8 +88,19 @@ class Requirement:
 
 
 def missing(requirement: Requirement, state: GraspState, sides: tuple[SideShape, SideShape]) -> tuple[Missing, ...]:
-    """Return the parts of ``requirement`` that are known not to hold, in the order of `Missing`; () when all hold.
+    """Return the parts of a requirement that are known not to hold, in the order of `Missing`; () if all parts hold.
 
+    Parameters
+    ----------
+    requirement : Requirement
+        The requirement.
+    state : GraspState
+        State of the grasp at one time.
+    sides : tuple of SideShape
+        Shapes reported by the left and the right pad.
+
+    Examples
+    --------
     >>> from tactile_node.grasp.tracker import GraspTracker
     >>> nothing = SideShape('none', 1.0)
     >>> [each.name for each in missing(Requirement(), GraspTracker().state(0.0), (nothing, nothing))]
@@ -117,7 +131,7 @@ def _wrong_shape(requirement: Requirement, sides: tuple[SideShape, SideShape]) -
 
 
 def _wrong_line(requirement: Requirement, line: Line | None) -> Iterator[Missing]:
-    """Give what does not fit; what is not known neither fits nor does not fit: there are other codes for it."""
+    """Yield the parts that do not hold. An unknown value is neither met nor unmet; it has its own codes."""
     width, offset, misalignment = (line.width, line.offset, line.misalignment) if line else (math.nan,) * 3
     for value, least, most, not_known, wrong in (
             (width, requirement.min_width, requirement.max_width, Missing.WIDTH_NOT_KNOWN, Missing.OTHER_WIDTH),

@@ -1,16 +1,19 @@
-"""Whether the centre of a contact rests, though its measurement is noisy and follows the contact in steps.
+"""Decide whether the centre of a contact rests, although its measurement is noisy and follows the contact in steps.
 
-A straight line is fitted to the centres since the hold began, at most to the last `WINDOW_TIMES` resolution times (the
-time in which a creep of ``max_creep`` moves by the resolution). Its slope is the speed; its error is at most
-`SPEED_CERTAINTY` standard deviations of the noise, which the scatter around the line shows, plus 1.5 resolution /
-length: no error within ± resolution / 2 tilts a line by more. So a speed is a range, and two speeds decide:
+A straight line is fitted to the centres since the hold began, at most to the last `WINDOW_TIMES` resolution times. One
+resolution time is the time in which a creep of ``max_creep`` moves by the resolution. The slope of the line is the
+speed. Its error is at most the sum of two parts: `SPEED_CERTAINTY` standard deviations of the noise, which the scatter
+around the line shows, and 1.5 resolution / length. No error within ± resolution / 2 tilts a line by more. A speed is
+therefore a range, and two limits decide:
 
-- A centre rests once the whole range is below ``max_creep``: a steady creep of ``max_creep`` never does.
-- It rests no longer once the whole range is above `KEPT_CREEP` x ``max_creep``: a creep of a tenth never gets there.
-- A sudden move ends the rest at once: farther from the line than the tolerance, or than noise and resolution explain.
+- A centre rests once the whole range is below ``max_creep``. A steady creep of ``max_creep`` therefore never rests.
+- A centre no longer rests once the whole range is above `KEPT_CREEP` x ``max_creep``. A creep of a tenth of
+  ``max_creep`` therefore keeps resting.
+- A sudden move ends the rest at once. A move is sudden if it goes farther from the line than the tolerance and farther
+  than noise and resolution explain.
 
-What it costs is time: 1.5 resolution / max_creep at least. A fit rests after 0.7 s on pads of 2 mm pitch and 1.7 s on
-pads of 5 mm, or 1.4 s and 2.7 s with a noise of 0.05 pitch; on/off taxels need 7 s and 17 s.
+The decision takes time: at least 1.5 resolution / max_creep. A fit rests after 0.7 s on pads with a pitch of 2 mm and
+after 1.7 s with a pitch of 5 mm. With a noise of 0.05 pitch, it takes 1.4 s and 2.7 s. On/off taxels need 7 s and 17 s.
 """
 
 import math
@@ -21,47 +24,52 @@ import numpy as np
 
 from tactile_node.errors import ConfigurationError
 
-SPEED_CERTAINTY = 5.0    #: standard deviations, of a speed
-SLIP_CERTAINTY = 6.0  #: deviations of one centre: there are thousands
-SYSTEMATIC_SLOPE = 1.5   #: largest slope x length of an error within ±1/2: half of the window low, half of it high
-KEPT_CREEP = 0.4         #: share of max_creep
-#: resolution times; then a creep of max_creep exceeds `KEPT_CREEP` whatever the error within resolution
+SPEED_CERTAINTY = 5.0  #: Largest error of a speed due to noise [standard deviations].
+#: Largest error of a single centre [standard deviations]; the value is high because there are thousands of centres.
+SLIP_CERTAINTY = 6.0
+#: Largest slope x length of an error within ±1/2: half of the window is low, and half of it is high.
+SYSTEMATIC_SLOPE = 1.5
+KEPT_CREEP = 0.4  #: Share of max_creep above which a centre no longer rests.
+#: Length of the window [resolution times]. It is long enough for a creep of max_creep to exceed `KEPT_CREEP`, whatever
+#: the error within the resolution.
 WINDOW_TIMES = 9.0
-SHORTEST_WINDOW = 3.0     #: s, window for centres of any resolution: noise needs time too
-FEWEST_CENTRES = 8         #: centres that show their noise
-BACK_STEP = 0.02        #: s by which a time may go back: the least delay of a path was found to be smaller
+SHORTEST_WINDOW = 3.0  #: Shortest window, for any resolution [s]; noise needs time, too.
+FEWEST_CENTRES = 8     #: Smallest number of centres that show their noise.
+#: Time by which a stamp may go backwards, because the least delay of a path was found to be smaller [s].
+BACK_STEP = 0.02
 
-#: Resolutions: what a moving contact's centre is wrong by beside its noise, peak to peak [pitches]. Measured on
-#: synthetic contacts of all classes (test/test_steadiness.py): a fit is wrong by up to 0.1, the centre of pressure by
-#: 0.5 as taxels join and leave the contact, the centre of on/off taxels along the lattice by a whole pitch.
-FIT_RESOLUTION, PRESSURE_RESOLUTION, PATTERN_RESOLUTION = 0.1, 0.5, 1.0
+# The resolution is the error of a moving contact's centre besides its noise, peak to peak [pitches]. It was measured on
+# synthetic contacts of all classes (test/test_steadiness.py).
+FIT_RESOLUTION = 0.1       #: centre of a fit
+PRESSURE_RESOLUTION = 0.5  #: centre of pressure, which jumps as taxels join and leave the contact
+PATTERN_RESOLUTION = 1.0   #: centre of on/off taxels that move along the lattice
 
 
 @dataclass(frozen=True)
 class SteadinessSettings:
-    """What counts as resting."""
+    """Limits for a resting centre."""
 
-    max_creep: float = 0.0005  #: speed from which on a centre never rests; a tenth of it always may [m/s]
+    max_creep: float = 0.0005  #: speed from which on a centre never rests; a tenth of it never ends a rest [m/s]
     slip: float = 0.001        #: distance of a sudden move that ends the rest [m]
 
     def __post_init__(self) -> None:
         if not (0 < self.max_creep < np.inf and 0 < self.slip < np.inf):
             raise ConfigurationError('steadiness of a grasp', expected='max_creep and slip > 0', got=str(self),
-                                     remedy='Give metres per second and metres.')
+                                     remedy='Give max_creep in metres per second and slip in metres.')
 
 
 class Speed(NamedTuple):
-    """Speed of the centres, by a line through them."""
+    """Speed of the centres, from a line through them."""
 
-    value: float   #: [m/s]
-    error: float   #: it may be wrong by this much [m/s]
-    noise: float   #: standard deviation of a centre around the line, one axis [m]
-    resolution: float  #: mean of the centres' [m]
-    end: np.ndarray  #: (2,), where the line is at the time of the last centre [m]
+    value: float       #: [m/s]
+    error: float       #: largest error of the speed [m/s]
+    noise: float       #: standard deviation of a centre around the line along one axis [m]
+    resolution: float  #: mean resolution of the centres [m]
+    end: np.ndarray    #: (2,), point of the line at the time of the latest centre [m]
 
 
 class Steadiness:
-    """Steadiness of one side; takes its centres in the order of their times.
+    """Decides whether the centre of one side rests; centres are passed in the order of their times.
 
     >>> rest = Steadiness()
     >>> for i in range(50):
@@ -76,15 +84,22 @@ class Steadiness:
 
     def restart(self) -> None:
         """Forget all centres."""
-        self._samples = np.empty((0, 4))  # time, x, y, resolution of each in the window
+        self._samples = np.empty((0, 4))  # time, x, y, resolution of each centre in the window
         self._resting = False
-        self.since = np.inf  #: time of the first centre of this hold [s]
-        self.speed: Speed | None = None  #: None: too few centres
+        self.since = np.inf              #: time of the first centre of this hold [s]
+        self.speed: Speed | None = None  #: None while there are too few centres
 
     def update(self, time: float, centre: tuple[float, float], resolution: float) -> bool:
-        """Take the ``centre`` [m] of ``time`` [s] and return whether it rests.
+        """Add a centre and return True if the contact rests.
 
-        ``resolution`` [m]: peak to peak, what a moving contact's centre is wrong by beside its noise.
+        Parameters
+        ----------
+        time : float
+            Time of the centre [s].
+        centre : tuple of float
+            The centre [m].
+        resolution : float
+            Error of a moving contact's centre besides its noise, peak to peak [m].
         """
         if len(self._samples) and (time < self._samples[-1, 0] - BACK_STEP or self._has_slipped(centre)):
             self.restart()
@@ -101,7 +116,10 @@ class Steadiness:
         return self._resting
 
     def _has_slipped(self, centre: tuple[float, float]) -> bool:
-        """Whether ``centre`` is farther from the others than the tolerance, or than noise and resolution explain."""
+        """Return True if ``centre`` has suddenly moved away from the others.
+
+        It must be farther away than the tolerance, and farther than noise and resolution explain.
+        """
         if self.speed is None:
             means = self._samples.mean(0)
             reference, explained = means[1:3], float(means[3])
@@ -122,7 +140,7 @@ class Steadiness:
         self._samples = self._samples[np.searchsorted(old, time - length):]
 
     def _fitted(self) -> Speed | None:
-        """The line through the centres of the window; None while there are too few."""
+        """Return the line through the centres of the window, or None while there are too few."""
         samples = self._samples
         count = len(samples)
         length = float(samples[-1, 0] - samples[0, 0])

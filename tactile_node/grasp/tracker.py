@@ -1,6 +1,6 @@
-"""The results of two opposing pads, as they arrive, as one grasp: what is held, how straight, for how long.
+"""Combine the results of two opposing pads into one grasp: what is held, how straight, and for how long.
 
-Rule: what is not known is never EMPTY. A side without a current result, or whose pad is not seen, is UNSEEN.
+Rule: an unknown side is never EMPTY. A side is UNSEEN if it has no current result or if its pad is not seen.
 """
 
 from collections import deque
@@ -17,46 +17,47 @@ from tactile_node.grasp.steadiness import Steadiness, SteadinessSettings
 from tactile_node.shape.recognition import Shape
 
 SIDES = ('left', 'right')
-SHORTEST_SILENCE = 0.1  #: s, and
-SILENT_PERIODS = 3      #: periods of a side: results have stopped; a reader is to know by then, so
-NOTICE_SHARE = 0.75     #: after this fraction they are taken to have stopped
-PERIODS_KEPT = 15       #: latest periods, whose median is the period of a side
+# The results of a side have stopped after SILENT_PERIODS of its periods without a result, at least SHORTEST_SILENCE.
+SHORTEST_SILENCE = 0.1  #: [s]
+SILENT_PERIODS = 3
+NOTICE_SHARE = 0.75  #: Share of this time after which the tracker reports a silence, so that a reader knows in time.
+PERIODS_KEPT = 15    #: Number of latest periods; their median is the period of a side.
 
 
 class SideState(IntEnum):
-    """What is known of a pad (Grasp.msg mirrors these numbers)."""
+    """State of a pad (Grasp.msg mirrors these numbers)."""
 
     NOT_KNOWN = 0  #: no result yet
     UNSEEN = 1     #: hidden taxels could hold a contact, or the latest result is too old
-    EMPTY = 2      #: seen, and nothing touches it
+    EMPTY = 2      #: the pad is seen, and nothing touches it
     TOUCHED = 3
 
 
 class SideResult(NamedTuple):
-    """The result of one pad at one acquisition."""
+    """The result of one pad for one acquisition."""
 
-    time: float                          #: acquisition, on our clock [s]; -inf: its age is not known
-    state: SideState                     #: as the pad reported it
-    class_name: str = Shape.NONE.value   #: name of the shape
-    centre: tuple[float, float] | None = None  #: centre of the contact, in the pad's frame [m]; None: not known
-    resolution: float = 0.0002           #: what a moving contact's centre is wrong by beside its noise [m]
-    is_bound: bool = False               #: the contact may reach beyond what is seen: its centre may be another one
-    hides_creep: bool = False            #: so much is not seen that it could creep without a move of its centre
-    moves: bool = False                  #: the pad's contact is seen to slide or to turn
+    time: float  #: acquisition, on our clock [s]; -inf if its age is not known
+    state: SideState  #: state as reported by the pad
+    class_name: str = Shape.NONE.value  #: name of the shape
+    centre: tuple[float, float] | None = None  #: centre of the contact, in the pad's frame [m]; None if it is not known
+    resolution: float = 0.0002  #: error of a moving contact's centre besides its noise [m]
+    is_bound: bool = False  #: True if the contact may extend beyond the seen area, so that its true centre may differ
+    hides_creep: bool = False  #: True if so much of the contact is unseen that it could creep while its centre stays
+    moves: bool = False  #: True if the contact is seen to slide or to turn
 
 
 class GraspContact(IntEnum):
-    """Which pads are touched (Grasp.msg mirrors these numbers)."""
+    """State of contact of both pads (Grasp.msg mirrors these numbers)."""
 
     NOT_KNOWN = 0   #: a side has no result yet
     UNSEEN = 1      #: a side is not seen
-    NO_CONTACT = 2  #: both are seen and empty
-    ONE_SIDED = 3   #: one is touched, the other seen and empty
+    NO_CONTACT = 2  #: both sides are seen and empty
+    ONE_SIDED = 3   #: one side is touched, the other is seen and empty
     TWO_SIDED = 4
 
     @classmethod
     def of(cls, states: tuple[SideState, SideState]) -> 'GraspContact':
-        """Return what the states of both sides make together.
+        """Return the state of contact from the states of both sides.
 
         >>> GraspContact.of((SideState.TOUCHED, SideState.UNSEEN)).name
         'UNSEEN'
@@ -73,24 +74,25 @@ class GraspState(NamedTuple):
 
     side_states: tuple[SideState, SideState]  #: left, right
     contact: GraspContact
-    fresh: bool         #: both sides are current, and of nearly one time
-    same_shape: bool    #: both sides are touched and report the same shape, which is known
-    line: Line | None   #: None unless TWO_SIDED and fresh with both centres known
+    fresh: bool        #: True if both sides are current and acquired at nearly the same time
+    same_shape: bool   #: True if both sides are touched and report the same known shape
+    line: Line | None  #: None unless the contact is TWO_SIDED and fresh, and both centres are known
     line_is_bound: bool
-    held: float         #: for how long shapes and centres of both sides have held [s]
-    stable: bool        #: two-sided, fresh, held long enough, neither centre creeps and neither contact moves
-    creep: float        #: speed of the faster centre [m/s]; NaN: not known
+    held: float  #: time for which shapes and centres of both sides have held [s]
+    #: True if two-sided, fresh and held long enough, if neither centre creeps, and if neither contact moves
+    stable: bool
+    creep: float  #: speed of the faster centre [m/s]; NaN if it is not known
 
 
 @dataclass(frozen=True)
 class GraspSettings:
-    """When a result is current and when a grasp counts as stable."""
+    """Settings for when a result is current and when a grasp is stable."""
 
     gripper: Gripper = Gripper()
     steadiness: SteadinessSettings = SteadinessSettings()
-    min_hold: float = 0.2            #: [s]
-    max_skew: float = 0.1            #: how far the acquisitions of the two sides may be apart [s]
-    max_age: float = 0.25            #: age of a result [s]
+    min_hold: float = 0.2  #: smallest time for which a stable grasp has held [s]
+    max_skew: float = 0.1  #: largest time between the acquisitions of the two sides [s]
+    max_age: float = 0.25  #: largest age of a result [s]
 
     def __post_init__(self) -> None:
         if not (0 < self.max_skew < np.inf and 0 < self.max_age < np.inf and 0 <= self.min_hold):
@@ -99,17 +101,35 @@ class GraspSettings:
 
 
 class GraspTracker:
-    """Takes the sides' results in any order; pure: time is what it is given, of one clock that never goes back."""
+    """Follows a grasp from the results of both sides, in any order.
+
+    The class is pure: its callers pass the time of one clock that never goes backwards.
+    """
 
     def __init__(self, settings: GraspSettings = GraspSettings()):
         self._settings = settings
         self._sides = {side: _Side(settings) for side in SIDES}
 
     def update(self, side: str, result: SideResult, now: float, gap: float = np.nan) -> GraspState:
-        """Take ``result`` of ``side`` ("left", "right"), received ``now`` [s], and return the grasp.
+        """Add the result of a side and return the state of the grasp.
 
-        ``gap`` [m]: opening of the gripper; NaN: not known. Raises ConfigurationError for another side, InputError for
-        a time or a centre that is not finite.
+        Parameters
+        ----------
+        side : str
+            "left" or "right".
+        result : SideResult
+            Result of this side.
+        now : float
+            Time at which the result was received [s].
+        gap : float
+            Opening of the gripper [m]; NaN if it is not known.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such side.
+        InputError
+            If a time or a centre is not finite.
         """
         if side not in SIDES:
             raise ConfigurationError('side of a grasp', expected=' or '.join(SIDES), got=repr(side),
@@ -117,7 +137,7 @@ class GraspTracker:
         if not (np.isfinite((now, *(result.centre or ()))).all() and result.time < np.inf):
             raise InputError('result of a side', expected='a finite time and centre',
                              got=f'{result.time}, {now}, {result.centre}',
-                             remedy='Give centre None where it is not known, time -inf where the age is not.')
+                             remedy='Give centre None if it is not known, and time -inf if the age is not known.')
         self._sides[side].update(result, now)
         return self.state(now, gap)
 
@@ -126,7 +146,7 @@ class GraspTracker:
         return self._sides[side].silence_limit
 
     def state(self, now: float, gap: float = np.nan) -> GraspState:
-        """Return the grasp at ``now`` [s], with an opening of ``gap`` [m]."""
+        """Return the state of the grasp at ``now`` [s], with an opening of ``gap`` [m]."""
         left, right = (self._sides[side] for side in SIDES)
         states = left.state(now), right.state(now)
         contact = GraspContact.of(states)
@@ -155,7 +175,7 @@ def _is_same_shape(states: tuple[SideState, SideState], left: '_Side', right: '_
 
 
 class _Side:
-    """One pad: its latest result, its period, and since when it holds."""
+    """One pad: its latest result, its period, and the time since which its contact holds."""
 
     def __init__(self, settings: GraspSettings):
         self._settings = settings
@@ -163,8 +183,8 @@ class _Side:
         self._received = -np.inf
         self._gaps: deque[float] = deque(maxlen=PERIODS_KEPT)
         self._steadiness = Steadiness(settings.steadiness)
-        self._touch: SideResult | None = None  # the latest with a centre, of this contact
-        self.rests = False  #: whether the latest result shows that the centre rests
+        self._touch: SideResult | None = None  # latest result of this contact with a centre
+        self.rests = False  #: True if the latest result shows that the centre rests
 
     @property
     def silence_limit(self) -> float:
@@ -179,12 +199,12 @@ class _Side:
 
     @property
     def held(self) -> float:
-        """For how long shape and centre have held [s]; 0 while nothing does."""
+        """Time for which shape and centre have held [s]; 0 without a hold."""
         return max(0.0, self.latest.time - self._steadiness.since) if self._is_followed else 0.0
 
     @property
     def creep(self) -> float:
-        """Speed of the centre [m/s]; NaN: not known."""
+        """Speed of the centre [m/s]; NaN if it is not known."""
         speed = self._steadiness.speed
         return speed.value if speed and self._is_followed else np.nan
 
@@ -209,9 +229,9 @@ class _Side:
             self._follow(result)
 
     def _follow(self, result: SideResult) -> None:
-        """Hold on to the contact: another shape or a silence starts it again, a single hidden frame does not.
+        """Follow the contact. Another shape or a silence starts the hold again; a single hidden frame does not.
 
-        What reaches the edge of the pad may hide its creep: a bar across the whole pad slides along itself.
+        A contact that reaches the edge of the pad may hide its creep: a bar across the whole pad slides along itself.
         """
         if result.centre is None:
             return

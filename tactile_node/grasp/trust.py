@@ -1,42 +1,55 @@
-"""Whether a grasp may be acted on now: the rules of include/tactile_skin/trust.hpp, for planners in Python.
+"""Decide whether a grasp may be acted on now, by the rules of include/tactile_skin/trust.hpp, for planners in Python.
 
-Both are tested with the cases of test/trust_cases.yaml.
+test/trust_cases.yaml holds the cases with which both implementations are tested.
 """
 
 import math
 from enum import Enum
 from typing import Any
 
-MAX_AGE = 0.3      #: of an acquisition [s]
-MAX_SILENCE = 0.1  #: since the latest grasp arrived [s]
+MAX_AGE = 0.3      #: Largest age of an acquisition [s].
+MAX_SILENCE = 0.1  #: Largest time since the latest grasp arrived [s].
 
 
 class Doubt(Enum):
-    """Why a grasp must not be acted on: the first that holds, in this order."""
+    """Reason why a grasp must not be acted on. If several apply, the first one in this order counts."""
 
-    NONE = 'none'  #: it may
-    SILENT = 'silent'  #: no grasp for too long: the publisher may have ended
-    OLD = 'old'  #: its acquisition, or its age is not known
+    NONE = 'none'            #: the grasp may be acted on
+    SILENT = 'silent'        #: no grasp has arrived for too long; the publisher may have ended
+    OLD = 'old'              #: the acquisition is too old, or its age is not known
     NOT_KNOWN = 'not_known'  #: a side has no result yet
-    UNSEEN = 'unseen'  #: never take it for empty
+    UNSEEN = 'unseen'        #: a side is not seen; do not take it for empty
     NO_CONTACT = 'no_contact'
     ONE_SIDED = 'one_sided'
     NOT_FRESH = 'not_fresh'
-    BOUND = 'bound'  #: a contact may reach beyond what is seen: its centre is another one
+    BOUND = 'bound'  #: a contact may extend beyond the seen area, so that its true centre differs
     NOT_STABLE = 'not_stable'
-    NO_CENTRE = 'no_centre'  #: NaN
+    NO_CENTRE = 'no_centre'  #: centre or offset is NaN
 
 
 def doubt(grasp: Any, silence: float, max_age: float = MAX_AGE, max_silence: float = MAX_SILENCE) -> Doubt:
-    """Return why ``grasp``, a Grasp or what has its fields, must not be acted on ``silence`` s after it arrived.
+    """Return the reason why a grasp must not be acted on; Doubt.NONE if it may.
 
+    Parameters
+    ----------
+    grasp : Grasp
+        The latest grasp, or an object with its fields.
+    silence : float
+        Time since the grasp arrived [s].
+    max_age : float
+        Largest age of the acquisition [s].
+    max_silence : float
+        Largest time since the grasp arrived [s].
+
+    Examples
+    --------
     >>> from types import SimpleNamespace
     >>> doubt(SimpleNamespace(), silence=0.2)
     <Doubt.SILENT: 'silent'>
     """
     if not 0 <= silence <= max_silence:
         return Doubt.SILENT
-    age = grasp.age.sec + grasp.age.nanosec * 1e-9  # 2^31 - 1 s and more: not known
+    age = grasp.age.sec + grasp.age.nanosec * 1e-9  # 2^31 - 1 s or more if the age is not known
     if not (age >= 0 and age + silence <= max_age):
         return Doubt.OLD
     short_of = {grasp.UNSEEN: Doubt.UNSEEN, grasp.NO_CONTACT: Doubt.NO_CONTACT, grasp.ONE_SIDED: Doubt.ONE_SIDED}

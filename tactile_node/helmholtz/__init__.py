@@ -1,1 +1,4 @@
-"""Contact pattern -> features of Volf, Dvořák and Vlček's Helmholtz-equation method, a module a section."""
+"""From a contact pattern to the features of the Helmholtz-equation method by Volf, Dvořák and Vlček.
+
+Each module implements one section of the paper.
+"""

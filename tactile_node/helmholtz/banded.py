@@ -7,10 +7,10 @@ from scipy.linalg import lapack
 
 
 class Banded(NamedTuple):
-    """Matrices side by side on one diagonal, as LAPACK's lower band storage, transposed.
+    """Matrices side by side on one diagonal, in LAPACK's lower band storage, transposed.
 
-    ``band`` has shape (total, bandwidth + 1): row j holds A(j, j), A(j+1, j), ...; matrix k has the rows
-    ``start[k]:start[k + 1]``, ``sizes[k]`` of them. A Cholesky factor is stored in the same way.
+    ``band`` has the shape (total, bandwidth + 1): row j holds A(j, j), A(j+1, j), ... Matrix k has ``sizes[k]`` rows,
+    which are ``start[k]:start[k + 1]``. A Cholesky factor is stored in the same way.
     """
 
     band: np.ndarray
@@ -28,14 +28,15 @@ class Banded(NamedTuple):
         return self if keep.all() else Banded.of(self.band[np.repeat(keep, self.sizes)], self.sizes[keep])
 
     def rows(self, chosen: slice) -> slice:
-        """Rows of ``band`` that hold the matrices ``chosen``."""
+        """Return the rows of ``band`` that hold the ``chosen`` matrices."""
         first, last, _ = chosen.indices(len(self.sizes))
         return slice(self.start[first], self.start[last])
 
     def factorised(self, shift: np.ndarray, certain: np.ndarray) -> tuple['Banded', np.ndarray]:
-        """Cholesky factors of A - shift, and the shifts: each is certainly below the smallest eigenvalue.
+        """Return the Cholesky factors of A - shift, and the shifts.
 
-        Where the one given is not, a little less than the lower bound known to be ``certain`` is taken.
+        Each shift is certainly below the smallest eigenvalue of its matrix. If a given shift is not, it is replaced by
+        a value slightly below ``certain``, the known lower bound.
         """
         while True:
             band = self.band.copy()
@@ -48,27 +49,27 @@ class Banded(NamedTuple):
             shift[wrong] = min(certain[wrong] * (1 - 1e-9), shift[wrong] / 2)
 
     def solved(self, right: np.ndarray) -> np.ndarray:
-        """Solution of L Lᵀ x = right, of the factors L held here."""
+        """Return the solution x of L Lᵀ x = right, where L are the factors in this object."""
         return lapack.dpbtrs(self.band.T, right, lower=1)[0]
 
     def norms(self, x: np.ndarray) -> np.ndarray:
-        """Euclidean norm of each matrix's share of the vector ``x``."""
+        """Return the Euclidean norm of each matrix's share of the vector ``x``."""
         return np.sqrt(self.sums(x * x))
 
     def sums(self, x: np.ndarray) -> np.ndarray:
-        """Sum of each matrix's share of the vector ``x``."""
+        """Return the sum of each matrix's share of the vector ``x``."""
         return np.add.reduceat(x, self.start[:-1])
 
     def least(self, x: np.ndarray) -> np.ndarray:
-        """Least element of each matrix's share of the vector ``x``."""
+        """Return the smallest element of each matrix's share of the vector ``x``."""
         return np.minimum.reduceat(x, self.start[:-1])
 
     def spread(self, each: np.ndarray) -> np.ndarray:
-        """One value a matrix -> one a row."""
+        """Return one value per row from one value per matrix."""
         return np.repeat(each, self.sizes)
 
     def dense(self, index: int) -> np.ndarray:
-        """Matrix ``index`` in full, its lower triangle only."""
+        """Return matrix ``index`` in full; only its lower triangle is set."""
         rows = self.band[self.start[index]:self.start[index + 1]]
         full = np.zeros((len(rows), len(rows)))
         for offset in range(min(rows.shape[1], len(rows))):

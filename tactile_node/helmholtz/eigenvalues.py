@@ -1,17 +1,17 @@
-"""Section 3: Λ, the smallest eigenvalue of A, of many patterns at once.
+"""Section 3 of the paper: Λ, the smallest eigenvalue of A, for many patterns at once.
 
-The connected parts of all patterns are laid along the diagonal of one banded matrix and solved together by
-inverse iteration from a positive vector, which in an M-matrix stays positive and so finds the ground state.
-Each round gives certain bounds of every Λ:
+The connected parts of all patterns are laid along the diagonal of one banded matrix. They are solved together by
+inverse iteration from a positive vector. In an M-matrix the vector stays positive, so the iteration finds the ground
+state. Each round gives certain bounds for every Λ:
 
-- from above the Rayleigh quotient θ of the iterate;
-- from below, as (A - s) x = x' with x, x' > 0 entails Λ >= s + min x'_i / x_i (Collatz-Wielandt); and any s
-  for which A - s has a Cholesky factor.
+- The Rayleigh quotient θ of the iterate is an upper bound.
+- If (A - s) x = x' with x, x' > 0, then Λ >= s + min x'_i / x_i (Collatz-Wielandt). This is a lower bound, and so is
+  any s for which A - s has a Cholesky factor.
 
-An iterate x, ‖x‖ = 1, has an eigenvalue within ‖A x - θ x‖ of θ; it is accepted at 2e-10 θ. Otherwise the
-next round shifts to just below θ. Where only the extremes over the rotations are requested, what cannot be extreme
-by these bounds is left out, most of it after the first round. What does not converge in time (nearly equal
-eigenvalues of weakly joined parts) goes to a dense solver.
+For an iterate x with ‖x‖ = 1, an eigenvalue lies within ‖A x - θ x‖ of θ. The iterate is accepted if this distance is
+at most 2e-10 θ. Otherwise the next round shifts to just below θ. If only the extremes over the rotations are requested,
+patterns that cannot be extreme by these bounds are left out, most of them after the first round. Parts that do not
+converge in time (with nearly equal eigenvalues of weakly joined pieces) go to a dense solver.
 """
 
 from typing import NamedTuple
@@ -22,12 +22,13 @@ from scipy import ndimage
 from tactile_node.helmholtz.banded import Banded
 from tactile_node.helmholtz.taxel_list import WEIGHTS, Stencil, TaxelList
 
-RESIDUAL_TOLERANCE = 2e-10  #: relative to the eigenvalue
-ROUND_SOLVES = (3, 4, 4, 3, 2, 2, 2)  #: inverse iterations of each round
-SHIFT_MARGIN = 1.2  #: distance of the shift below the Rayleigh quotient, in residuals
-FIRST_SHIFT = 0.7 * np.pi * 2.404825557695773 ** 2  #: times area; a disc has the least (Faber-Krahn)
-SHIFT_BELOW = 0.02  #: how far the first shift stays below the least row sum, which is a lower bound itself
-CHUNK_COLUMNS = 5_000  #: taxels treated together, to stay within the processor's cache
+RESIDUAL_TOLERANCE = 2e-10            #: Largest residual, relative to the eigenvalue.
+ROUND_SOLVES = (3, 4, 4, 3, 2, 2, 2)  #: Number of inverse iterations in each round.
+SHIFT_MARGIN = 1.2                    #: Distance of the shift below the Rayleigh quotient [residuals].
+#: First shift times area; a disc has the smallest eigenvalue of all shapes of the same area (Faber-Krahn).
+FIRST_SHIFT = 0.7 * np.pi * 2.404825557695773 ** 2
+SHIFT_BELOW = 0.02     #: Distance of the first shift below the smallest row sum, which is a lower bound itself.
+CHUNK_COLUMNS = 5_000  #: Number of taxels treated together; chosen so that they fit into the processor's cache.
 
 _NEIGHBOURS = {Stencil.FIVE: ndimage.generate_binary_structure(2, 1),
                Stencil.NINE: ndimage.generate_binary_structure(2, 2)}
@@ -35,16 +36,26 @@ _NEIGHBOURS = {Stencil.FIVE: ndimage.generate_binary_structure(2, 1),
 
 def smallest_eigenvalues(problems: list[tuple[TaxelList, Stencil]],
                          extremes_from: int | None = None) -> list[np.ndarray]:
-    """Return Λ of each of the patterns of each list, by the stencil beside it, shape (K,); NaN for an empty one.
+    """Return the smallest eigenvalue Λ of each pattern.
 
-    With ``extremes_from`` f, the patterns from f on are there for their least and greatest Λ only: NaN
-    for those that are neither.
+    Parameters
+    ----------
+    problems : list of (TaxelList, Stencil)
+        Lists of patterns, each with the stencil for its patterns.
+    extremes_from : int or None
+        Index from which on only the patterns with the smallest and the greatest Λ are wanted; None if all are wanted.
+
+    Returns
+    -------
+    list of np.ndarray
+        Λ of the patterns of each list, (K,). NaN for an empty pattern, and for a pattern from ``extremes_from`` on that
+        has neither the smallest nor the greatest Λ.
     """
     parts = [_connected(taxels, stencil) for taxels, stencil in problems]
     counts = [len(taxels.counts) for taxels, _ in problems]
     first = np.cumsum([0, *counts])
     owner = np.concatenate([part.pattern + offset for part, offset in zip(parts, first)])
-    # which contest for the extremes each pattern takes part in; -1 is none
+    # number of the contest for the extremes in which each pattern takes part; -1 for none
     contest = np.concatenate([np.where(np.arange(count) < (count if extremes_from is None else extremes_from), -1, i)
                               for i, count in enumerate(counts)])
     some, owner = np.unique(owner, return_inverse=True)
@@ -54,12 +65,12 @@ def smallest_eigenvalues(problems: list[tuple[TaxelList, Stencil]],
 
 
 class Parts(NamedTuple):
-    """The connected parts of all patterns of a list: A falls into one block for each of them."""
+    """The connected parts of all patterns of a list. A has one block for each part."""
 
-    sizes: np.ndarray     #: taxels of each part
-    pattern: np.ndarray   #: which pattern each part belongs to, rising
-    least: np.ndarray     #: least row sum of each part, a lower bound of its Λ
-    column: np.ndarray    #: column of each entry of A below the diagonal, taxels numbered part by part
+    sizes: np.ndarray     #: number of taxels of each part
+    pattern: np.ndarray   #: index of the pattern that each part belongs to, rising
+    least: np.ndarray     #: smallest row sum of each part, a lower bound of its Λ
+    column: np.ndarray    #: column of each entry of A below the diagonal; taxels are numbered part by part
     distance: np.ndarray  #: distance of each entry from the diagonal
     values: np.ndarray    #: the entries
     diagonal: float
@@ -69,7 +80,7 @@ def _connected(taxels: TaxelList, stencil: Stencil) -> Parts:
     weights = WEIGHTS[stencil]
     active = np.zeros(taxels.shape, bool)
     active.reshape(-1)[taxels.site] = True
-    # One below the other: the ring around each keeps the patterns apart.
+    # The patterns are stacked one below the other; the ring around each keeps them apart.
     stacked = active.reshape(-1, taxels.shape[2])
     label = ndimage.label(stacked, _NEIGHBOURS[stencil])[0].reshape(-1)[taxels.site]
     order = np.argsort(label, kind='stable')
@@ -104,7 +115,10 @@ def _banded(parts: list[Parts]) -> Banded:
 
 
 def _solve(matrices: Banded, least: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
-    """Λ of each pattern (of len(contest)); ``owner``: which pattern each part, one of ``matrices``, belongs to."""
+    """Return Λ of each of the len(contest) patterns.
+
+    ``owner`` is the pattern that each part, one of ``matrices``, belongs to.
+    """
     left, pending = matrices, np.arange(len(least))
     x = np.ones(len(matrices.band))
     low, high = np.zeros(len(least)), np.full(len(least), np.inf)
@@ -129,14 +143,17 @@ def _solve(matrices: Banded, least: np.ndarray, owner: np.ndarray, contest: np.n
 
 
 def _round(matrices: Banded, shift: np.ndarray, low: np.ndarray, x: np.ndarray, solves: int) -> list[np.ndarray]:
-    """Lower bounds, Rayleigh quotients, residual norms, each of shape (K,), and iterates after some solves."""
+    """Return lower bounds, Rayleigh quotients and residual norms, each (K,), and the iterates.
+
+    Each iterate is the result of ``solves`` inverse iterations.
+    """
     return [np.concatenate(column) for column in zip(*(
         _iterate(*matrices.part(chunk).factorised(shift[chunk], low[chunk]), x[matrices.rows(chunk)], solves)
         for chunk in _chunks(matrices.sizes)))]
 
 
 def _chunks(sizes: np.ndarray) -> list[slice]:
-    """Cut a row of matrices into slices of about CHUNK_COLUMNS columns each."""
+    """Return slices that cut a row of matrices into chunks of about CHUNK_COLUMNS columns."""
     cuts = np.flatnonzero(np.diff(np.cumsum(sizes) // CHUNK_COLUMNS, prepend=-1))
     return [slice(a, b) for a, b in zip(cuts, [*cuts[1:], len(sizes)])]
 
@@ -150,20 +167,20 @@ def _iterate(factor: Banded, shift: np.ndarray, x: np.ndarray, solves: int) -> t
     scale = factor.spread(1 / factor.norms(x))
     x *= scale
     previous *= scale
-    # (A - shift) x = previous, scaled: neither the quotient nor the residual needs a product with A.
+    # Because (A - shift) x = previous, neither the quotient nor the residual needs a product with A.
     excess = factor.sums(x * previous)
     return below, shift + excess, factor.norms(previous - factor.spread(excess) * x), x
 
 
 def _needed(low: np.ndarray, high: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
-    """Which matrices may still decide a pattern's Λ that is requested, all Λ being in [low, high]."""
+    """Return True for each matrix that may still decide a requested Λ; each Λ is in [low, high]."""
     least, most = _of_patterns(low, high, owner, contest)
     return _may_win(least, most, contest)[owner] & (low <= most[owner])
 
 
 def _of_patterns(low: np.ndarray, high: np.ndarray, owner: np.ndarray,
                  contest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the patterns' Λ: a pattern has the least of its parts'."""
+    """Return the bounds of each pattern's Λ, which is the smallest Λ of its parts."""
     bounds = np.full((2, len(contest)), np.inf)
     np.minimum.at(bounds[0], owner, low)
     np.minimum.at(bounds[1], owner, high)
@@ -171,7 +188,7 @@ def _of_patterns(low: np.ndarray, high: np.ndarray, owner: np.ndarray,
 
 
 def _may_win(least: np.ndarray, most: np.ndarray, contest: np.ndarray) -> np.ndarray:
-    """Which patterns are in no contest, or may have its smallest or its greatest Λ."""
+    """Return True for each pattern that may have the smallest or the greatest Λ in its contest, or is in no contest."""
     may = contest < 0
     inside = contest[~may]
     smallest, greatest = np.full((2, contest.max(initial=0) + 1), np.inf)

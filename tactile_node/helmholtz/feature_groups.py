@@ -1,10 +1,10 @@
-"""The groups of features, by name; apart from the features, so that a command line knows them at once."""
+"""The groups of features by name, in a module of their own so that a command line loads quickly."""
 
 from enum import Flag, auto
 
 
 class Group(Flag):
-    """Which features to compute besides N, P05, P09; eigenvalues cost most."""
+    """Features to compute in addition to N, P05 and P09; eigenvalues take the most time."""
 
     NONE = 0
     INFORMATION5 = auto()
@@ -12,9 +12,9 @@ class Group(Flag):
     GRAVITY5 = auto()
     GRAVITY9 = auto()
     EIGENVALUES = auto()
-    BORDER = auto()  #: the groups above also for the reduced matrices
-    ROTATED = auto()  #: min, max and dif over the rotations of everything computed
+    BORDER = auto()   #: the other groups also for the reduced matrices
+    ROTATED = auto()  #: minimum, maximum and difference over the rotations for all computed features
     INFORMATION = INFORMATION5 | INFORMATION9
     GRAVITY = GRAVITY5 | GRAVITY9
-    CLASSIFIER = INFORMATION5 | GRAVITY9 | ROTATED  #: what the paper's planes need
+    CLASSIFIER = INFORMATION5 | GRAVITY9 | ROTATED  #: the features for the planes of the paper
     ALL = INFORMATION | GRAVITY | EIGENVALUES | BORDER | ROTATED

@@ -1,8 +1,9 @@
-"""All features of a pattern (sections 3 to 6) by the names `tactile features` prints.
+"""All features of a pattern (sections 3 to 6 of the paper), by the names that `tactile features` prints.
 
-N, P05, P09; for k = 5, 9: lambda{k}, info_sum{k}, info_sq{k}, info_norm{k}, x{k}, y{k}, V{k}, alpha{k}
-(degrees); the same of the reduced matrices with the suffix _border5, _border9; and of each of them the
-minimum, maximum and difference over the 46 rotations.
+- N, P05, P09;
+- for k = 5, 9: lambda{k}, info_sum{k}, info_sq{k}, info_norm{k}, x{k}, y{k}, V{k}, alpha{k} (degrees);
+- the same for the reduced matrices, with the suffix _border5 or _border9;
+- the minimum, maximum and difference of each feature over the 46 rotations.
 """
 
 from collections.abc import Mapping
@@ -19,13 +20,25 @@ from tactile_node.helmholtz.taxel_list import WEIGHTS, Stencil, TaxelList, Weigh
 
 
 def gravity(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
-    """Return the centre of gravity T of each of the K patterns of ``taxels`` in both coordinate systems, (K,) each.
+    """Return the centre of gravity T of each pattern in both coordinate systems.
 
-    x and y; V, its distance from the origin; alpha, arctan2(x, y) [degrees]. NaN where no two active taxels are
-    neighbours by the stencil: there is nothing to weigh.
+    Parameters
+    ----------
+    taxels : TaxelList
+        K patterns.
+    stencil : Stencil
+        Stencil that decides which taxels are neighbours.
 
-    A pair of neighbours i > j weighs A(i,j) at (i-1)/(N-1), (j-1)/(N-1); summed over i the weights are
-    those of the neighbours before each taxel, summed over j those of the neighbours after it.
+    Returns
+    -------
+    dict of str to np.ndarray
+        (K,) each: x and y; V, the distance from the origin; alpha, arctan2(x, y) [degrees]. NaN for a pattern without
+        any two neighbours, which has nothing to weigh.
+
+    Notes
+    -----
+    A pair of neighbours i > j weighs A(i,j) at (i-1)/(N-1), (j-1)/(N-1). Summed over i, the weights are those of the
+    neighbours before each taxel. Summed over j, they are those of the neighbours after it.
     """
     weights = WEIGHTS[stencil]
     before = _weigh(taxels.earlier_edge, taxels.earlier_corner, weights)
@@ -43,9 +56,20 @@ def _weigh(edge: np.ndarray, corner: np.ndarray, weights: Weights) -> np.ndarray
 
 
 def information(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
-    """Return the paper's three measures of each of the K patterns of ``taxels``, (K,) each.
+    """Return the three information measures of the paper for each pattern.
 
-    Σ s_i, >= 0; Σ s_i², vertices and edges accented; Σ s_i² / N, the classifier's I, NaN for an empty pattern.
+    Parameters
+    ----------
+    taxels : TaxelList
+        K patterns.
+    stencil : Stencil
+        Stencil that decides which taxels are neighbours.
+
+    Returns
+    -------
+    dict of str to np.ndarray
+        (K,) each: info_sum, Σ s_i >= 0; info_sq, Σ s_i², which emphasises vertices and edges; info_norm, Σ s_i² / N,
+        the I of the classifier, NaN for an empty pattern.
     """
     weights = WEIGHTS[stencil]
     sums = taxels.row_sums(weights)
@@ -55,44 +79,64 @@ def information(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
                 'info_norm': squared / taxels.counts}
 
 
-CHUNK_TAXELS = 400_000  #: taxels of rotated patterns described at a time: bounds the memory of large contacts
-MOST_TAXELS = 8_000     #: taxels of a pattern whose eigenvalues are computed: more than any pad on a CAN bus shows
+#: Number of taxels of rotated patterns that are processed together; it limits the memory for large contacts.
+CHUNK_TAXELS = 400_000
+MOST_TAXELS = 8_000  #: Largest number of taxels for which eigenvalues are computed; no pad on a CAN bus shows more.
 INFORMATION = {Stencil.FIVE: Group.INFORMATION5, Stencil.NINE: Group.INFORMATION9}
 GRAVITY = {Stencil.FIVE: Group.GRAVITY5, Stencil.NINE: Group.GRAVITY9}
 
 
 class Extremes(NamedTuple):
-    """A feature over the 46 angles; NaN (angle None) where it is undefined at every angle."""
+    """Extremes of a feature over the 46 angles; NaN (angle None) if the feature is undefined at every angle."""
 
     min: float
     max: float
-    dif: float  #: max - min
-    min_angle: int | None  #: [degrees], the first angle at which it is least
-    max_angle: int | None  #: [degrees], the first angle at which it is greatest
+    dif: float             #: max - min
+    min_angle: int | None  #: first angle with the minimum [degrees]
+    max_angle: int | None  #: first angle with the maximum [degrees]
 
 
 UNDEFINED = Extremes(min=np.nan, max=np.nan, dif=np.nan, min_angle=None, max_angle=None)
 
 
 class Features(NamedTuple):
-    """Features by name; NaN where one is undefined, as eigenvalues of more than MOST_TAXELS taxels are here."""
+    """Features by name; NaN if a feature is undefined.
 
-    values: Mapping[str, float]     #: features of the pattern as it is
-    rotated: Mapping[str, Extremes]  #: over its rotations; empty unless computed
+    The eigenvalues of patterns with more than MOST_TAXELS taxels are not computed and are NaN, too.
+    """
+
+    values: Mapping[str, float]      #: features of the unrotated pattern
+    rotated: Mapping[str, Extremes]  #: extremes over the rotations; empty unless computed
 
     def as_json(self) -> dict[str, Any]:
-        """Return what one line of `tactile features` holds: null where undefined, counts as whole numbers."""
+        """Return one line of `tactile features` as a dictionary.
+
+        An undefined value is null, and counts are whole numbers.
+        """
         rotated = {name: {key: _number(value) for key, value in over._asdict().items()}
                   for name, over in self.rotated.items()}
         return {**{name: _number(value) for name, value in self.values.items()}, 'rotated': rotated}
 
 
 def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
-    """Return the features of the active taxels of ``mask``, bool, shape (rows, cols).
+    """Return the features of a pattern.
 
-    The result does not change, not by a bit, when the pattern is moved by whole taxels.
-    Raises InputError where ``mask`` is something else.
+    The result does not change in any bit when the pattern is shifted by whole taxels.
 
+    Parameters
+    ----------
+    mask : np.ndarray
+        Active taxels, bool (rows, cols).
+    groups : Group
+        Features to compute.
+
+    Raises
+    ------
+    InputError
+        If ``mask`` is not such an array.
+
+    Examples
+    --------
     >>> features = compute_features(np.array([[True, False], [True, True]]))
     >>> features.values['P05'], round(features.values['lambda5'], 6)
     (3, 2.585786)
@@ -111,7 +155,7 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
 
 
 def _describe_rotated(mask: np.ndarray, groups: Group, is_solved: bool) -> dict[str, np.ndarray]:
-    """Return the features of the pattern and of its rotations, (47,); as many at a time as CHUNK_TAXELS allows."""
+    """Return the features of the pattern and of its rotations, (47,), computed in chunks of at most CHUNK_TAXELS."""
     patterns = with_rotated(mask)
     step = max(1, CHUNK_TAXELS // int(np.count_nonzero(mask)))
     parts = [describe(ringed_taxel_list(patterns[first:first + step]), groups, is_solved, extremes_from=1)
@@ -121,9 +165,24 @@ def _describe_rotated(mask: np.ndarray, groups: Group, is_solved: bool) -> dict[
 
 def describe(taxels: TaxelList, groups: Group, is_solved: bool,
              extremes_from: int | None = None) -> dict[str, np.ndarray]:
-    """Return the features of each of the K patterns of ``taxels`` by name, (K,) each.
+    """Return the features of each pattern, by name.
 
-    Eigenvalues are NaN unless ``is_solved``, and from pattern ``extremes_from`` on where neither smallest nor greatest.
+    Parameters
+    ----------
+    taxels : TaxelList
+        K patterns.
+    groups : Group
+        Features to compute.
+    is_solved : bool
+        False to leave out the eigenvalues, which are then NaN.
+    extremes_from : int or None
+        Index from which on only the patterns with the smallest and the greatest eigenvalue are wanted; the others are
+        NaN.
+
+    Returns
+    -------
+    dict of str to np.ndarray
+        (K,) each.
     """
     found = {'N': taxels.counts}
     for k in Stencil:
@@ -146,7 +205,7 @@ def describe(taxels: TaxelList, groups: Group, is_solved: bool,
 
 
 def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Extremes]:
-    """Minimum, maximum and difference from pattern ``first`` of the stack on."""
+    """Return minimum, maximum and difference of each feature over the patterns from index ``first`` on."""
     values = np.array(list(over.values()), float)[:, first:]
     undefined = np.isnan(values)
     lowest = np.where(undefined, np.inf, values).argmin(1)
@@ -160,7 +219,7 @@ def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Extremes]:
 
 
 def _number(value: float | None) -> float | int | None:
-    """null where undefined, a whole number where it is one."""
+    """Return a value for JSON: None if it is undefined, an int if it is a whole number."""
     if value is None or np.isnan(value):
         return None
     return int(value) if value == int(value) and abs(value) < 2 ** 53 else float(value)

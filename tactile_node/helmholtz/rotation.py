@@ -1,28 +1,38 @@
-"""Section 6: the pattern rotated by 0, 4, ..., 180 degrees, through fictive points between the taxels.
+"""Section 6 of the paper: the pattern rotated by 0, 4, ..., 180 degrees, using fictive points between the taxels.
 
-Axes: x runs along a row (column index), y across rows (row index); positive angles rotate x towards y.
-Points are rotated about the centre of gravity of the real ones and rounded to the nearest fine point; a
-coordinate half-way between two (within 1e-9 of it, so that no rounding error decides) is rounded up.
-Everything is computed in coordinates of the pattern's own bounding box: where it lies on the pad changes
-no bit.
+Axes: x runs along a row (column index), y runs across rows (row index); positive angles rotate x towards y. Points are
+rotated about the centre of gravity of the real points and rounded to the nearest fine point. A coordinate half-way
+between two fine points is rounded up. It counts as half-way within 1e-9, so that no rounding error decides. All
+computations use the coordinates of the pattern's own bounding box. The place of the pattern on the pad therefore
+changes no bit.
 """
 
 import math
 
 import numpy as np
 
-FINE = 5  #: fine steps to a pitch
-ANGLES = np.arange(0, 181, 4)  #: [degrees], 46 of them
+FINE = 5                       #: Number of fine steps per pitch.
+ANGLES = np.arange(0, 181, 4)  #: The 46 angles [degrees].
 ANGLES.flags.writeable = False
 TIE_TOLERANCE = 1e-9  #: [fine steps]
-CHUNK_SITES = 200_000  #: sites of all angles, traced together: bounds the memory of large patterns
+#: Number of sites, over all angles, that are processed together; it limits the memory for large patterns.
+CHUNK_SITES = 200_000
 
 
 def with_rotated(mask: np.ndarray) -> np.ndarray:
-    """Return the pattern as it is, followed by the pattern at each of ANGLES; bool, shape (47, rows, cols).
+    """Return the pattern as it is, followed by the pattern at each of ANGLES.
 
-    The rotated patterns are decimated and have their holes filled. ``mask`` must have an active taxel. The stack
-    has room for every angle; a ring of inactive taxels surrounds each pattern.
+    The rotated patterns are decimated and have their holes filled.
+
+    Parameters
+    ----------
+    mask : np.ndarray
+        Active taxels, bool (rows, cols), at least one.
+
+    Returns
+    -------
+    np.ndarray
+        bool (47, rows, cols), large enough for every angle, with a ring of inactive taxels around each pattern.
     """
     original = _cropped(mask)
     stack, (row, col) = decimated(original)
@@ -32,9 +42,9 @@ def with_rotated(mask: np.ndarray) -> np.ndarray:
 
 
 def fine_lattice(mask: np.ndarray) -> np.ndarray:
-    """Return real and fictive points, bool, shape (5 rows - 4, 5 cols - 4); taxel (r, c) is at (5r, 5c).
+    """Return real and fictive points, bool (5 rows - 4, 5 cols - 4); taxel (r, c) is at (5r, 5c).
 
-    In each 2×2 block every triple of active taxels fills its right isosceles triangle, edges included.
+    In each 2×2 block, every triple of active taxels fills its right isosceles triangle, including the edges.
 
     >>> int(fine_lattice(np.array([[True, False], [True, True]])).sum())
     21
@@ -51,13 +61,22 @@ def fine_lattice(mask: np.ndarray) -> np.ndarray:
 
 
 def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
-    """Return the decimated patterns at ANGLES before the hole rules; bool, shape (47, rows, cols).
+    """Return the decimated patterns at ANGLES before the hole rules.
 
-    The first is left empty, and a ring of inactive taxels surrounds each. Beside it, where in them
-    ``mask``, which is cropped to its active taxels, begins (row, col).
+    The function does not rotate every point forward. It rotates each taxel site back: only the four fine points around
+    the resulting place can be rounded to this site, and each of them is tried forward.
 
-    Instead of rotating every point forward, each taxel site is rotated back: only the four fine points
-    around the place it comes from can round onto it, and each of those is tried forward.
+    Parameters
+    ----------
+    mask : np.ndarray
+        Pattern, bool (rows, cols), cropped to its active taxels.
+
+    Returns
+    -------
+    stack : np.ndarray
+        bool (47, rows, cols), with a ring of inactive taxels around each pattern. The first pattern is left empty.
+    place : tuple of int
+        Row and column in the stack at which ``mask`` begins.
     """
     rows, cols = np.nonzero(mask)
     centre = FINE * np.array([cols.sum(), rows.sum()]) / len(rows)
@@ -80,11 +99,11 @@ def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
 def fill_holes(stack: np.ndarray) -> None:
     """Fill sensor-space-sensor along y, then along x, then along either diagonal, in place.
 
-    Each rule reads what the rule before it left. ``stack``: bool, shape (K, rows, cols), contiguous, a ring
+    Each rule works on the result of the rule before it. ``stack`` is bool (K, rows, cols) and contiguous, with a ring
     of inactive taxels around each pattern.
     """
-    # The ring lets one flat shift stand for a neighbour: of the two sites on either side of a taxel of the
-    # ring, one is in the ring again, so the ring stays inactive.
+    # Thanks to the ring, a neighbour is one flat shift away. One of the two sites beside a taxel of the ring is in the
+    # ring, too, so the ring stays inactive.
     flat, wide = stack.reshape(-1), stack.shape[2]
     for steps in ((wide,), (1,), (wide + 1, wide - 1)):
         holes = [flat[:-2 * step] & flat[2 * step:] for step in steps]
@@ -93,7 +112,10 @@ def fill_holes(stack: np.ndarray) -> None:
 
 
 def _block_points() -> np.ndarray:
-    """Fine points of a 2×2 block by its code: 1, 2 = upper left, right taxel, 4, 8 = lower left, right."""
+    """Return the fine points of a 2×2 block by its code.
+
+    Bits 1 and 2 of the code stand for the upper left and right taxel, bits 4 and 8 for the lower left and right taxel.
+    """
     row, col = np.indices((FINE + 1, FINE + 1))
     corners = {1: (0, 0), 2: (0, FINE), 4: (FINE, 0), 8: (FINE, FINE)}
     triangles = {7: row + col <= FINE, 14: row + col >= FINE, 11: col >= row, 13: row >= col}
@@ -111,7 +133,7 @@ _BLOCK_POINTS = _block_points()
 
 
 def _cosines_and_sines() -> tuple[np.ndarray, np.ndarray]:
-    """cos and sin of ANGLES, shape (46,); exact where they are rational, so that ties are ties."""
+    """Return cos and sin of ANGLES, (46,); exact where they are rational, so that ties stay ties."""
     cos, sin = np.cos(np.radians(ANGLES)), np.sin(np.radians(ANGLES))
     cos[[0, 15, 30, 45]], sin[[0, 45]] = (1, 0.5, -0.5, -1), 0  # 0, 60, 120, 180 degrees
     return cos, sin
@@ -127,7 +149,7 @@ def _cropped(mask: np.ndarray) -> np.ndarray:
 
 
 def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Taxel sites a rotated point can reach: fine (x, y), shape (2, n); and the first (col, row)."""
+    """Return the taxel sites that a rotated point can reach, as fine (x, y), (2, n), and the first (col, row)."""
     first = np.ceil((centre - radius) / FINE).astype(int)
     cols, rows = np.floor((centre + radius) / FINE).astype(int) - first + 1
     x = FINE * (first[0] + np.arange(cols))
@@ -137,9 +159,10 @@ def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.nda
 
 
 def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, angles: slice) -> np.ndarray:
-    """At which of the ``angles`` and at which site, at ``offset`` (2, n) from the centre, some active point arrives.
+    """Return the angles and sites at which an active point arrives, as indices into a flattened (angles, n).
 
-    ``fine``: as of `_corner_bits`, ``centre`` in its coordinates. Returned as indices into a flattened (angles, n).
+    ``offset``, (2, n), is the place of each site relative to the centre. ``fine`` comes from `_corner_bits`, and
+    ``centre`` is in its coordinates.
     """
     x, y = np.matmul(_BACK[:, angles], offset) + centre[:, np.newaxis, np.newaxis]
     col, row = np.floor(x), np.floor(y)
@@ -156,9 +179,10 @@ def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, angles: s
 
 
 def _corner_bits(fine: np.ndarray, centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Bits 1, 2, 4, 8 of each fine cell: its corners (x, y), (x+1, y), (x, y+1), (x+1, y+1) are active.
+    """Return the active corners of each fine cell as bits, and the place (x, y) of the first cell.
 
-    Beside it the place (x, y) of its first cell: it has room for all points within ``radius`` of the ``centre``.
+    Bits 1, 2, 4 and 8 stand for the corners (x, y), (x+1, y), (x, y+1) and (x+1, y+1). The cells have room for all
+    points within ``radius`` of the ``centre``.
     """
     low, wide = np.floor(centre - radius) - 1, int(2 * radius) + 5
     origin = -low.astype(int)
@@ -172,8 +196,11 @@ def _corner_bits(fine: np.ndarray, centre: np.ndarray, radius: float) -> tuple[n
 
 
 def _rounds_onto(bits: np.ndarray, x: np.ndarray, y: np.ndarray, cos: np.ndarray, sin: np.ndarray) -> np.ndarray:
-    """Whether an active corner (``bits``) of a fine cell, rotated, rounds onto the site from (x, y) in it."""
-    u = sin * y - cos * x + TIE_TOLERANCE  # where corner (0, 0) lands, relative to the site
+    """Return True if an active corner of a fine cell, after rotation, rounds to the site at (x, y) in the cell.
+
+    ``bits`` say which corners of the cell are active.
+    """
+    u = sin * y - cos * x + TIE_TOLERANCE  # place of the rotated corner (0, 0) relative to the site
     v = TIE_TOLERANCE - sin * x - cos * y
     arriving = np.zeros(len(bits), np.uint8)
     for bit, du, dv in ((1, 0, 0), (2, cos, sin), (4, -sin, cos), (8, cos - sin, cos + sin)):

@@ -1,10 +1,11 @@
-"""Section 2: the taxels of patterns as one list, and by it the five- and nine-point Laplacian A = -h² Δ_h of each.
+"""Section 2 of the paper: the taxels of patterns as one list, with the Laplacian A = -h² Δ_h of each pattern.
 
-A pattern is a bool mask, shape (rows, cols); its active taxels are numbered row by row, left to right. Outside the
-pattern Φ = 0, so A of N active taxels is N×N, symmetric and positive definite. Every feature is summed from the list.
+The Laplacian has five or nine points. A pattern is a bool mask, (rows, cols). Its active taxels are numbered row by
+row, from left to right. Outside the pattern Φ = 0, so for N active taxels A is N×N, symmetric and positive definite.
+Every feature is a sum over the list.
 
-The 46 rotated patterns of one contact (section 6) are processed together. Everything here is a whole
-number, so sums are exact: they depend neither on the order of summation nor on where the pattern lies.
+The 46 rotated patterns of one contact (section 6) are processed together. All numbers here are whole numbers, so sums
+are exact: they depend neither on the order of summation nor on the place of the pattern.
 """
 
 from enum import IntEnum
@@ -14,18 +15,18 @@ import numpy as np
 
 
 class Stencil(IntEnum):
-    """The discrete Laplacian, called by its number of points as in the paper's indices."""
+    """The discrete Laplacian, named by its number of points as in the indices of the paper."""
 
     FIVE = 5
     NINE = 9
 
 
 class Weights(NamedTuple):
-    """Entries of A as whole numbers over a common denominator, so that sums of them are exact."""
+    """Entries of A as whole numbers over a common denominator, so that their sums are exact."""
 
     centre: int
-    edge: int      #: for each active edge neighbour
-    corner: int    #: for each active diagonal neighbour
+    edge: int    #: weight of each active edge neighbour
+    corner: int  #: weight of each active diagonal neighbour
     denominator: int
 
 
@@ -33,31 +34,33 @@ WEIGHTS = {Stencil.FIVE: Weights(4, -1, 0, 1), Stencil.NINE: Weights(20, -4, -1,
 
 
 class TaxelList(NamedTuple):
-    """The active taxels of K patterns, pattern by pattern, each row by row; arrays of shape (total,)
-    unless another shape is given."""
+    """The active taxels of K patterns, pattern by pattern and row by row.
+
+    Arrays have the shape (total,) unless another shape is given.
+    """
 
     shape: tuple[int, int, int]  #: K, padded rows, padded cols
     site: np.ndarray             #: place of the taxel in the padded, flattened stack
     start: np.ndarray            #: number of taxels before each pattern, shape (K + 1,)
     counts: np.ndarray           #: N of each pattern, shape (K,)
-    number: np.ndarray           #: number of the taxel within its pattern, from 0
-    earlier_edge: np.ndarray     #: how many edge neighbours precede the taxel (above, left): 0-2
-    earlier_corner: np.ndarray   #: how many diagonal neighbours precede the taxel (above): 0-2
-    later_edge: np.ndarray       #: how many edge neighbours follow the taxel (right, below)
-    later_corner: np.ndarray     #: how many diagonal neighbours follow the taxel (below)
+    number: np.ndarray           #: number of the taxel within its pattern, beginning with 0
+    earlier_edge: np.ndarray     #: number of edge neighbours before the taxel (above, left): 0-2
+    earlier_corner: np.ndarray   #: number of diagonal neighbours before the taxel (above): 0-2
+    later_edge: np.ndarray       #: number of edge neighbours after the taxel (right, below)
+    later_corner: np.ndarray     #: number of diagonal neighbours after the taxel (below)
 
     @property
     def total(self) -> int:
         return len(self.site)
 
     def per_pattern(self, values: np.ndarray) -> np.ndarray:
-        """Sum whole numbers, one a taxel, over each pattern; shape (K,)."""
+        """Return the sum over each pattern, (K,), of whole numbers given per taxel."""
         some, sums = np.flatnonzero(self.counts), np.zeros(len(self.counts), np.int64)
         sums[some] = np.add.reduceat(values, self.start[some], dtype=np.int64) if len(some) else 0
         return sums
 
     def row_sums(self, weights: Weights) -> np.ndarray:
-        """Σ_j A(i,j) of each taxel, times the denominator of ``weights``."""
+        """Return Σ_j A(i,j) for each taxel, multiplied by the denominator of ``weights``."""
         sums: np.ndarray = (self.earlier_edge + self.later_edge) * np.int16(weights.edge)
         if weights.corner:
             sums += (self.earlier_corner + self.later_corner) * np.int16(weights.corner)
@@ -65,14 +68,20 @@ class TaxelList(NamedTuple):
         return sums
 
     def border(self, weights: Weights) -> np.ndarray:
-        """Masks of the taxels whose row sum is not zero (the paper's C_hr5, C_hr9), without padding; (K, rows, cols).
+        """Return masks of the taxels whose row sum is not zero (the paper's C_hr5, C_hr9).
+
+        The masks are (K, rows, cols), without padding.
         """
         stack = np.zeros(self.shape, bool)
         stack.reshape(-1)[self.site] = self.row_sums(weights) != 0
         return stack[:, 1:-1, 1:-1]
 
     def neighbour_pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """All pairs of neighbours: index of the later, of the earlier one, and whether they share an edge."""
+        """Return all pairs of neighbours.
+
+        The three arrays hold the index of the later taxel, the index of the earlier taxel, and True if both share an
+        edge.
+        """
         place = np.full(self.shape[0] * self.shape[1] * self.shape[2], -1, np.int32)
         place[self.site] = np.arange(self.total, dtype=np.int32)
         cols = self.shape[2]
@@ -83,16 +92,16 @@ class TaxelList(NamedTuple):
 
 
 def taxel_list(masks: np.ndarray) -> TaxelList:
-    """List the active taxels of ``masks``, bool, shape (K, rows, cols)."""
+    """Return the list of the active taxels of ``masks``, bool (K, rows, cols)."""
     ringed = np.zeros((masks.shape[0], masks.shape[1] + 2, masks.shape[2] + 2), bool)
     ringed[:, 1:-1, 1:-1] = masks
     return ringed_taxel_list(ringed)
 
 
 def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
-    """List the active taxels of ``masks`` (contiguous), each surrounded by a ring of inactive taxels already.
+    """Return the list of the active taxels of ``masks``, each already surrounded by a ring of inactive taxels.
 
-    The ring lets one flat shift stand for a neighbour: no row runs into the next.
+    ``masks`` are contiguous. Thanks to the ring, a neighbour is one flat shift away, and no row runs into the next.
     """
     count, rows, wide = masks.shape
     active = masks.reshape(-1)
@@ -109,7 +118,7 @@ def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
 
 
 def _neighbours(active: np.ndarray, near: int, far: int) -> tuple[np.ndarray, np.ndarray]:
-    """Count, at each site, the active taxels ``near`` and ``far`` places before it, and after it."""
+    """Return, for each site, the number of active taxels ``near`` and ``far`` places before it, and after it."""
     before, after = np.zeros((2, len(active)), np.uint8)
     before[near:] = active[:-near]
     before[far:] += active[:-far]

@@ -1,4 +1,4 @@
-"""The least rectangle around a contact: where it is and how large, whatever its shape; whether it is hollow."""
+"""The smallest rectangle around a contact, whatever its shape, and whether the contact is hollow."""
 
 from typing import Any, NamedTuple
 
@@ -12,14 +12,15 @@ from tactile_node.pose.evidence import holes
 from tactile_node.pose.moments import check_pitch
 from tactile_node.pose.rim import is_cut, reach, rim_of
 
-LEAST_HOLE, LEAST_HOLE_SHARE = 3, 0.06  #: a smaller hole may be speckle [taxels, fraction of contact and hole]
-IDLE_SHARE = 0.3  #: a hole reads less, relative to the contact's median
+LEAST_HOLE = 3           #: Smallest number of taxels of a hole; a smaller one may be speckle.
+LEAST_HOLE_SHARE = 0.06  #: Smallest area of a hole, as a share of the contact together with the hole.
+IDLE_SHARE = 0.3         #: A hole reads less than this share of the contact's median.
 
 
 def is_hollow(pattern: ContactPattern) -> bool:
-    """Return whether the contact of ``pattern`` encloses taxels that are seen and hardly pressed.
+    """Return True if the contact encloses visible taxels that are hardly pressed.
 
-    A few weak taxels of a solid contact are no hole. One that the pad's edge cuts is not enclosed.
+    A few weak taxels in a solid contact are not a hole. A hole that the pad's edge cuts is not enclosed.
     """
     inside = holes(pattern.mask)
     if inside is None:
@@ -34,27 +35,32 @@ def is_hollow(pattern: ContactPattern) -> bool:
     return are_on_off(pattern.values) or bool(hole.mean() < IDLE_SHARE * np.nanmedian(pattern.values[pattern.mask]))
 
 
-#: at which a rectangle is laid around the contact [rad]
-BOX_ANGLES = np.radians(np.arange(90.0))
-BOX_COSINES, BOX_SINES = np.cos(BOX_ANGLES), np.sin(BOX_ANGLES)
+BOX_ANGLES = np.radians(np.arange(90.0))  #: Angles at which rectangles are laid around the contact [rad].
+BOX_COSINES = np.cos(BOX_ANGLES)
+BOX_SINES = np.sin(BOX_ANGLES)
 QUARTER_TURN = np.pi / 2
-#: Standard deviations [pitches] of an angle's lengths, of the centre and of what a side of the rectangle varies by from
-#: angle to angle: pressures, on/off or saturated taxels. On contacts of training seeds (bench/bench_box.py).
-LENGTH_SD, CENTRE_SD, SIDE_SD = (0.7, 0.45), (0.2, 0.2), (0.2, 0.3)
-ANGLE_SD = 0.02  #: at least [rad]
+# Each pair of standard deviations holds first for pressures, then for on/off or saturated taxels. They were measured on
+# contacts of training seeds (bench/bench_box.py).
+LENGTH_SD = (0.7, 0.45)  #: Standard deviation of a length at a given angle [pitches].
+CENTRE_SD = (0.2, 0.2)   #: Standard deviation of the centre at a given angle [pitches].
+SIDE_SD = (0.2, 0.3)     #: Standard deviation by which a side of the rectangle varies from angle to angle [pitches].
+ANGLE_SD = 0.02          #: Smallest standard deviation of the angle [rad].
 
 
 class ContactBox(NamedTuple):
-    """The least rectangle around a contact, in the pad's frame, with standard deviations; NaN without a contact."""
+    """The smallest rectangle around a contact, in the pad's frame, with standard deviations; NaN without a contact."""
 
-    centre: tuple[float, float]       #: [m]; of what is seen where a length is a bound
-    angle: float                      #: direction of the long side, x to y, in (-π/2, π/2] [rad]
-    lengths: tuple[float, float]      #: long, short [m]
-    centre_sd: float                  #: along x and along y [m]
-    angle_sd: float  #: deviation of the sides, which are equal a quarter turn on [rad]; 0.45: any angle will do
-    lengths_sd: tuple[float, float]   #: [m]
-    length_is_bound: tuple[bool, bool]  #: the contact is cut by the pad's edge or by hidden taxels: it may be longer
-    hollow: bool                      #: it is a ring or a frame (`is_hollow`)
+    centre: tuple[float, float]   #: centre of the rectangle [m]; of its visible part if a length is a bound
+    angle: float                  #: direction of the long side, from x to y, in (-π/2, π/2] [rad]
+    lengths: tuple[float, float]  #: long side, short side [m]
+    centre_sd: float              #: standard deviation along x and along y [m]
+    #: standard deviation of the direction of the sides [rad]; 0.45 if any angle is equally likely, because the sides
+    #: repeat every quarter turn
+    angle_sd: float
+    lengths_sd: tuple[float, float]  #: standard deviation of each length [m]
+    #: True if the pad's edge or hidden taxels cut the contact, so that it may be longer
+    length_is_bound: tuple[bool, bool]
+    hollow: bool  #: True if the contact is a ring or a frame (`is_hollow`)
 
 
 NOWHERE = ContactBox((np.nan, np.nan), np.nan, (np.nan, np.nan), np.nan, np.nan, (np.nan, np.nan), (False, False),
@@ -62,10 +68,21 @@ NOWHERE = ContactBox((np.nan, np.nan), np.nan, (np.nan, np.nan), np.nan, np.nan,
 
 
 def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibility | None = None) -> ContactBox:
-    """Return the box of the contact of ``pattern``; NOWHERE without one.
+    """Return the smallest rectangle around the contact of a pattern; NOWHERE if the pattern has no contact.
 
-    ``pitch``: distance of neighbouring taxels; all lengths come in its unit. ``visibility`` of the pattern spares its
-    computation where it is known.
+    Parameters
+    ----------
+    pattern : ContactPattern
+        Pattern of the frame.
+    pitch : float
+        Distance of neighbouring taxels. All lengths of the result are in its unit.
+    visibility : Visibility or None
+        Visibility of the pattern if the caller knows it; None to compute it.
+
+    Raises
+    ------
+    ConfigurationError
+        If ``pitch`` is not a finite length above 0.
     """
     check_pitch(pitch)
     if not pattern.mask.any():
@@ -76,7 +93,7 @@ def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibil
     likely = _likelihood(high - low, SIDE_SD[kind])
     best = int(likely.argmax())
     away = BOX_ANGLES - BOX_ANGLES[best]
-    is_over = np.abs(away) > QUARTER_TURN / 2  # a quarter turn on, the axes are the other ones
+    is_over = np.abs(away) > QUARTER_TURN / 2  # after a quarter turn, the two axes exchange their roles
     sides = np.empty((5, len(BOX_ANGLES)))  # along and across, x and y of the centre, angle
     at_along, at_across = (high + low) / 2
     sides[:2] = high - low
@@ -97,7 +114,10 @@ def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibil
 
 
 def _likelihood(lengths: np.ndarray, side_sd: float) -> np.ndarray:
-    """Return how likely each angle, (k,), is that of the least area of ``lengths``, (2, k); they sum to 1."""
+    """Return the probability of each angle, (k,), to be the angle of the smallest rectangle; the sum is 1.
+
+    ``lengths``, (2, k), are the sides of the rectangle at each angle.
+    """
     area = lengths.prod(0)
     deviation = side_sd * np.sqrt(2 * np.square(lengths).sum(0))
     likely: np.ndarray = np.exp(-((area - area.min()) / deviation)**2 / 2)

@@ -1,4 +1,4 @@
-"""One start of a fit and what became of it: coarse, then with weights by its residuals, then fine."""
+"""One start of a fit and its progress: a coarse pass, then new weights from its residuals, then a fine pass."""
 
 from typing import NamedTuple
 
@@ -13,14 +13,14 @@ from tactile_node.pose.profiles import DOMES, PUNCH, Layer, Profile, expected_lo
 from tactile_node.pose.skin_model import Model, PressureModel
 from tactile_node.shape.recognition import Shape
 
-COARSE_TOLERANCE = 0.3         #: when the first pass stops [pitches]
-FINE_TOLERANCE = 0.05          #: and the second
-CLEAR_RATIO = 0.25       #: a less likely start is taken where its cost is lower by this factor
-FIRST_NOISE = 0.05   #: noise of a value in the first pass [fraction of level]
+COARSE_TOLERANCE = 0.3  #: Length of a step at which the first pass stops [pitches].
+FINE_TOLERANCE = 0.05   #: Length of a step at which the second pass stops [pitches].
+CLEAR_RATIO = 0.25      #: A less likely start is chosen if its cost is below this share of the likeliest start's cost.
+FIRST_NOISE = 0.05      #: Noise of a value assumed in the first pass [fraction of level].
 
 
 class Candidate(NamedTuple):
-    """A problem and how far its solution is."""
+    """A problem and the solution reached so far."""
 
     problem: Problem
     solution: Solution
@@ -29,7 +29,21 @@ class Candidate(NamedTuple):
 
 def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PUNCH,
            layer: Layer | None = None) -> Candidate:
-    """Fit from ``guess`` with equal weights, until steps are short compared with a taxel; ``layer`` in pitches."""
+    """Fit from a first guess with equal weights, until the steps are short compared with a taxel.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The taxels to fit.
+    shape : Shape
+        Shape of the outline.
+    guess : Guess
+        Start of the fit.
+    profile : Profile
+        Pressure profile of the object; ignored for on/off taxels.
+    layer : Layer or None
+        Layer of a calibrated skin, lengths in pitches; None if it is not known.
+    """
     outline = outline_of(shape, guess.handedness)
     if evidence.on_off:
         model = Model(outline, evidence.window)
@@ -50,14 +64,20 @@ def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PU
 
 
 def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
-    """1 / variance of a guess: a length may be wrong by 100 %, the place by the largest; the angle is free."""
+    """Return 1 / variance of a guess.
+
+    A length may be wrong by 100 %, the place by the largest length. The angle is nearly free.
+    """
     _, _, dimensions = outline.split(guess)
     lengths = np.concatenate(([dimensions.max()] * 2, *([[1.8]] if outline.symmetry else []), dimensions))
     return 1 / np.maximum(lengths, 1)**2
 
 
 def with_likely_peak(candidate: Candidate) -> Candidate:
-    """Set the prior of the peak to the nearest known kind of object, if the fit is certain enough."""
+    """Return the candidate with the prior of its peak set to the nearest known kind of object.
+
+    The candidate stays as it is if the fit is not certain enough.
+    """
     problem, model, solution = candidate.problem, candidate.problem.model, candidate.solution
     if not isinstance(model, PressureModel):
         return candidate
@@ -72,20 +92,20 @@ def with_likely_peak(candidate: Candidate) -> Candidate:
 
 
 def reweighted(candidate: Candidate, weights: np.ndarray) -> Candidate:
-    """Return the same point with other ``weights`` of the taxels, (taxels,)."""
+    """Return the candidate at the same point with other ``weights`` of its taxels, (taxels,)."""
     problem, solution = candidate.problem._replace(weights=weights), candidate.solution
     solution = evaluate(problem, solution.parameters, solution.prediction)
     return candidate._replace(problem=problem, solution=solution)
 
 
 def fine(candidate: Candidate) -> Candidate:
-    """Go on to the end."""
+    """Return the candidate after the fine pass."""
     solution = minimise(candidate.problem, candidate.solution, tolerance=FINE_TOLERANCE, max_steps=6)
     return candidate._replace(solution=solution)
 
 
 def loading_of(found: Candidate) -> Loading | None:
-    """Return how the object loads the skin, lengths in pitches; None where the taxels are on/off."""
+    """Return how the object loads the skin, lengths in pitches; None for on/off taxels."""
     model = found.problem.model
     if not isinstance(model, PressureModel):
         return None
@@ -93,17 +113,30 @@ def loading_of(found: Candidate) -> Loading | None:
     return Loading(model.profile.indenter, float(peak), float(np.exp(log_depth)))
 
 
-#: Thresholds: few punches of training seeds and even pressures pass them.
-CIRCLE_PEAK, BALL_PEAK, DOME_CURVATURE = 0.3, -0.05, -0.005
-#: sum of squares a taxel; depth [pitches]: a dome looks like an even pressure, deep below
-BAD_MISFIT, DEEP_LAYER = 2.0, 0.5
-NO_PUNCH_PEAK = -0.3  #: no punch, sharp or rounded, is so much higher in its middle
+# The thresholds for a dome are chosen so that few punches of training seeds and few even pressures pass them.
+CIRCLE_PEAK = 0.3        #: A circle with a higher peak is not a dome.
+BALL_PEAK = -0.05        #: A circle with a lower peak may be a ball.
+DOME_CURVATURE = -0.005  #: A lower curvature of the residuals may come from a dome.
+# A dome can look like an even pressure on deep taxels. It may be one if both limits are exceeded:
+BAD_MISFIT = 2.0  #: sum of squares per taxel
+DEEP_LAYER = 0.5  #: depth of the taxels [pitches]
+#: A circle with a lower peak is no punch: no punch, sharp or rounded, presses this much more in its middle.
+NO_PUNCH_PEAK = -0.3
 
 
 def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
-    """Return whether a fit as a ``punch`` asks for one as a ball, a cone or a lying cylinder.
+    """Return True if a contact fitted as a punch may be a ball, a cone or a lying cylinder.
 
-    Its residuals then fall outwards; a ball may show as a negative peak.
+    The residuals of a dome fall from its middle outwards. A ball can also show as a negative peak.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The fitted taxels.
+    shape : Shape
+        Shape of the outline.
+    punch : Candidate
+        Result of the fit as a punch.
     """
     loading = loading_of(punch)
     if loading is None or shape not in DOMES or shape is Shape.CIRCLE and loading.peak > CIRCLE_PEAK:
@@ -116,13 +149,16 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
 
 
 def is_no_punch(shape: Shape, punch: Candidate) -> bool:
-    """Return whether a fit as a ``punch`` has found a pressure that is none of a punch's."""
+    """Return True if a fit as a punch has found a pressure that no punch has."""
     loading = loading_of(punch)
     return loading is not None and shape is Shape.CIRCLE and loading.peak < NO_PUNCH_PEAK
 
 
 def _curvature(evidence: Evidence, shape: Shape, solution: Solution) -> float:
-    """Slope of the residuals against the squared distance from the middle, or from a rectangle's long axis."""
+    """Return the slope of the residuals against the squared distance from the middle.
+
+    For a rectangle, the distance is that from its long axis.
+    """
     row, col = np.divmod(np.arange(evidence.used.size), evidence.window.cols)
     x, y = col + evidence.window.col - solution.parameters[0], row + evidence.window.row - solution.parameters[1]
     if shape is Shape.CIRCLE:

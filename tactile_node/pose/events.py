@@ -1,4 +1,4 @@
-"""What can happen to the contact on one pad, and what it does: the codes and facts of its movement."""
+"""Codes and facts about the movement of a contact on one pad."""
 
 import math
 from enum import IntEnum, IntFlag
@@ -6,29 +6,29 @@ from typing import NamedTuple
 
 
 class EventKind(IntEnum):
-    """What has happened (ContactEvent.msg mirrors these numbers)."""
+    """Kind of an event (ContactEvent.msg mirrors these numbers)."""
 
     NOT_KNOWN = 0
-    MADE = 1     #: the pad was seen empty, and is touched
-    LOST = 2     #: it was touched, and is seen empty
+    MADE = 1     #: the pad was seen empty and is now touched
+    LOST = 2     #: the pad was touched and is now seen empty
     SLIDING = 3  #: the contact has begun to move across the pad
-    TURNING = 4  #: it has begun to turn
-    HARDER = 5   #: its force has risen by a step
-    LIGHTER = 6
+    TURNING = 4  #: the contact has begun to turn
+    HARDER = 5   #: the force has risen by a step
+    LIGHTER = 6  #: the force has fallen by a step
 
 
 class SeenBy(IntEnum):
-    """What an event was seen by (ContactEvent.msg mirrors these numbers)."""
+    """Quantity that has shown an event (ContactEvent.msg mirrors these numbers)."""
 
     NOT_KNOWN = 0
-    OUTLINE = 1             #: the fitted one
+    OUTLINE = 1  #: the fitted outline
     CENTRE_OF_PRESSURE = 2
-    ON_OFF = 3              #: outline or centre of on/off taxels
-    PRESSURE = 4            #: what is pressed, and how hard
+    ON_OFF = 3    #: outline or centre of on/off taxels
+    PRESSURE = 4  #: the pressed taxels and their pressures
 
 
 class Moving(IntFlag):
-    """What a contact does now (ContactMotion.msg mirrors these numbers)."""
+    """Present movement of a contact (ContactMotion.msg mirrors these numbers)."""
 
     NOT_KNOWN = 0
     STILL = 1
@@ -37,7 +37,7 @@ class Moving(IntFlag):
 
 
 class Observable(IntFlag):
-    """Which movements of a contact would show (ContactMotion.msg mirrors these numbers)."""
+    """Movements of a contact that would be detected (ContactMotion.msg mirrors these numbers)."""
 
     NOTHING = 0
     ALONG_X = 1
@@ -46,26 +46,29 @@ class Observable(IntFlag):
 
 
 class Event(NamedTuple):
-    """Something that has happened; NaN: not of this kind, or not known."""
+    """A change in the state of a contact.
+
+    A quantity is NaN if it is unknown or does not belong to this kind of event.
+    """
 
     kind: EventKind
-    stamp: float  #: acquisition of the frame that showed it [s]
+    stamp: float  #: acquisition of the frame that showed the event [s]
     seen_by: SeenBy
     probability: float
-    speed: float = math.nan      #: [m/s]
-    direction: float = math.nan  #: in the pad's frame, x to y [rad]
-    rate: float = math.nan       #: x to y positive [rad/s]
+    speed: float = math.nan         #: [m/s]
+    direction: float = math.nan     #: in the pad's frame, from x to y [rad]
+    rate: float = math.nan          #: positive from x to y [rad/s]
     force_before: float = math.nan  #: [N]
     force: float = math.nan         #: [N]
 
 
 class Motion(NamedTuple):
-    """What is known of the movement of a contact in one frame."""
+    """The movement of a contact in one frame, as far as it is known."""
 
     moving: Moving = Moving.NOT_KNOWN
-    speed: float = math.nan      #: while SLIDING [m/s]; NaN: not known
-    direction: float = math.nan  #: while SLIDING, in the pad's frame, x to y [rad]
-    rate: float = math.nan       #: while TURNING, x to y positive [rad/s]
+    speed: float = math.nan      #: while SLIDING [m/s]; NaN if not known
+    direction: float = math.nan  #: while SLIDING, in the pad's frame, from x to y [rad]
+    rate: float = math.nan       #: while TURNING, positive from x to y [rad/s]
     observable: Observable = Observable.NOTHING
-    events: tuple[Event, ...] = ()  #: of this frame
-    last_event: Event | None = None  #: since when the pad has been followed
+    events: tuple[Event, ...] = ()   #: events of this frame
+    last_event: Event | None = None  #: latest event since the pad has been followed

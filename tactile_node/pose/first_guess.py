@@ -1,8 +1,8 @@
-"""A first guess of pose and size from moments up to the fourth: closed forms, exact for whole shapes.
+"""A first guess of pose and size from moments up to the fourth, in closed form; exact for whole shapes.
 
-A uniform triangle is an affine image of the equilateral one: after whitening, its third moment points to
-the corners. A rectangle's sides are sqrt(12 variance). The taxel's own square adds variance 1/12 and,
-in the fourth moment, -1/60.
+A uniform triangle is an affine image of the equilateral triangle. After whitening, its third moment points to the
+corners. The sides of a rectangle are sqrt(12 variance). The square of a taxel adds 1/12 to the variance and -1/60 to
+the fourth moment.
 """
 
 from typing import NamedTuple
@@ -11,27 +11,27 @@ import numpy as np
 
 from tactile_node.shape.recognition import Shape
 
-WHITE_CORNERS = np.sqrt(8)  #: from the centre of the equilateral triangle of variance 1 to its corners
+WHITE_CORNERS = np.sqrt(8)  #: Distance from the centre of the equilateral triangle of variance 1 to its corners.
 
 
 class Guess(NamedTuple):
-    """Where a fit may start."""
+    """A start for a fit."""
 
-    parameters: np.ndarray  #: parameters of the shape's outline [pitches]
+    parameters: np.ndarray  #: parameters of the outline [pitches, rad]
     handedness: int = 1
 
 
 class Moments(NamedTuple):
-    """Moments of weighted taxels; places as complex numbers x + iy."""
+    """Moments of weighted taxels; places are complex numbers x + iy."""
 
     centre: complex
     covariance: np.ndarray
-    weights: np.ndarray   #: sum to 1
-    offsets: np.ndarray   #: complex, from the centre
+    weights: np.ndarray  #: weight of each taxel; the sum is 1
+    offsets: np.ndarray  #: complex, place of each taxel relative to the centre
 
 
 def moments_of(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> Moments:
-    """``weights`` >= 0, not all 0; all of the same length."""
+    """Return the moments of taxels at ``x`` and ``y`` with ``weights`` >= 0, at least one of them above 0."""
     weights, place = weights / weights.sum(), x + 1j * y
     centre = complex(weights @ place)
     offsets = place - centre
@@ -42,9 +42,17 @@ def moments_of(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> Moments:
 
 
 def guesses(shape: Shape, moments: Moments, margin: float) -> list[Guess]:
-    """Return one or more starts for a fit of ``shape``, the likeliest first.
+    """Return one or more starts for a fit, the likeliest first.
 
-    Of a triangle's corners, all that fit within ``margin`` as well as the best [radians; log of lengths].
+    Parameters
+    ----------
+    shape : Shape
+        Shape of the outline.
+    moments : Moments
+        Moments of the contact.
+    margin : float
+        For a triangle, each corner that fits the shape up to ``margin`` worse than the best corner gives a start
+        [radians, or logarithm of lengths].
     """
     x, y = moments.centre.real, moments.centre.imag
     if shape is Shape.CIRCLE:
@@ -61,7 +69,7 @@ def guesses(shape: Shape, moments: Moments, margin: float) -> list[Guess]:
 
 
 def _triangle(moments: Moments) -> np.ndarray:
-    """Return the corners (complex, in the sense from x to y) of the triangle of these moments."""
+    """Return the corners of the triangle with these moments, complex, in the sense from x to y."""
     variance, axes = np.linalg.eigh(moments.covariance)
     scale = np.sqrt(np.maximum(variance, 0.02))
     if np.linalg.det(axes) < 0:

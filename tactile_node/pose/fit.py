@@ -1,4 +1,4 @@
-"""Pose and size of a contact of known shape: its outline, fitted to the taxel values by least squares."""
+"""Pose and size of a contact of known shape: its outline is fitted to the taxel values by least squares."""
 
 from collections.abc import Callable
 from functools import partial
@@ -21,64 +21,89 @@ from tactile_node.pose.search import Found, follow, search
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 from tactile_node.taxel_frame import read_only
 
-SEARCH_PERIOD = 0.5  #: s of a contact that goes on after which its outline is searched for again
-SEARCH_GROWTH = 1.25  #: factor by which the evidence of a contact has grown when its outline is searched for again
+SEARCH_PERIOD = 0.5   #: Time after which the outline of a lasting contact is searched for again [s].
+SEARCH_GROWTH = 1.25  #: Factor by which the evidence of a contact has to grow before its outline is searched for again.
 
 
 class ShapeFit(NamedTuple):
-    """Pose and size in the pad's frame (metres; origin at taxel (0, 0), x along columns, y along rows)."""
+    """Pose and size of a contact in the pad's frame: metres, origin at taxel (0, 0), x along columns, y along rows."""
 
     shape: Shape
-    centre: tuple[float, float]        #: centre of area [m]
-    angle: float                       #: direction of the shape's x axis, x to y positive [rad]; 0 for a circle
-    #: Looks the same when rotated by 2π/symmetry; 0: by any angle; 3: an isosceles triangle that these taxels do not
-    #: distinguish from an equilateral one, its apex may be any corner.
+    centre: tuple[float, float]  #: centre of area [m]
+    angle: float                 #: direction of the shape's own x axis, positive from x to y [rad]; 0 for a circle
+    #: The shape looks the same after a rotation by 2π/symmetry; 0 for any angle. An isosceles triangle has 3 if the
+    #: taxels do not distinguish it from an equilateral one; its apex may then be any corner.
     symmetry: int
-    handedness: int                    #: right triangle: 1, or -1 when mirrored; else 0
-    dimension_names: tuple[str, ...]   #: as in `outlines.OUTLINES`
-    dimensions: tuple[float, ...]      #: [m]
-    #: of each dimension: it is the length that is seen, and the contact goes on where nothing is seen (`fit_contact`)
+    handedness: int                   #: 1 or -1 (mirrored) for a right triangle, 0 for other shapes
+    dimension_names: tuple[str, ...]  #: names as in `outlines.OUTLINES`
+    dimensions: tuple[float, ...]     #: length of each dimension [m]
+    #: for each dimension, True if it is only the visible length and the contact goes on unseen (`fit_contact`)
     is_bound: tuple[bool, ...]
-    covariance: np.ndarray             #: covariance of ``parameter_names``, [m, rad]
-    residual: float                    #: root mean square of value - model, fraction of the contact's level
-    outline: np.ndarray                #: corners, (n, 2), in the sense from x to y [m]
-    indenter: Indenter | None          #: what presses, as far as its pressure shows; None: on/off taxels
-    peak: float                        #: 0: an even pressure; about 1: a punch's or a dome's; NaN: on/off taxels
-    depth: float  #: depth of the taxels below the skin's surface, as fitted [m]; NaN: on/off taxels
+    covariance: np.ndarray  #: covariance of ``parameter_names`` [m, rad]
+    residual: float  #: root mean square of value - model, as a fraction of the contact's level
+    outline: np.ndarray  #: corners (n, 2), in the sense from x to y [m]
+    indenter: Indenter | None  #: kind of object, as far as its pressure shows; None for on/off taxels
+    peak: float  #: 0 for an even pressure, about 1 for the pressure of a punch or a dome, NaN for on/off taxels
+    depth: float  #: fitted depth of the taxels below the skin's surface [m]; NaN for on/off taxels
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """What ``covariance`` is of: x, y, angle (unless a circle), dimensions."""
+        """Names of the parameters in ``covariance``: x, y, angle (unless a circle) and the dimensions."""
         return OUTLINES[self.shape].parameters
 
     @property
     def parameters(self) -> np.ndarray:
-        """The values of ``parameter_names``."""
+        """Values of ``parameter_names``."""
         return np.array((*self.centre, *((self.angle,) if self.symmetry else ()), *self.dimensions))
 
 
 class Part(NamedTuple):
-    """The part of a frame that is fitted, in taxels, or of a wide contact in blocks of them."""
+    """The part of a frame that is fitted, in taxels, or in blocks of taxels for a wide contact."""
 
     evidence: Evidence
-    size: int = 1   #: rows and columns of a block
+    size: int = 1   #: number of rows and of columns of a block
     x: float = 0.0  #: column of the middle of block (0, 0) [taxels]
-    y: float = 0.0  #: row of it
+    y: float = 0.0  #: row of the middle of block (0, 0) [taxels]
 
 
-#: Finds the outline of a shape in a part; layer in its pitches
+#: Function that finds the outline of a shape in a part; the lengths of the layer are in pitches of the part.
 Finder: TypeAlias = Callable[[Part, Shape, Layer | None], Found]
 
 
 def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: float = 1.0,
               layer: Layer | None = None, find: Finder | None = None) -> ShapeFit | None:
-    """Fit the outline of ``shape`` to the contact ``mask`` of a frame; None when the shape has none.
+    """Fit the outline of a shape to a contact. A wide contact is fitted in blocks of taxels.
 
-    ``values``: (rows, cols), any unit that grows with pressure, NaN = no valid value; or an on/off pattern
-    (bool). ``mask``: bool, the contact's taxels. ``pitch`` [m]. ``layer``: of a calibrated skin; None: not known. A
-    wide contact is fitted in blocks of taxels. ``find``: of a `FitFollower`; None: `search`. Raises InputError for
-    other arrays, ConfigurationError for another pitch or layer.
+    Parameters
+    ----------
+    values : np.ndarray
+        Taxel values, (rows, cols), in any unit that grows with pressure; NaN for no valid value. Values of bool are an
+        on/off pattern.
+    mask : np.ndarray
+        Taxels of the contact, bool (rows, cols).
+    shape : ShapeClass
+        Shape to fit.
+    pitch : float
+        Distance of neighbouring taxels [m].
+    layer : Layer or None
+        Layer of a calibrated skin; None if it is not known.
+    find : Finder or None
+        Finder of a `FitFollower`; None to search in this frame alone.
 
+    Returns
+    -------
+    ShapeFit or None
+        None if the shape has no outline.
+
+    Raises
+    ------
+    InputError
+        If the arrays are not of one shape, not real numbers, or the mask is empty.
+    ConfigurationError
+        If the pitch or the layer cannot be used.
+
+    Examples
+    --------
     >>> fit = fit_shape(np.pad(np.ones((4, 4)), 3), np.pad(np.ones((4, 4), bool), 3), Shape.SQUARE)
     >>> [round(length, 1) for length in (*fit.centre, *fit.dimensions)]
     [4.5, 4.5, 4.0]
@@ -97,28 +122,32 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: fl
 def _part(values: np.ndarray, mask: np.ndarray) -> Part:
     size = size_of(mask)
     blocks = in_blocks(values, mask, size) if size > 1 else None
-    if blocks is None or not blocks.mask.any():  # of a line no block is half full
+    if blocks is None or not blocks.mask.any():  # no block of a line of taxels is half full
         return Part(gather(values, mask))
     return Part(gather(blocks.values, blocks.mask, touches_edge(mask)), size, blocks.x, blocks.y)
 
 
 class FitFollower:
-    """Fits a contact from frame to frame: from where it was in the one before, in a quarter of the time of a search.
+    """Fits a contact from frame to frame, starting from the outline in the frame before.
 
-    The follower searches for the outline in the first frame, every SEARCH_PERIOD (the contact may have become a dome,
-    or another corner likelier), and where going on leads to none as good. It also searches again once the evidence
-    has grown by SEARCH_GROWTH: a light touch, or one that is seen in part, may look like a dome, which is larger.
+    Following an outline takes a quarter of the time of a search. The follower searches again in these cases:
+
+    - in the first frame,
+    - every SEARCH_PERIOD, because the contact may have become a dome, or another corner may have become likelier,
+    - if following leads to a worse fit,
+    - if the evidence has grown by SEARCH_GROWTH. A contact that is touched lightly or seen in part may look like a
+      dome, which is larger.
     """
 
     def __init__(self) -> None:
-        self._before: dict[Shape, tuple[Found, Part, float]] = {}  # with part and stamp of the search
+        self._before: dict[Shape, tuple[Found, Part, float]] = {}  # outline, and part and stamp of its last search
 
     def restart(self) -> None:
-        """Search in the next frame: another contact begins."""
+        """Search in the next frame, because another contact begins."""
         self._before.clear()
 
     def at(self, stamp: float) -> Finder:
-        """Return the finder of the next frame, which is of ``stamp`` [s]."""
+        """Return the finder for the next frame, acquired at ``stamp`` [s]."""
         return partial(self._find, stamp)
 
     def _find(self, stamp: float, part: Part, shape: Shape, layer: Layer | None) -> Found:
@@ -135,7 +164,17 @@ class FitFollower:
 
 
 def in_metres(found: Found, part: Part, pitch: float) -> ShapeFit:
-    """Return ``found`` in the pad's frame; ``pitch`` [m] of its taxels."""
+    """Return the outline of a part as a fit in the pad's frame.
+
+    Parameters
+    ----------
+    found : Found
+        Outline in pitches of the part.
+    part : Part
+        The fitted part of the frame.
+    pitch : float
+        Distance of neighbouring taxels [m].
+    """
     shape, estimate, pitch = found.shape, found.estimate, pitch * part.size
     outline = outline_of(shape, estimate.handedness)
     scale = np.array([1.0 if name == 'angle' else pitch for name in outline.parameters])
@@ -154,16 +193,32 @@ def in_metres(found: Found, part: Part, pitch: float) -> ShapeFit:
                     depth=loading.depth * pitch if loading else np.nan)
 
 
-#: Their own axes run from side to side of them; what a triangle is completed by, its deviations say
+#: Shapes whose own axes run from side to side, so that a length can be a bound. The deviations of a completed triangle
+#: show its uncertainty instead.
 UPRIGHT_SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE)
 
 
 def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, layer: Layer | None = None,
                 visibility: Visibility | None = None, find: Finder | None = None) -> ShapeFit | None:
-    """Fit ``shape`` to the contact of ``pattern`` as `fit_shape` does; ``visibility`` of it, None: not known yet.
+    """Fit a shape to the contact of a pattern, as `fit_shape` does, and mark lengths that are bounds.
 
-    A length of a circle, a square or a rectangle that goes on where nothing is seen is that of what is seen, a bound. A
-    triangle is completed, and its deviations say how well.
+    If a circle, a square or a rectangle goes on unseen, the length is that of its visible part and is marked as a
+    bound. A triangle is completed, and its deviations show how well.
+
+    Parameters
+    ----------
+    pattern : ContactPattern
+        Pattern of the frame.
+    shape : ShapeClass
+        Shape to fit.
+    pitch : float
+        Distance of neighbouring taxels [m].
+    layer : Layer or None
+        Layer of a calibrated skin; None if it is not known.
+    visibility : Visibility or None
+        Visibility of the pattern if the caller knows it; None to compute it.
+    find : Finder or None
+        Finder of a `FitFollower`; None to search in this frame alone.
     """
     taxels = pattern.mask if are_on_off(pattern.values) else pattern.values
     fit = fit_shape(taxels, pattern.mask, shape, pitch, layer, find)

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt for a handful of parameters, with weights and a Gaussian prior."""
+"""Levenberg-Marquardt for a small number of parameters, with weights and a Gaussian prior."""
 
 from typing import NamedTuple
 
@@ -8,34 +8,45 @@ from scipy.linalg.lapack import dposv
 from tactile_node.contact.neighbours import box_of
 from tactile_node.pose.skin_model import Model, Prediction
 
-LONGEST_STEP = 1.0  #: change of any parameter in one step [pitches, radians, relative]
-LEAST_DIMENSION = 0.3  #: no dimension gets smaller [pitches]
+LONGEST_STEP = 1.0     #: Largest change of a parameter in one step [pitches, radians, relative].
+LEAST_DIMENSION = 0.3  #: Smallest value of a dimension [pitches].
 
 
 class Problem(NamedTuple):
-    """What is minimised: sum weights (values - model)² + sum precision (parameters - expected)²."""
+    """The sum to minimise: sum weights (values - model)² + sum precision (parameters - expected)²."""
 
     model: Model
     values: np.ndarray     #: (taxels,)
     weights: np.ndarray    #: (taxels,), 1 / variance
-    expected: np.ndarray   #: (parameters,), beforehand
-    precision: np.ndarray  #: (parameters,), 1 / variance of that; > 0 lets even one taxel have an answer
+    expected: np.ndarray   #: (parameters,), mean of the prior
+    precision: np.ndarray  #: (parameters,), 1 / variance of the prior; values > 0 give even a single taxel a solution
 
 
 class Solution(NamedTuple):
-    """Where an iteration stopped."""
+    """A point that an iteration has reached."""
 
     parameters: np.ndarray
     prediction: Prediction
     information: np.ndarray  #: inverse of the covariance
     misfit: float            #: sum weights (values - model)²
-    cost: float              #: that and the prior's part: what is minimised
+    cost: float              #: the misfit plus the contribution of the prior: the quantity that is minimised
 
 
 def minimise(problem: Problem, at: Solution, *, tolerance: float, max_steps: int) -> Solution:
-    """Minimise from ``at``; the last step of the outline is shorter than ``tolerance`` [pitches].
+    """Minimise from a start until the outline moves by less than a tolerance in one step.
 
-    Steps converge quadratically: what is left then is of the order of ``tolerance`` squared.
+    The steps converge quadratically, so the remaining error is of the order of ``tolerance`` squared.
+
+    Parameters
+    ----------
+    problem : Problem
+        The sum to minimise.
+    at : Solution
+        Start.
+    tolerance : float
+        Length of the last step of the outline [pitches].
+    max_steps : int
+        Largest number of steps.
     """
     damping, best, geometry = 1e-3, at, len(problem.model.outline.parameters)
     for _ in range(max_steps):
@@ -52,7 +63,7 @@ def minimise(problem: Problem, at: Solution, *, tolerance: float, max_steps: int
 
 
 def evaluate(problem: Problem, parameters: np.ndarray, prediction: Prediction) -> Solution:
-    """Return what the problem makes of ``prediction``, the model's at ``parameters``."""
+    """Return the solution at ``parameters``, where the model gives ``prediction``."""
     information = (prediction.jacobian * problem.weights) @ prediction.jacobian.T
     information.reshape(-1)[::len(parameters) + 1] += problem.precision
     misfit = problem.weights @ (problem.values - prediction.values)**2
@@ -72,7 +83,7 @@ def _step(problem: Problem, at: Solution, damping: float) -> np.ndarray:
 
 
 def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
-    """Dimensions stay positive, extras where the model knows them."""
+    """Return the parameters with positive dimensions, and with extras within the range of the model."""
     extras = len(model.outline.parameters)
     dimensions = slice(extras - len(model.outline.dimensions), extras)
     parameters[dimensions] = np.maximum(parameters[dimensions], LEAST_DIMENSION)
@@ -81,22 +92,23 @@ def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
 
 
 class Place(NamedTuple):
-    """Where a model is computed; near it the model is taken as linear."""
+    """A point at which a model was computed. Near this point the model is taken as linear."""
 
     parameters: np.ndarray
     prediction: Prediction
 
     def shown_at(self, parameters: np.ndarray) -> Prediction:
-        """Return what the taxels show at ``parameters`` near by."""
+        """Return the prediction at nearby ``parameters``."""
         values = self.prediction.values + (parameters - self.parameters) @ self.prediction.jacobian
         return self.prediction._replace(values=values)
 
 
-NEAR_OUTLINE, NEAR_EXTRAS = 0.05, 0.1  #: from a place [pitches, radians; of the model's extras]
+NEAR_OUTLINE = 0.05  #: Distance from a place up to which the model is linear in the outline [pitches, radians].
+NEAR_EXTRAS = 0.1    #: The same for the extras of the model.
 
 
 def is_near(model: Model, parameters: np.ndarray, place: np.ndarray) -> bool:
-    """Return whether the model, linear about ``place``, is good at ``parameters``."""
+    """Return True if the model, linear about ``place``, is accurate at ``parameters``."""
     away, outline = np.abs(parameters - place), len(model.outline.parameters)
     return bool(away[:outline].max() < NEAR_OUTLINE and away[outline:].max(initial=0.0) < NEAR_EXTRAS)
 
@@ -108,22 +120,22 @@ def solved(problem: Problem, at: Place) -> Solution:
     return evaluate(problem, parameters, at.shown_at(parameters))
 
 
-MOST_BLOCKS = 32    #: blocks across a contact at most [taxels of a fit]
-BLOCKS_AROUND = 3  #: the contact
-LEAST_SEEN = 0.5   #: share of a block's taxels: with fewer valid ones it has no value
+MOST_BLOCKS = 32   #: Largest number of blocks across a contact.
+BLOCKS_AROUND = 3  #: Number of blocks around the contact that are fitted, too.
+LEAST_SEEN = 0.5   #: Share of the taxels of a block that must be valid; with fewer, the block has no value.
 
 
 class Blocks(NamedTuple):
     """A frame and its contact in blocks."""
 
-    values: np.ndarray  #: float, (rows, cols), NaN where too little of a block is seen
+    values: np.ndarray  #: float (rows, cols), NaN where too few taxels of a block are seen
     mask: np.ndarray    #: bool
     x: float            #: column of the middle of block (0, 0) [taxels]
-    y: float            #: row of it
+    y: float            #: row of the middle of block (0, 0) [taxels]
 
 
 def size_of(mask: np.ndarray) -> int:
-    """Return the side of the blocks that a fit of the contact ``mask``, bool (rows, cols), takes: 1 for most.
+    """Return the number of rows (and columns) of a block in which the contact ``mask`` is fitted; 1 for most contacts.
 
     >>> size_of(np.ones((8, 8), bool)), size_of(np.ones((64, 10), bool))
     (1, 2)
@@ -133,7 +145,9 @@ def size_of(mask: np.ndarray) -> int:
 
 
 def in_blocks(values: np.ndarray, mask: np.ndarray, size: int) -> Blocks:
-    """Return what surrounds the contact as means of ``size`` x ``size`` taxels; those that the pad's edge cuts are NaN.
+    """Return the surroundings of the contact as means of ``size`` x ``size`` taxels.
+
+    Blocks that the pad's edge cuts are NaN.
     """
     part, missing, corner = [], [], []
     for used, length in zip(box_of(mask), mask.shape):

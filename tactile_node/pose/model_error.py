@@ -1,7 +1,8 @@
-"""What the models of a punch and of domes leave out, by shape: corners that carry less, edges of unknown rounding.
+"""Errors of the models of punches and domes, by shape: corners that carry less, and edges of unknown rounding.
 
-Found on computed contacts of training seeds (bench/pose_calibration.py), in the shape's own frame: place in
-inscribed radii, angle in radians, dimensions relative. Nothing is taken off under an even pressure.
+The errors were measured on computed contacts of training seeds (bench/pose_calibration.py). They are given in the
+shape's own frame: place in inscribed radii, angle in radians, dimensions relative. Under an even pressure, no error is
+subtracted.
 """
 
 from typing import NamedTuple
@@ -15,36 +16,42 @@ from tactile_node.pose.profiles import Indenter
 from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
 
-MOST_PEAK = 1.2  #: greatest peak of a punch that counts
-MOST_DOME_PEAK = 2.0  #: of a dome's above 1
-#: Standard deviations that no fit goes below: taxels differ from the model's, and a layer from a half-space.
-LEAST_PLACE, LEAST_ANGLE, LEAST_LENGTH = 0.003, 0.001, 0.02  #: [pitches, radians]
-LEAST_AREA, LEAST_RADIUS, MOST_DEPTH = 12.0, 1.4, 1.3  #: [taxels, pitches]: the errors are not known beyond
-EDGE_FACTOR = 1.4  #: factor of the deviation
-FEW_TAXELS = 26.0  #: area [taxels] at which the deviation is twice that of large contacts
+MOST_PEAK = 1.2       #: Largest peak of a punch that counts.
+MOST_DOME_PEAK = 2.0  #: Largest excess of a dome's peak over 1 that counts.
+# No fit is better than these standard deviations, because taxels differ from the model's and a layer from a half-space.
+LEAST_PLACE = 0.003  #: [pitches]
+LEAST_ANGLE = 0.001  #: [radians]
+LEAST_LENGTH = 0.02  #: [pitches]
+# The errors are not known beyond these limits.
+LEAST_AREA = 12.0   #: smallest area [taxels]
+LEAST_RADIUS = 1.4  #: smallest inscribed radius [pitches]
+MOST_DEPTH = 1.3    #: largest depth of the taxels [pitches]
+EDGE_FACTOR = 1.4   #: Factor of the deviation for a contact at the pad's edge.
+FEW_TAXELS = 26.0   #: Area at which the deviation is twice that of a large contact [taxels].
 
 
 class Loading(NamedTuple):
-    """How an object loads the skin, as a fit found it."""
+    """How an object loads the skin, as found by a fit."""
 
     indenter: Indenter
-    peak: float         #: 0: even; 1: of the profile
-    depth: float        #: depth of the taxels [pitches]
+    peak: float   #: 0 for an even pressure, 1 for the pressure of the profile
+    depth: float  #: depth of the taxels [pitches]
 
     @property
     def is_punch(self) -> bool:
+        """True if the object is a flat punch."""
         return self.indenter is Indenter.FLAT_PUNCH
 
 
 class ModelError(NamedTuple):
-    """Errors of x, y, angle (but a circle's) and the dimensions."""
+    """Errors of x, y, the angle (except for a circle) and the dimensions."""
 
-    bias: tuple[float, ...]       #: under a punch or a dome
-    of_size: tuple[float, ...]    #: added, per 1 / inscribed radius [pitches]
-    of_ratio: tuple[float, ...]   #: added, per logarithm of the two dimensions' ratio
-    of_depth: tuple[float, ...]   #: added, per depth of the taxels / inscribed radius
-    of_peak: tuple[float, ...]    #: added, per peak - 1
-    deviation: tuple[float, ...]  #: standard deviation about that
+    bias: tuple[float, ...]       #: constant error under a punch or a dome
+    of_size: tuple[float, ...]    #: error per 1 / inscribed radius [pitches]
+    of_ratio: tuple[float, ...]   #: error per logarithm of the ratio of the two dimensions
+    of_depth: tuple[float, ...]   #: error per depth of the taxels / inscribed radius
+    of_peak: tuple[float, ...]    #: error per peak - 1
+    deviation: tuple[float, ...]  #: standard deviation about the sum of these errors
 
 
 PUNCH_ERRORS = {
@@ -76,9 +83,22 @@ DOME_ERRORS = {
 
 def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance: np.ndarray,
               loading: Loading, at_edge: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Return parameters and covariance of a fit without what the object's pressure adds to them.
+    """Return the parameters and the covariance of a fit, corrected for the errors of the model.
 
-    Lengths in pitches. ``at_edge``: a part of the contact is beyond the pad.
+    Parameters
+    ----------
+    shape : Shape
+        Shape of the outline.
+    handedness : int
+        1 or -1 (mirrored).
+    parameters : np.ndarray
+        Fitted parameters of the outline, lengths in pitches.
+    covariance : np.ndarray
+        Covariance of ``parameters``.
+    loading : Loading
+        How the object loads the skin.
+    at_edge : bool
+        True if a part of the contact is beyond the pad.
     """
     outline, error, share = outline_of(shape, handedness), errors_of(shape, loading), share_of(loading)
     area, radius = area_and_radius(outline.corners(parameters))
@@ -97,17 +117,17 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
 
 
 def errors_of(shape: Shape, loading: Loading) -> ModelError:
-    """Return the row that holds for a fit."""
+    """Return the errors for a shape under a kind of object."""
     return PUNCH_ERRORS[shape] if loading.is_punch else DOME_ERRORS[loading.indenter]
 
 
 def share_of(loading: Loading) -> float:
-    """Return how much of it: none under a punch's pressure that is even."""
+    """Return the share of the errors that applies; 0 for an even pressure under a punch."""
     return min(max(loading.peak, 0.0), MOST_PEAK) if loading.is_punch else 1.0
 
 
 def causes_of(outline: Outline, parameters: np.ndarray, radius: float, loading: Loading) -> np.ndarray:
-    """Return what the terms of a ModelError are multiplied by, (5,)."""
+    """Return the factors by which the terms of a ModelError are multiplied, (5,)."""
     _, _, dimensions = outline.split(parameters)
     peak = min(max(loading.peak - 1, -1.0), MOST_DOME_PEAK)
     radius = max(radius, LEAST_RADIUS)
@@ -116,14 +136,14 @@ def causes_of(outline: Outline, parameters: np.ndarray, radius: float, loading: 
 
 
 def spread_at(area: float) -> float:
-    """Return the factor of the deviation by size."""
+    """Return the factor of the deviation for a contact of this ``area`` [taxels]."""
     return 1 + (FEW_TAXELS / max(area, LEAST_AREA)) ** 2
 
 
 def scales_of(outline: Outline, handedness: int, parameters: np.ndarray, radius: float) -> np.ndarray:
-    """Return the matrix from errors in the shape's frame, relative, to errors of the parameters, (p, p)."""
+    """Return the matrix that turns relative errors in the shape's frame into errors of the parameters, (p, p)."""
     _, angle, dimensions = outline.split(parameters)
-    turned = [float(handedness)] if outline.symmetry else []  # a mirrored one turns the other way
+    turned = [float(handedness)] if outline.symmetry else []  # the angle of a mirrored shape turns the other way
     scales = np.diag((radius, radius, *turned, *dimensions))
     scales[:2, :2] = radius * rotation(angle).T
     scales[:2, 1] *= handedness
@@ -131,32 +151,36 @@ def scales_of(outline: Outline, handedness: int, parameters: np.ndarray, radius:
 
 
 def area_and_radius(corners: np.ndarray) -> tuple[float, float]:
-    """Return the area and 2 area / perimeter: the radius of the inscribed circle, except for rectangles."""
+    """Return the area of a polygon, and 2 area / perimeter.
+
+    The second value is the radius of the inscribed circle, except for rectangles.
+    """
     following = np.concatenate((corners[1:], corners[:1]))
     area = abs((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()) / 2
     return float(area), float(2 * area / np.hypot(*(following - corners).T).sum())
 
 
-SMALLEST_NOISE = 0.002  #: noise of a value [fraction of level]: no skin is better
-FELT_RIM = 0.05             #: taxels that feel less of the outline show the noise
-RIM_COUNT = 20          #: weight of that assumption [taxels]
-OUTLIER_SPREADS = 3.0           #: beyond so many standard deviations a taxel loses weight (Huber)
-TO_DEVIATION = 1.4826   #: from the median of absolute normal values
-PATTERN_NOISE = 0.02    #: least variance of an on/off taxel
+SMALLEST_NOISE = 0.002  #: Smallest noise of a value that is assumed [fraction of level]; no skin is better.
+FELT_RIM = 0.05         #: Taxels that feel less of the outline than this show the noise.
+RIM_COUNT = 20          #: Weight of the assumed rim noise, as a number of taxels.
+OUTLIER_SPREADS = 3.0   #: A taxel whose residual exceeds this many standard deviations loses weight (Huber).
+TO_DEVIATION = 1.4826   #: Factor from the median of absolute values to the standard deviation of a normal distribution.
+PATTERN_NOISE = 0.02    #: Smallest variance of an on/off taxel.
 
 
 class NoiseScale(NamedTuple):
-    """What the noise of one shape's taxels and the covariance of its fits are scaled by."""
+    """Noise of the taxels of one shape and factors for the covariance of its fits."""
 
-    rim: float       #: noise of a taxel that feels the whole outline: what the model leaves out [fraction of level]
-    pressure: float  #: factor of the covariance
-    on_off: float    #: factor for on/off patterns, whose noise is only a picture of what is not known
-    at_edge: float   #: a further factor of pressures at the pad's edge: what lies beyond is a guess
+    #: noise of a taxel that feels the whole outline, because the model leaves something out [fraction of level]
+    rim: float
+    pressure: float  #: factor of the covariance for pressures
+    on_off: float    #: factor of the covariance for on/off patterns, whose noise only stands for missing knowledge
+    at_edge: float   #: additional factor for pressures at the pad's edge, because the part beyond it is a guess
 
 
-#: Factors found by `bench/bench_pose.py --calibrate --patterns 50` on training seeds (1200 fits each); rim
-#: noise chosen there, so that clean frames and noisy ones ask for nearly the same factor. At the edge: by computed
-#: punches of training seeds with up to a third beyond it (bench/pose_mechanics.py).
+#: The factors were found with `bench/bench_pose.py --calibrate --patterns 50` on training seeds (1200 fits each). The
+#: rim noise was chosen there so that clean and noisy frames need nearly the same factor. The factors at the edge come
+#: from computed punches of training seeds with up to a third beyond the edge (bench/pose_mechanics.py).
 NOISE_SCALES = {
     Shape.CIRCLE: NoiseScale(0.018, 1.00, 0.25, 1.5),
     Shape.SQUARE: NoiseScale(0.020, 1.01, 0.49, 1.5),
@@ -167,7 +191,17 @@ NOISE_SCALES = {
 
 
 def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> np.ndarray:
-    """Return 1 / variance of each value given a first fit, 0 where not used, less for outliers."""
+    """Return 1 / variance of each value after a first fit: 0 for unused taxels, and less for outliers.
+
+    Parameters
+    ----------
+    shape : Shape
+        Shape of the outline.
+    prediction : Prediction
+        Values of the first fit.
+    evidence : Evidence
+        The fitted taxels.
+    """
     if evidence.on_off:
         return evidence.used / (prediction.rim + PATTERN_NOISE)
     residual, at_rim = np.abs(evidence.values - prediction.values), prediction.rim > FELT_RIM
@@ -182,7 +216,7 @@ def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> n
 
 
 def covariance_scale(shape: Shape, evidence: Evidence) -> float:
-    """Return the factor with which 95 % regions held 95 % of the training contacts."""
+    """Return the factor of the covariance with which 95 % regions held 95 % of the training contacts."""
     of_shape = NOISE_SCALES[shape]
     scale = of_shape.on_off if evidence.on_off else of_shape.pressure
     return scale * (of_shape.at_edge if evidence.at_edge and not evidence.on_off else 1.0)

@@ -1,4 +1,4 @@
-"""What taxel values give whatever the shape: force, centre of pressure, contact area, principal axis."""
+"""Quantities of a contact of any shape: force, centre of pressure, area and principal axis."""
 
 from typing import NamedTuple
 
@@ -13,62 +13,87 @@ from tactile_node.taxel_frame import NO_SIDE, SkinSide
 
 
 def check_pitch(pitch: float) -> None:
-    """Raise ConfigurationError unless ``pitch`` is a length > 0, finite."""
+    """Raise ConfigurationError unless ``pitch`` is a finite length above 0."""
     try:
         is_length = bool(0 < pitch < np.inf)
-    except (TypeError, ValueError):  # no number
+    except (TypeError, ValueError):  # pitch is no number
         is_length = False
     if not is_length:
         raise ConfigurationError('pitch', expected='a length > 0 in metres', got=repr(pitch),
-                                 remedy='Give the distance of neighbouring taxel centres.')
+                                 remedy='Give the distance between the centres of neighbouring taxels.')
 
 
 VALUE_UNITS = ('Pa', 'N', '1')
-LEAST_PAIRS = 6          #: of neighbouring taxels along an axis, that show a slope
-ROUND_DIFFERENCE = 0.02  #: relative difference of the two second moments below which no axis is the longer one
+LEAST_PAIRS = 6  #: Smallest number of pairs of neighbouring taxels along an axis that can show a slope.
+#: Relative difference of the two second moments below which neither axis counts as the longer one.
+ROUND_DIFFERENCE = 0.02
 
 
 class ContactMoments(NamedTuple):
-    """Moments of one contact, in the pad's frame; NaN where undefined and where the pad is not seen.
+    """Moments of one contact in the pad's frame; NaN where undefined and where the pad is not seen.
 
-    Standard deviations are those by the noise of the taxels; NaN where that is not known.
+    Standard deviations come from the noise of the taxels. They are NaN if the noise is not known.
     """
 
-    force: float                             #: sum of the taxels' forces [N]; NaN for an on/off skin
+    force: float  #: sum of the forces of all taxels [N]; NaN for an on/off skin
     centre_of_pressure: tuple[float, float]  #: [m]
-    area: float                              #: taxels of the contact, invalid ones too, times pitch² [m²]
-    principal_axis: float                    #: direction of the contact's area, x to y, in (-π/2, π/2] [rad]
-    filled: int                              #: invalid taxels, taken as the mean of their neighbours
-    force_sd: float                          #: [N]
+    area: float  #: number of taxels of the contact, including invalid ones, times pitch² [m²]
+    principal_axis: float  #: direction of the contact's area, from x to y, in (-π/2, π/2] [rad]
+    filled: int  #: number of invalid taxels, which count as the mean of their neighbours
+    force_sd: float  #: [N]
     centre_of_pressure_sd: tuple[float, float]  #: along x and along y [m]
-    #: a lower bound: taxels are saturated, or the contact may continue in hidden ones, or beyond the skin where the
-    #: finger does; where the finger ends with the skin the force is whole, though the object may be larger
+    #: True if the force is a lower bound: taxels are saturated, or the contact may continue in hidden taxels, or the
+    #: finger and the contact go on beyond the skin. If the finger ends with the skin, the force is complete, though the
+    #: object may be larger.
     force_is_bound: bool
-    centre_of_pressure_is_bound: bool        #: not that of the whole contact, for the same reasons
-    #: it may be larger: hidden taxels or the pad's edge next to it; or taxels are saturated: a fit may be too large
+    centre_of_pressure_is_bound: bool  #: True if the centre is not that of the whole contact, for the same reasons
+    #: True if the contact may be larger, because hidden taxels or the pad's edge are next to it. Also true if taxels
+    #: are saturated: a fit may then be too large.
     size_is_bound: bool
-    #: of the pressures along x and y [Pa/m], where they are no part of what presses: an elastic skin under an oblique
-    #: face has its stiffness times the face's slope, as lightly as it is pressed
+    #: Slope of the pressures along x and y [Pa/m]; NaN if only a part of the load is measured. On an elastic skin under
+    #: an oblique face, the slope is the stiffness of the skin times the slope of the face, however lightly the face
+    #: presses.
     slope: tuple[float, float] = (np.nan, np.nan)
 
 
 def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: str,
                     visibility: Visibility | None = None, noise: float | np.ndarray = np.nan) -> ContactMoments:
-    """Return the moments of the contact ``mask`` (bool) of a frame ``values``, both (rows, cols).
+    """Return the moments of a contact.
 
-    ``pitch`` [m]; ``unit`` of the values: "Pa" (force = pressure times pitch²), "N" or "1" (on/off). An
-    invalid taxel (NaN) of the contact counts with the mean of its valid neighbours in the contact, or else
-    of the whole contact, so that a dead taxel neither lowers the force nor shifts its centre. Negative values
-    count as 0. ``visibility`` of the contact; None: that of its values, none of them saturated. ``noise``: standard
-    deviation of a taxel [unit], or of each, (rows, cols). Raises InputError for shapes that differ,
-    ConfigurationError for pitch or unit.
+    An invalid taxel (NaN) of the contact counts as the mean of its valid neighbours in the contact. Without such a
+    neighbour it counts as the mean of the whole contact. A dead taxel therefore neither lowers the force nor shifts its
+    centre. Negative values count as 0.
 
+    Parameters
+    ----------
+    values : np.ndarray
+        Taxel values, float (rows, cols); NaN for no valid value.
+    mask : np.ndarray
+        Taxels of the contact, bool (rows, cols).
+    pitch : float
+        Distance of neighbouring taxels [m].
+    unit : str
+        Unit of the values: "Pa" (force = pressure times pitch²), "N" or "1" (on/off).
+    visibility : Visibility or None
+        Visibility of the contact; None to compute it from ``values``, with no taxel saturated.
+    noise : float or np.ndarray
+        Standard deviation of all taxels, or of each taxel, (rows, cols) [unit of the values].
+
+    Raises
+    ------
+    InputError
+        If the arrays have different shapes.
+    ConfigurationError
+        If the pitch or the unit cannot be used.
+
+    Examples
+    --------
     >>> contact_moments(np.full((2, 3), 1000.0), np.ones((2, 3), bool), 0.002, 'Pa').force
     0.024
     """
     if values.shape != mask.shape or values.ndim != 2:
-        raise InputError('frame and contact mask', expected='one shape (rows, cols)',
-                         got=f'{values.shape} and {mask.shape}', remedy='Pass both of one frame.')
+        raise InputError('frame and contact mask', expected='the same shape (rows, cols)',
+                         got=f'{values.shape} and {mask.shape}', remedy='Pass the values and the mask of one frame.')
     if unit not in VALUE_UNITS:
         raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(VALUE_UNITS)}',
                                  got=repr(unit), remedy='Give the unit that the skin layout gives.')
@@ -79,7 +104,7 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
         return _without_contact(unit, visibility.pad_seen)
     rows, cols = np.nonzero(mask)
     of_contact, filled = _filled(values, mask, rows, cols)
-    if visibility.inside_hidden and filled < len(of_contact):  # what is not seen adds nothing: a lower bound
+    if visibility.inside_hidden and filled < len(of_contact):  # hidden taxels add nothing to a lower bound
         of_contact = np.where(np.isfinite(values[mask]), of_contact, 0.0)
     total = of_contact.sum()
     share = of_contact / total if total > 0 else np.full(len(rows), np.nan)
@@ -98,17 +123,34 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
 
 
 class PadForce(NamedTuple):
-    """What presses on a pad as a whole."""
+    """The load on a pad as a whole."""
 
-    force: float    #: of all its contacts [N]; NaN as that of one
-    is_bound: bool  #: a lower bound: that of a contact is one, or hidden taxels could hold another contact
+    force: float  #: force of all contacts of the pad [N]; NaN under the same conditions as for one contact
+    #: True if the force is a lower bound: the force of a contact is one, or hidden taxels could hold another contact
+    is_bound: bool
 
 
 def pad_force(contact: ContactMoments, pattern: ContactPattern, pitch: float, unit: str,
               visibility: Visibility, finger_ends: SkinSide = NO_SIDE) -> PadForce:
-    """Return the force of the ``contact`` that is the mask of ``pattern`` and of all others; see `contact_moments`.
+    """Return the force of all contacts of a pad.
 
-    Hidden taxels in or next to the others, also single ones, make it a bound: no standard deviation speaks of them.
+    Hidden taxels in or next to another contact make the force a bound, even a single one. No standard deviation
+    accounts for them.
+
+    Parameters
+    ----------
+    contact : ContactMoments
+        Moments of the contact that is the mask of ``pattern``.
+    pattern : ContactPattern
+        Pattern of the frame.
+    pitch : float
+        Distance of neighbouring taxels [m].
+    unit : str
+        Unit of the values, as for `contact_moments`.
+    visibility : Visibility
+        Visibility of ``pattern``.
+    finger_ends : SkinSide
+        Sides at which the finger ends together with the skin.
     """
     others = (pattern.labels > 0) & ~pattern.mask
     is_bound = contact.force_is_bound or not visibility.pad_seen
@@ -135,7 +177,10 @@ def _without_contact(unit: str, pad_seen: bool) -> ContactMoments:
 
 def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
             cols: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return the contact's values >= 0 with invalid ones replaced, and how many those are."""
+    """Return the contact's values, all >= 0, and the number of invalid taxels.
+
+    Negative values are set to 0. Invalid taxels get the mean of their neighbours.
+    """
     of_contact = np.maximum(values[mask].astype(float), 0)
     invalid = ~np.isfinite(of_contact)
     if invalid.all():
@@ -149,12 +194,15 @@ def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
 
 def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
                 noise: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Return the taxels of contact and ring (rows, cols), and the standard deviation of what each adds to the sums.
+    """Return the taxels of contact and ring, and the standard deviation of what each adds to the sums.
 
-    Beside the noise of its value: a taxel near its threshold is in the contact in one frame and not in the next. With
-    hysteresis, taxels of the contact leave it at or below its least value and that of the greatest in the ring, those
-    of the ring enter it at or above both. A filled taxel is as uncertain as the values of the contact differ, an
-    invalid one in the ring as whether it is pressed.
+    The noise of a taxel's value is one part of the deviation. The other part is that a taxel near its threshold is in
+    the contact in one frame and not in the next. With hysteresis, a taxel leaves the contact at or below the smaller of
+    two readings: the lowest of the contact and the highest of the ring. A taxel of the ring enters the contact at or
+    above the larger of the two.
+
+    A filled taxel is as uncertain as the values of the contact differ. An invalid taxel in the ring is as uncertain as
+    whether it is pressed.
     """
     near = np.nonzero(grown(mask))
     inside, read, own = mask[near], values[near], noise[near] if noise.ndim else noise
@@ -163,24 +211,29 @@ def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
     ends = level[inside & known].min(initial=np.inf), level[~inside].max(initial=0.0)
     margin = np.where(inside, level - min(ends), max(ends) - level)
     with np.errstate(divide='ignore', invalid='ignore'):
-        other = ndtr(-margin / own)  # how probable the other side of the threshold is
+        other = ndtr(-margin / own)  # probability that the taxel is on the other side of its threshold
     variance = np.where(inside, own**2, 0.0) + np.where(own > 0, other * (1 - other) * level**2, own)
     if np.count_nonzero(known) < known.size:
         variance[inside & ~known] += of_contact.var()
-        variance[~(inside | known)] += of_contact.mean()**2 / 4  # it may belong to the contact, or not
+        variance[~(inside | known)] += of_contact.mean()**2 / 4  # it may belong to the contact
     return near, np.sqrt(variance)
 
 
 def _centre_sd(deviation: np.ndarray, offset: np.ndarray, total: float) -> float:
-    """Return the sd of the weighted mean of places, whose derivative by a weight is ``offset`` from it / ``total``."""
+    """Return the standard deviation of a weighted mean of places.
+
+    The derivative of the mean with respect to a weight is the ``offset`` of the place from the mean, divided by
+    ``total``.
+    """
     weighted = deviation * offset
     return float(np.sqrt(weighted @ weighted) / total) if total > 0 else float('nan')
 
 
 def _slope(inside: np.ndarray, of_unit: float) -> tuple[float, float]:
-    """Return by how much neighbours of ``inside`` differ, times ``of_unit``: by columns, by rows; NaN: too few.
+    """Return the mean difference of neighbouring taxels, times ``of_unit``, along columns and along rows.
 
-    Of the differences the middle third counts: not those at the edges, of which a taxel is covered in part.
+    The mean is NaN if there are too few pairs. Only the middle third of the differences counts, because taxels at the
+    edges are covered in part.
     """
     found = []
     for differences in (np.diff(inside, axis=1), np.diff(inside, axis=0)):

@@ -1,8 +1,8 @@
-"""What happens to the contact on one pad: made, lost, harder, lighter, sliding, turning; and what of it cannot be seen.
+"""Events of the contact on one pad (made, lost, harder, lighter, sliding, turning), and which of them cannot be seen.
 
-Two places are followed side by side: the outline, where one is fitted, and the centre of pressure. No event never means
-no slip: `observable` says which movements would show. Normal pressure shows where a contact is, not whether it rolls
-there or slides.
+Two places are followed side by side: the outline, if one is fitted, and the centre of pressure. The absence of events
+does not mean the absence of slip: `observable` says which movements would be detected. Normal pressure shows where a
+contact is, but not whether the contact rolls or slides there.
 """
 
 import math
@@ -21,34 +21,42 @@ from tactile_node.pose.track import ForceTrack, Track
 
 
 class Sight(NamedTuple):
-    """What one frame shows of the contact on a pad."""
+    """The view of one frame on the contact of a pad."""
 
-    stamp: float  #: of its acquisition [s]
+    stamp: float  #: acquisition of the frame [s]
     pattern: ContactPattern
     visibility: Visibility
     moments: ContactMoments
     fit: ShapeFit | None
     none: float   #: probability that nothing touches the pad
-    pitch: float  #: [m]
+    pitch: float  #: distance of neighbouring taxels [m]
     is_on_off: bool
 
 
-#: After how much movement it is reported [pitches]; less than is promised (0.3, 0.8, 1.5): a frame must confirm it
-OUTLINE_STEP, PRESSURE_STEP, ON_OFF_STEP = 0.2, 0.55, 1.1
-TURN_CERTAINTY = 6.0  #: standard deviations, of a turn: angles jump from fit to fit
-SLACK = 3.0  #: standard deviations of an angle that a slide may change it by
-#: Share of its extent by which the middle of a contact moves while its load grows e times. One that grows from one end,
-#: on an elastic skin as the square root of the force, moves the middle of its outline by a quarter
+# A movement is reported after these steps. They are smaller than the promised ones (0.3, 0.8 and 1.5 pitches), because
+# a second frame must confirm the movement.
+OUTLINE_STEP = 0.2    #: step of an outline [pitches]
+PRESSURE_STEP = 0.55  #: step of a centre of pressure [pitches]
+ON_OFF_STEP = 1.1     #: step of either with on/off taxels [pitches]
+TURN_CERTAINTY = 6.0  #: Standard deviations that a turn must exceed, because angles jump from fit to fit.
+SLACK = 3.0           #: Standard deviations by which a slide may change an angle.
+#: Share of its extent by which the middle of a contact moves while its load grows e times. On an elastic skin, the
+#: extent may grow as the square root of the force. If it grows from one end, the middle moves by a quarter.
 GROWTH = 0.25
-STEADY_LOAD = 0.15  #: logarithm of the ratio by which a load changes where a contact slides from taxel to taxel
-MAX_GAP = 0.25  #: time without a frame that shows it, after which nothing is known any more [s]
-OTHER_SIZE = 1.6  #: times as many taxels, or as few: another contact, or two that have joined
-OTHER_LENGTH, OTHER_PITCHES = 0.2, 0.5  #: of a dimension, and pitches: the outline has become another one
-HIDES_DIRECTION = 0.5  #: cosine to a direction that does not show, from which on another one does not either
+#: Largest change of load for a contact that slides from taxel to taxel [logarithm of the ratio].
+STEADY_LOAD = 0.15
+MAX_GAP = 0.25  #: Time without a frame that shows the contact, after which its movement is not known [s].
+#: Factor in the number of taxels from which on a contact is another contact, or two contacts that have joined.
+OTHER_SIZE = 1.6
+# An outline is another outline if a dimension differs by more than the sum of these two:
+OTHER_LENGTH = 0.2   #: share of the dimension
+OTHER_PITCHES = 0.5  #: length [pitches]
+#: A movement does not show if the cosine of its angle to a direction that is not seen exceeds this value.
+HIDES_DIRECTION = 0.5
 
 
 class MotionFollower:
-    """Follows the contact of one pad, frame by frame."""
+    """Follows the movement of the contact on one pad, frame by frame."""
 
     def __init__(self) -> None:
         self.restart()
@@ -56,12 +64,12 @@ class MotionFollower:
     def restart(self) -> None:
         """Forget everything."""
         self._stamp = -math.inf  # of the last frame in which the pad was seen
-        self._was_empty = False  # in that frame
+        self._was_empty = False  # True if the pad was empty in that frame
         self._contact: _Followed | None = None
         self._last_event: Event | None = None
 
     def update(self, sight: Sight) -> Motion:
-        """Take what the next frame shows and return what moves."""
+        """Return the movement of the contact after one more frame."""
         is_touched = bool(np.count_nonzero(sight.pattern.mask))
         if not (is_touched or sight.visibility.pad_seen):
             return Motion(last_event=self._last_event)
@@ -93,7 +101,7 @@ class MotionFollower:
 
 
 class _Followed:
-    """One contact."""
+    """Follows one contact."""
 
     def __init__(self, first: Sight):
         self._pitch, self._is_on_off = first.pitch, first.is_on_off
@@ -106,22 +114,23 @@ class _Followed:
         self._mask = first.pattern.mask
         self._hidden = first.pattern.hidden
         self._stamp = -math.inf  # stamp of the last frame that showed how it moves
-        self._fit: ShapeFit | None = None  # at the beginning
-        self._outlined = -math.inf  # stamp of the last
+        self._fit: ShapeFit | None = None  # first fit of the present outline
+        self._outlined = -math.inf  # stamp of the last fit
         self._angle = self._radius = 0.0
-        self._load = self._extent = 0.0  # force, of an on/off skin area; the longer one along rows or columns [m]
+        self._load = 0.0  # force, or area on an on/off skin
+        self._extent = 0.0  # larger extent of the contact along rows or columns [m]
         self._moving, self._observable = Moving.NOT_KNOWN, Observable.NOTHING
-        self._observed: Sight | None = None  # that it was found for
+        self._observed: Sight | None = None  # frame for which ``_observable`` was computed
 
     def goes_on(self, mask: np.ndarray) -> bool:
-        """Return whether ``mask`` is the same contact: it overlaps with it and is about as large."""
+        """Return True if ``mask`` is the same contact: it overlaps with the contact and has a similar size."""
         if mask.shape != self._mask.shape:  # another pad
             return False
         before, now = np.count_nonzero(self._mask), np.count_nonzero(mask)
         return bool(max(before, now) <= OTHER_SIZE * min(before, now) + 2 and np.count_nonzero(self._mask & mask))
 
     def update(self, sight: Sight) -> Motion:
-        """Take its next frame."""
+        """Return the movement of the contact after its next frame."""
         stamp, moments, fit = sight.stamp, sight.moments, sight.fit
         self._mask = sight.pattern.mask
         if not self._shows_motion(sight):
@@ -152,7 +161,10 @@ class _Followed:
         return [Event(kind, stamp, self.by_pressure, abs(changed), force_before=before, force=moments.force)]
 
     def _shows_motion(self, sight: Sight) -> bool:
-        """Return whether a frame shows as much of the contact as those before it; begin again where it stays so."""
+        """Return True if a frame shows as much of the contact as the frames before it.
+
+        If the view stays different, all tracks start again.
+        """
         stamp, hidden = sight.stamp, sight.pattern.hidden
         other = hidden ^ self._hidden
         if not math.isfinite(sight.moments.centre_of_pressure[0]):
@@ -166,9 +178,10 @@ class _Followed:
         return True
 
     def _follow_outline(self, fit: ShapeFit, moments: ContactMoments, stamp: float) -> bool:
-        """Follow place and angle of ``fit``; another outline begins again. Return whether it has stopped just now.
+        """Follow place and angle of ``fit``, and return True if the outline has stopped in this frame.
 
-        The place is the mean of both centres: a fit keeps to its minimum, pressure jumps from taxel to taxel.
+        If the outline has become another one, the tracks start again. The place is the mean of the fitted centre and
+        the centre of pressure, because a fit keeps to its minimum and pressure jumps from taxel to taxel.
         """
         if self._fit is None or not _is_alike(fit, self._fit, self._pitch):
             for track in (self._outline, self._turn):
@@ -181,12 +194,15 @@ class _Followed:
         self._outline.update(stamp, x, y, math.sqrt(max(variance[:2])), self._growth(self._outline), self._load)
         if fit.symmetry:
             self._angle += math.remainder(fit.angle - self._angle, 2 * math.pi / fit.symmetry)
-            sd = math.sqrt(variance[2]) * self._radius  # of which a slide shows what stays the same in a hold
+            sd = math.sqrt(variance[2]) * self._radius  # a slide shows errors that stay the same during a hold
             self._turn.update(stamp, self._angle * self._radius, 0.0, sd, SLACK * sd * self._outline.is_moving)
         return had_moved and not self._outline.is_moving
 
     def _growth(self, track: Track) -> float:
-        """Return how far a contact that does not move may be from before, for it has grown or shrunk with its load."""
+        """Return how far the middle of a contact at rest may have shifted because the contact grew or shrank.
+
+        A contact grows and shrinks with its load.
+        """
         before = track.load_before
         if not self._load > 0 < before:
             return 0.0
@@ -199,7 +215,7 @@ class _Followed:
         speed = direction = rate = math.nan
         if self._moving & Moving.SLIDING:
             by = self._outline if self._outline.is_moving else self._centre
-            shown = self._centre if math.isnan(by.speed) else by  # of an outline that has just become another one
+            shown = self._centre if math.isnan(by.speed) else by  # an outline that has just changed has no speed yet
             speed, direction = shown.speed, shown.direction
             if has_begun & Moving.SLIDING:
                 seen_by = SeenBy.OUTLINE if by is self._outline else SeenBy.CENTRE_OF_PRESSURE
@@ -228,7 +244,7 @@ class _Followed:
 
 
 def _is_alike(fit: ShapeFit, before: ShapeFit, pitch: float) -> bool:
-    """Return whether both are one outline, as far as a fit may differ from another one."""
+    """Return True if two fits may be of the same outline."""
     if (fit.shape, fit.symmetry, fit.handedness) != (before.shape, before.symmetry, before.handedness):
         return False
     return all(is_bound or abs(length - old) <= OTHER_LENGTH * old + OTHER_PITCHES * pitch
@@ -236,14 +252,20 @@ def _is_alike(fit: ShapeFit, before: ShapeFit, pitch: float) -> bool:
 
 
 def _is_seen_alike(sight: Sight, before: Sight) -> bool:
-    """Return whether as much of one outline is seen: then the rim, which takes most of the time, tells nothing new."""
+    """Return True if two frames show the same taxels of the same outline.
+
+    The rim, which takes most of the time, then gives nothing new.
+    """
     symmetries = [None if each.fit is None else each.fit.symmetry for each in (sight, before)]
     return (symmetries[0] == symmetries[1] and sight.visibility == before.visibility
             and np.array_equal(sight.pattern.mask, before.pattern.mask))
 
 
 def _observable(sight: Sight) -> Observable:
-    """Return which movements would show: one along an axis of the contact shows by an end of it that is seen."""
+    """Return the movements that would show.
+
+    A movement along an axis of the contact shows if an end of the contact along this axis is seen.
+    """
     fit, seen, found = sight.fit, sight.visibility, Observable.ALONG_X | Observable.ALONG_Y
     if seen.outline_hidden or seen.inside_hidden:
         return Observable.NOTHING

@@ -1,26 +1,29 @@
-"""The outlines of the five shapes as functions of few parameters: what is fitted, and what contacts are drawn from.
+"""The outlines of the five shapes as functions of a few parameters, for fits and for drawing contacts.
 
-The origin of a shape's own frame is its centre of area; positive angles rotate x towards y. Shapes go by their
-names, which are the values of `shape.recognition.Shape`.
+The origin of a shape's own frame is its centre of area; positive angles rotate x towards y. The names of the shapes are
+the values of `shape.recognition.Shape`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-CIRCLE_CORNERS = 32  #: a circle is a polygon of the same area
+CIRCLE_CORNERS = 32  #: Number of corners of the polygon that stands for a circle; it has the same area.
 
 
 class Outline(NamedTuple):
-    """Polygons linear in their dimensions: corner i is ``template[i] @ dimensions``, then rotated by the angle."""
+    """A polygon that is linear in its dimensions.
 
-    dimensions: tuple[str, ...]  #: their names
-    template: np.ndarray         #: shape (corners, 2, len(dimensions)), in the sense from x to y
-    symmetry: int                #: a rotation by 2π/symmetry changes nothing; 0: by any angle
+    Corner i is ``template[i] @ dimensions``, then rotated by the angle.
+    """
+
+    dimensions: tuple[str, ...]  #: names of the dimensions
+    template: np.ndarray         #: (corners, 2, len(dimensions)), corners in the sense from x to y
+    symmetry: int                #: a rotation by 2π/symmetry changes nothing; 0 for any angle
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of what is fitted: the place, the angle if it has one, the dimensions."""
+        """Names of the fitted parameters: the place, the angle if the shape has one, the dimensions."""
         return ('x', 'y', *(('angle',) if self.symmetry else ()), *self.dimensions)
 
     def split(self, parameters: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
@@ -30,18 +33,29 @@ class Outline(NamedTuple):
         return parameters[:2], float(parameters[2]), parameters[3:]
 
     def corners(self, parameters: np.ndarray) -> np.ndarray:
-        """Return the corners, shape (corners, 2)."""
+        """Return the corners, (corners, 2), of the outline with these ``parameters``."""
         return self.placed(*self.split(parameters))
 
     def placed(self, centre: np.ndarray, angle: float, dimensions: np.ndarray) -> np.ndarray:
-        """Return the corners, shape (corners, 2), of an outline at ``centre`` (2,)."""
+        """Return the corners, (corners, 2), of the outline at ``centre``, (2,)."""
         return self.template @ dimensions @ rotation(angle) + centre
 
     def moving(self, parameters: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the corners of k outlines within each other, (k, corners, 2), and d corners / d parameters.
+        """Return the corners of nested outlines and their derivatives.
 
-        The derivatives have the shape (parameters, k, corners, 2). ``sizes``, (k, dimensions): of each outline,
-        relative to those of ``parameters``.
+        Parameters
+        ----------
+        parameters : np.ndarray
+            Parameters of the outer outline.
+        sizes : np.ndarray
+            Dimensions of each of the k outlines relative to ``parameters``, (k, dimensions).
+
+        Returns
+        -------
+        corners : np.ndarray
+            (k, corners, 2).
+        motions : np.ndarray
+            Derivatives of the corners with respect to the parameters, (parameters, k, corners, 2).
         """
         centre, angle, dimensions = self.split(parameters)
         by_dimension = self.template.transpose(2, 0, 1) @ rotation(angle)
@@ -57,8 +71,17 @@ class Outline(NamedTuple):
 
 
 def outline_of(shape: str, handedness: int = 1) -> Outline:
-    """Return the outline of one of the five shapes; ``handedness`` (1 or -1, mirrored) is the right triangle's.
+    """Return the outline of a shape.
 
+    Parameters
+    ----------
+    shape : str
+        One of the five shapes.
+    handedness : int
+        1, or -1 for a mirrored right triangle.
+
+    Examples
+    --------
     >>> outline_of('rectangle').parameters
     ('x', 'y', 'angle', 'long', 'short')
     """
@@ -68,13 +91,13 @@ def outline_of(shape: str, handedness: int = 1) -> Outline:
 
 
 def rotation(angle: float) -> np.ndarray:
-    """Return the rotation matrix for row vectors, (2, 2): its rows are the rotated axes."""
+    """Return the rotation matrix for row vectors, (2, 2); its rows are the rotated axes."""
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array(((cos, sin), (-sin, cos)))
 
 
 def _template(*corners: tuple[tuple[float, ...], tuple[float, ...]]) -> np.ndarray:
-    """Return the template of corners given as ((x by dimension), (y by dimension))."""
+    """Return the template of corners that are given as ((x by dimension), (y by dimension))."""
     template = np.array(corners, float)
     template.flags.writeable = False
     return template
@@ -86,7 +109,7 @@ def _circle() -> np.ndarray:
     return _template(*(((same_area * np.cos(a),), (same_area * np.sin(a),)) for a in angle))
 
 
-#: by the shape's name
+#: Outlines by the name of the shape.
 OUTLINES: dict[str, Outline] = {
     'circle': Outline(('radius',), _circle(), 0),
     'square': Outline(('side',), _template(
@@ -103,12 +126,15 @@ _MIRRORED = OUTLINES['right_triangle']._replace(template=_template(
 
 
 class Edges(NamedTuple):
-    """The edges of a convex polygon, edge i from corner i to the next; corners in the sense from x to y."""
+    """The edges of a convex polygon with corners in the sense from x to y.
+
+    Edge i runs from corner i to the next corner.
+    """
 
     along: np.ndarray    #: unit vectors, (n, 2)
     outward: np.ndarray  #: unit normals, (n, 2)
     length: np.ndarray   #: (n, 1)
-    offset: np.ndarray   #: distance of the edge's line from the origin along its normal, (n, 1)
+    offset: np.ndarray   #: distance of the edge's line from the origin, along the normal, (n, 1)
 
 
 def edges_of(corners: np.ndarray) -> Edges:
@@ -121,8 +147,17 @@ def edges_of(corners: np.ndarray) -> Edges:
 
 
 def depth_inside(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the signed distance of the points ``x``, ``y`` (any shape, the same) from the polygon's edges.
+    """Return the signed distance of points from the edges of a polygon, positive inside.
 
+    Parameters
+    ----------
+    corners : np.ndarray
+        Corners of the polygon, (n, 2).
+    x, y : np.ndarray
+        Coordinates of the points, of any shape.
+
+    Examples
+    --------
     >>> square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
     >>> depth_inside(square, np.array([1.0, 5.0]), np.array([2.0, 2.0])).tolist()
     [1.0, -1.0]
@@ -133,9 +168,23 @@ def depth_inside(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarra
 
 
 def moving_depth(corners: np.ndarray, motions: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the signed distance of ``places``, (2, m), and its derivatives; shapes (m,) and (p, m).
+    """Return the signed distance of points from the edges of a moving polygon, and its derivatives.
 
-    ``motions``: (p, n, 2), d corners / d parameter.
+    Parameters
+    ----------
+    corners : np.ndarray
+        Corners of the polygon, (n, 2).
+    motions : np.ndarray
+        Derivatives of the corners with respect to the parameters, (p, n, 2).
+    places : np.ndarray
+        Points, (2, m).
+
+    Returns
+    -------
+    depth : np.ndarray
+        (m,), positive inside.
+    derivatives : np.ndarray
+        (p, m).
     """
     edges = edges_of(corners)
     depth = edges.offset - edges.outward @ places
@@ -152,12 +201,12 @@ def _following(corners: np.ndarray) -> np.ndarray:
     return np.arange(1, len(corners) + 1) % len(corners)
 
 
-FAR_LEFT = -1e6    #: left of everything
-TINY_TILT = 1e-12  #: an edge along the lattice is tilted by so much
+FAR_LEFT = -1e6    #: A coordinate left of everything.
+TINY_TILT = 1e-12  #: An edge along the lattice is tilted by this much.
 
 
 class Window(NamedTuple):
-    """A block of taxels; taxel (row, col) is the unit square about x = col, y = row."""
+    """A block of taxels. Taxel (row, col) is the unit square about x = col, y = row."""
 
     row: int
     col: int
@@ -167,13 +216,34 @@ class Window(NamedTuple):
 
 def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights: np.ndarray,
               of_change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return sums of what k polygons cover of each taxel, each with its weight, and the derivatives of one such sum.
+    """Return how much polygons cover of each taxel, as weighted sums over the polygons, and the derivatives of one sum.
 
-    Shapes (m, rows, cols) and (p, rows, cols). ``corners``: (k, n, 2); ``motions``: (p, k, n, 2); ``weights``: (m, k),
-    a row a sum; ``of_change``: (k,), of the sum whose derivatives are wanted.
-    By the divergence theorem: an edge's outward normal N (as long as the edge) and the stretch t0...t1 of it
-    within a taxel give d area = ∫ N · motion dt, and area = ∫ N_x (x - left) dt + the length of the taxel's
-    right side within the polygon; that length is what all edges to the left have let in.
+    Parameters
+    ----------
+    corners : np.ndarray
+        Corners of the k polygons, (k, n, 2).
+    motions : np.ndarray
+        Derivatives of the corners with respect to the parameters, (p, k, n, 2).
+    window : Window
+        The taxels.
+    weights : np.ndarray
+        Weight of each polygon in each sum, (m, k).
+    of_change : np.ndarray
+        Weight of each polygon in the sum whose derivatives are wanted, (k,).
+
+    Returns
+    -------
+    covered : np.ndarray
+        The sums, (m, rows, cols).
+    change : np.ndarray
+        The derivatives, (p, rows, cols).
+
+    Notes
+    -----
+    The function uses the divergence theorem. Let N be the outward normal of an edge, as long as the edge, and t0...t1
+    the stretch of the edge within a taxel. The derivative of the area is ∫ N · motion dt. The area itself is ∫ N_x (x -
+    left) dt plus the length of the taxel's right side within the polygon. All edges to the left of that side together
+    give this length.
     """
     sums, each = len(weights), corners.shape[1]
     edges = corners.shape[0] * each
@@ -197,9 +267,9 @@ def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights:
 
 
 def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarray:
-    """Return ∫ (1 - t) dt and ∫ t dt of each edge within each taxel, shape (2, edges, rows, 1 + cols).
+    """Return ∫ (1 - t) dt and ∫ t dt of each edge within each taxel, (2, edges, rows, 1 + cols).
 
-    The first column is all that lies left of the window: a contact may be cut off by the pad's edge.
+    The first column contains all that lies left of the window, because the pad's edge may cut a contact.
     """
     edge = np.where(np.abs(edge) < TINY_TILT, TINY_TILT, edge)
     lines = np.empty((len(start), window.cols + window.rows + 3))
@@ -212,7 +282,7 @@ def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarra
     y_lines -= start[:, 1:]
     y_lines /= edge[:, 1:]
     np.minimum(np.maximum(lines, 0, out=lines), 1, out=lines)
-    enters = np.minimum(lines[:, :-1], lines[:, 1:])  # each strip between two lines
+    enters = np.minimum(lines[:, :-1], lines[:, 1:])  # one value for each strip between two lines
     leaves = np.maximum(lines[:, :-1], lines[:, 1:])
     cols, rows = slice(window.cols + 1), slice(window.cols + 2, None)
     begin = np.maximum(enters[:, None, cols], enters[:, rows, None])

@@ -1,7 +1,8 @@
-"""Taxel frame -> contact -> what is seen -> shape, fused over time -> fit, moments, box: the one way through the core.
+"""The one way through the core: taxel frame, contact, visibility, shape fused over time, then fit, moments and box.
 
-The nodes, `tactile classify`, report, view, teaching, calibration and library follow it. Of the nodes the processor
-does the first half (`ContactPipeline.find`) and the classifier the second (`ContactPipeline.recognise`).
+The nodes, `tactile classify`, report, view, teaching, calibration and the library all use it. Among the nodes, the
+processor runs the first half (`ContactPipeline.find`) and the classifier runs the second half
+(`ContactPipeline.recognise`).
 """
 
 from typing import NamedTuple, Protocol
@@ -25,47 +26,56 @@ from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, Unkno
 from tactile_node.taxel_frame import NO_SIDE, ON_OFF_UNIT, SkinSide
 
 DEFAULT_FUSION = FusionSettings()
-SURE = 0.9  #: confidence from which a recognition counts for the frames that are like its own
+SURE = 0.9  #: Confidence from which on a recognition also counts for the next frames with the same taxels.
 
 
 class Curve(Protocol):
-    """Returns pressures for readings."""
+    """A function that returns the pressures for readings."""
 
     def __call__(self, values: np.ndarray) -> np.ndarray: ...
 
 
 class Taxels(NamedTuple):
-    """What is known of a pad's taxels, whatever they read."""
+    """The properties of a pad's taxels that do not depend on their readings."""
 
-    pitch: float = 1.0          #: distance of neighbours; all lengths come in its unit
-    unit: str | None = None     #: unit of the values: 'Pa', 'N' or '1' (on/off); '' or None: not known
-    layer: Layer | None = None  #: layer of a calibrated skin
-    finger_ends: SkinSide = NO_SIDE  #: sides at which the finger ends with the skin; at the others it goes on
+    pitch: float = 1.0               #: distance of neighbouring taxels; all lengths are in its unit
+    unit: str | None = None          #: unit of the values: 'Pa', 'N' or '1' (on/off); '' or None if it is not known
+    layer: Layer | None = None       #: layer of a calibrated skin
+    finger_ends: SkinSide = NO_SIDE  #: sides at which the finger ends together with the skin; at the others it goes on
 
 
 class FoundContact(NamedTuple):
-    """What is pressed in one frame, and how much of the pad the frame shows."""
+    """The contacts of one frame, and how much of the pad the frame shows."""
 
     pattern: ContactPattern
-    visibility: Visibility  #: what is seen of ``pattern``
+    visibility: Visibility  #: visibility of ``pattern``
     taxels: Taxels
-    smallest_contact: int = SMALLEST_CONTACT  #: [taxels]; a pad is not seen while hidden ones could hold it
+    #: size of the smallest contact that is reported [taxels]; the pad is not seen while hidden taxels could hold one
+    smallest_contact: int = SMALLEST_CONTACT
 
     @classmethod
     def of(cls, pattern: ContactPattern, taxels: Taxels, smallest_contact: int = SMALLEST_CONTACT) -> 'FoundContact':
-        """Return the contact of ``pattern`` with what is seen of it."""
+        """Return the contact of ``pattern`` together with its visibility."""
         visibility = visibility_of(pattern, smallest_contact, taxels.finger_ends)
         return cls(pattern, visibility, taxels, smallest_contact)
 
     def of_pattern(self, pattern: ContactPattern) -> 'FoundContact':
-        """Return the contact of another ``pattern`` of the same frame; whether the pad is seen was found before."""
+        """Return the contact of another pattern of the same frame.
+
+        ``pad_seen`` is kept, because it belongs to the frame.
+        """
         seen = self.of(pattern, self.taxels, self.smallest_contact).visibility
         return self._replace(pattern=pattern, visibility=seen._replace(pad_seen=self.visibility.pad_seen))
 
     def fit(self, shape: ShapeClass, find: Finder | None = None) -> ShapeFit | None:
-        """Return pose and size as a ``shape``; None where that has no outline, and without a contact.
+        """Return pose and size of the contact, or None without a contact or if the shape has no outline.
 
-        ``find``: of a `FitFollower`; None: whatever the frames before have shown.
+        Parameters
+        ----------
+        shape : ShapeClass
+            Shape to fit.
+        find : Finder or None
+            Finder of a `FitFollower`; None to search in this frame alone.
         """
         if not self.pattern.mask.any():
             return None
@@ -74,44 +84,44 @@ class FoundContact(NamedTuple):
 
     @property
     def moments(self) -> ContactMoments:
-        """Force, centre of pressure, area and axis. The force of values without a unit is not known."""
+        """Force, centre of pressure, area and axis of the contact. The force is not known for values without a unit."""
         return contact_moments(self.pattern.values, self.pattern.mask, self.taxels.pitch,
                                self.taxels.unit or ON_OFF_UNIT, self.visibility, self.pattern.noise)
 
     def pad_force(self, moments: ContactMoments) -> PadForce:
-        """Return the force of all contacts of the pad; ``moments``: those of this one."""
+        """Return the force of all contacts of the pad; ``moments`` are those of this contact."""
         return pad_force(moments, self.pattern, self.taxels.pitch, self.taxels.unit or ON_OFF_UNIT, self.visibility,
                          self.taxels.finger_ends)
 
     @property
     def box(self) -> ContactBox:
-        """The least rectangle around the contact."""
+        """The smallest rectangle around the contact."""
         return contact_box(self.pattern, self.taxels.pitch, self.visibility)
 
 
 class StreamedContact(NamedTuple):
-    """The results for one frame, and for all frames of the contact up to it."""
+    """The results for one frame, and for all frames of the contact up to this frame."""
 
-    contact: ContactPattern   #: as recognised: the largest contact with the pieces of it that are torn off
-    recognition: Recognition  #: answer of this frame alone, or of the one just before it with the same taxels
-    fused: FusedRecognition   #: answer of all frames since the contact began
-    fit: ShapeFit | None      #: fit of the fused shape; None while nothing with an outline touches
-    found: FoundContact       #: the same contact with what is seen of it and its box
-    moments: ContactMoments   #: of the same contact
-    motion: Motion            #: what moves; not known where each frame is answered alone
+    contact: ContactPattern   #: the recognised contact: the largest one together with the pieces that were torn off it
+    recognition: Recognition  #: answer for this frame alone, or for a frame just before it with the same taxels
+    fused: FusedRecognition   #: answer for all frames since the contact began
+    fit: ShapeFit | None      #: fit of the fused shape; None if nothing with an outline touches the pad
+    found: FoundContact       #: the same contact with its visibility and its box
+    moments: ContactMoments   #: moments of the same contact
+    motion: Motion            #: movement of the contact; not known if each frame is answered alone
 
 
 class _Answer(NamedTuple):
-    """The recognition of one frame, and what it looked at."""
+    """The recognition of one frame, and the contact it belongs to."""
 
     found: FoundContact
     stamp: float
     recognition: Recognition
 
     def holds_for(self, found: FoundContact, stamp: float, correlation_time: float) -> bool:
-        """Return whether a frame of ``stamp`` is too soon after this one, and too much like it, to say more."""
+        """Return True if a later frame comes too soon after this one, and is too much like it, to say anything new."""
         pattern, before = found.pattern, self.found.pattern
-        # a name that these taxels do not support is as lasting as a sure one
+        # A name that these taxels do not support lasts as long as a sure name.
         is_settled = self.recognition.confidence >= SURE or self.recognition.doubt is not UnknownReason.NOT_UNKNOWN
         return (0 <= stamp - self.stamp < correlation_time and is_settled
                 and found.visibility == self.found.visibility
@@ -121,12 +131,23 @@ class _Answer(NamedTuple):
 class ContactPipeline:
     """Follows the contact on one pad, frame by frame.
 
-    ``recogniser`` may be shared; None: the package's own, read when it is first needed. ``thresholds`` replace what
-    stands out of the noise. ``smallest_contact``: taxels of the smallest contact that is looked for. ``curve`` turns
-    readings into pressures. ``fusion`` None: each frame is answered alone. ``fits`` False: without pose and size.
+    A sure recognition also answers the following frames with the same pressed taxels, until the correlation time of
+    ``fusion`` has passed. Such frames have the same errors, and most of the time for recognition is saved.
 
-    A sure recognition also answers the frames after it in which the same taxels are pressed, until the correlation time
-    of ``fusion`` has passed: they err together, and most of a recognition's time is saved.
+    Parameters
+    ----------
+    recogniser : VisibilityGuard or None
+        Recogniser, which pads may share; None for the package's own, which is read when it is first needed.
+    thresholds : PressThresholds or None
+        Fixed thresholds; None to compare with the noise.
+    smallest_contact : int
+        Size of the smallest contact that is reported [taxels].
+    curve : Curve or None
+        Function that turns readings into pressures.
+    fusion : FusionSettings or None
+        Settings of the fusion; None to answer each frame alone.
+    fits : bool
+        False to leave out pose and size.
     """
 
     def __init__(self, recogniser: VisibilityGuard | None = None, *, thresholds: PressThresholds | None = None,
@@ -137,13 +158,13 @@ class ContactPipeline:
         self._extractors: dict[str | None, PatternExtractor] = {}  # by the unit of the values
         self._fusion = None if fusion is None else RecognitionFusion(fusion)
         self._correlation_time = 0.0 if fusion is None else fusion.correlation_time
-        self._answer: _Answer | None = None  # the last that the recogniser gave
+        self._answer: _Answer | None = None  # latest answer of the recogniser
         self._fits = fits
         self._follower = FitFollower()
         self._motion = MotionFollower()
 
     def set_contact_limits(self, thresholds: PressThresholds | None, smallest_contact: int) -> None:
-        """Use these limits from the next frame on; the noise floor and the left-over taxels stay."""
+        """Apply these limits from the next frame on; the noise floor and the left-over taxels stay."""
         self._smallest_contact = smallest_contact
         if thresholds != self._thresholds:
             self._thresholds = thresholds
@@ -152,7 +173,19 @@ class ContactPipeline:
 
     def find(self, values: np.ndarray, taxels: Taxels, *, saturated: ArrayLike | None = None,
              unmapped: ArrayLike | None = None) -> FoundContact:
-        """Return what is pressed in the next frame, ``values`` (rows, cols), and what of the pad is seen."""
+        """Return the contacts of the next frame, and how much of the pad it shows.
+
+        Parameters
+        ----------
+        values : np.ndarray
+            Taxel values, (rows, cols).
+        taxels : Taxels
+            Properties of the taxels.
+        saturated : array_like or None
+            Taxels at the end of their range, bool (rows, cols).
+        unmapped : array_like or None
+            Places without a taxel, bool (rows, cols).
+        """
         if self._curve is not None and values.dtype != bool:
             values = self._curve(values.astype(float))
         unit = taxels.unit or None
@@ -162,7 +195,15 @@ class ContactPipeline:
         return FoundContact.of(pattern, taxels, self._smallest_contact)
 
     def recognise(self, found: FoundContact, stamp: float) -> StreamedContact:
-        """Return the shape of ``found``, which was acquired at ``stamp`` [s], fused with the frames before it."""
+        """Return the shape of a contact, fused with the frames before it.
+
+        Parameters
+        ----------
+        found : FoundContact
+            Contact of the frame, from `find`.
+        stamp : float
+            Acquisition of the frame [s].
+        """
         if self._answer is None or not self._answer.holds_for(found, stamp, self._correlation_time):
             self._answer = _Answer(found, stamp, self._method.recognise(found.pattern, visibility=found.visibility))
         found, frame = _with_pieces(found, self._answer.recognition)
@@ -176,28 +217,45 @@ class ContactPipeline:
 
     def follow(self, values: np.ndarray, taxels: Taxels, stamp: float, *, saturated: ArrayLike | None = None,
                unmapped: ArrayLike | None = None) -> StreamedContact:
-        """Return the results for the next frame: both halves."""
+        """Return the results for the next frame: `find`, then `recognise`."""
         return self.recognise(self.find(values, taxels, saturated=saturated, unmapped=unmapped), stamp)
 
     def recognise_alone(self, found: FoundContact) -> tuple[FoundContact, Recognition]:
-        """Return the recognition of ``found`` by its frame alone, and the contact that it is of, with torn-off pieces.
+        """Return the recognition of a contact by its frame alone.
 
-        What the frames before have shown neither counts nor changes.
+        The frames before have no effect on the result, and the result has no effect on later frames.
+
+        Returns
+        -------
+        found : FoundContact
+            The recognised contact, together with the pieces that were torn off it.
+        recognition : Recognition
+            Its recognition.
         """
         return _with_pieces(found, self._method.recognise(found.pattern, visibility=found.visibility))
 
     def recognise_each(self, largest: StreamedContact, stamp: float, most: int) -> list[StreamedContact]:
-        """Return each of the ``most`` largest contacts by this frame alone; ``largest`` is the result of the first."""
+        """Return the results for each of the largest contacts, by this frame alone.
+
+        Parameters
+        ----------
+        largest : StreamedContact
+            Result for the largest contact of the frame.
+        stamp : float
+            Acquisition of the frame [s].
+        most : int
+            Largest number of contacts to recognise.
+        """
         results = []
         for number in range(1, min(largest.contact.contacts, most) + 1):
             found, frame = largest.found.of_pattern(of_contact(largest.contact, number)), largest.recognition
-            if number > 1:  # others are not joined: their pieces may belong to the largest
+            if number > 1:  # a smaller contact gets no pieces, which may belong to the largest
                 frame = self._method.recognise(found.pattern._replace(contacts=1), visibility=found.visibility)
             results.append(self._described(found, frame, _alone(frame, stamp)))
         return results
 
     def restart(self) -> None:
-        """Forget what the frames before have shown of the shape, as when another object is known to be touched."""
+        """Forget what earlier frames have shown of the shape; call this if another object is known to be touched."""
         self._follower.restart()
         self._motion.restart()
         self._answer = None
@@ -217,7 +275,7 @@ class ContactPipeline:
 
 
 def _with_pieces(found: FoundContact, frame: Recognition) -> tuple[FoundContact, Recognition]:
-    """Return the contact that ``frame`` is the recognition of, with the pieces of it that are torn off."""
+    """Return the contact to which ``frame`` belongs, together with the pieces that were torn off it."""
     return (found.of_pattern(join_pieces(found.pattern)) if frame.joined else found), frame
 
 

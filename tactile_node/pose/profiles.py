@@ -1,6 +1,6 @@
 """Pressure under rigid objects: low in the middle of a flat punch, high in the middle of a dome.
 
-As a sum of uniform pressures on outlines within each other, about the same centre.
+Each pressure is a sum of uniform pressures on nested outlines with the same centre.
 """
 
 from enum import Enum
@@ -14,7 +14,7 @@ from tactile_node.taxel_frame import read_only
 
 
 class Indenter(str, Enum):
-    """What presses, as far as its pressure shows."""
+    """Kind of the object, as far as its pressure shows."""
 
     FLAT_PUNCH = 'flat_punch'
     BALL = 'ball'
@@ -23,53 +23,65 @@ class Indenter(str, Enum):
 
 
 class Profile(NamedTuple):
-    """Outlines and the pressures on them; their sum has a mean of 1."""
+    """Nested outlines and the pressures on them. The mean of the summed pressure is 1."""
 
     indenter: Indenter
-    sizes: np.ndarray    #: (k, 2), of the outline's first and last dimension, relative, from the whole outline inwards
-    weights: np.ndarray  #: (2, k): of a uniform pressure, and of what the profile's differs from it
-    length_ratio: np.ndarray  #: (2,), lengths under it over those of an even pressure of the same moments
+    #: (k, 2), first and last dimension of each outline relative to the whole outline, from the outside inwards
+    sizes: np.ndarray
+    weights: np.ndarray  #: (2, k), weights of a uniform pressure, and what the profile adds to them
+    #: (2,), ratio of the lengths under this profile to the lengths under an even pressure with the same moments
+    length_ratio: np.ndarray
 
 
 def _profile(indenter: Indenter, sizes: np.ndarray, steps: np.ndarray, length_ratio: tuple[float, float]) -> Profile:
-    """``steps``, (k,): of the pressure from one outline to the next."""
+    """Return a profile; ``steps``, (k,), are the steps of the pressure from one outline to the next."""
     even = np.zeros(len(steps))
     even[0] = 1
     return Profile(indenter, read_only(sizes), read_only(np.stack((even, steps - even))),
                    read_only(np.array(length_ratio)))
 
 
-#: of a dome's outlines: more of them where its pressure falls
-DOME_SIZES = np.array((1.0, 0.94, 0.84, 0.68, 0.42))
-#: a cylinder's pressure at its ends: the closest to computed ones of training seeds
-END_LENGTH, END_PRESSURE = 0.85, 0.75
-#: of a cone's: more of them where its pressure rises
-CONE_SIZES = np.array((1.0, 0.88, 0.70, 0.48, 0.24))
-#: of the second moments 2 / 5, 1 / 3 and 1 / 4
-BALL_LARGER, CONE_LARGER, CYLINDER_LARGER = np.sqrt(5 / 4), np.sqrt(3 / 2), np.sqrt(4 / 3)
+DOME_SIZES = np.array((1.0, 0.94, 0.84, 0.68, 0.42))  #: Outlines of a dome, denser where its pressure falls.
+CONE_SIZES = np.array((1.0, 0.88, 0.70, 0.48, 0.24))  #: Outlines of a cone, denser where its pressure rises.
+# A lying cylinder presses more at its ends. These values are closest to computed contacts of training seeds.
+END_LENGTH = 0.85    #: length between the ends, as a share of the whole length
+END_PRESSURE = 0.75  #: additional pressure at the ends
+# The ratios follow from the second moments 2 / 5, 1 / 3 and 1 / 4.
+BALL_LARGER = np.sqrt(5 / 4)
+CONE_LARGER = np.sqrt(3 / 2)
+CYLINDER_LARGER = np.sqrt(4 / 3)
 
 
 def _steps(beyond: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """Return steps of the mean pressure between neighbours, by force ``beyond`` each outline and ``area``, (k,)."""
+    """Return the steps of the mean pressure between neighbouring outlines.
+
+    ``beyond`` is the share of the force outside each outline, and ``area`` is the area of each outline, (k,).
+    """
     force, ring = np.diff(beyond, append=1.0), -np.diff(area, append=0.0)
     return np.diff(force / ring, prepend=0.0)
 
 
 def _ball() -> Profile:
-    """Hertz: p = 1.5 sqrt(1 - r^2); beyond r is a share (1 - r^2)^1.5 of the force."""
+    """Return the profile of a ball (Hertz): p = 1.5 sqrt(1 - r^2). The share of force beyond r is (1 - r^2)^1.5."""
     steps = _steps((1 - DOME_SIZES ** 2) ** 1.5, DOME_SIZES ** 2)
     return _profile(Indenter.BALL, np.column_stack((DOME_SIZES, DOME_SIZES)), steps, (BALL_LARGER, BALL_LARGER))
 
 
 def _cone() -> Profile:
-    """Sneddon (1948): p = arccosh(1 / r); beyond r is a share sqrt(1 - r^2) - r^2 arccosh(1 / r) of the force."""
+    """Return the profile of a cone (Sneddon 1948): p = arccosh(1 / r).
+
+    The share of force beyond r is sqrt(1 - r^2) - r^2 arccosh(1 / r).
+    """
     beyond = np.sqrt(1 - CONE_SIZES ** 2) - CONE_SIZES ** 2 * np.arccosh(1 / CONE_SIZES)
     return _profile(Indenter.CONE, np.column_stack((CONE_SIZES, CONE_SIZES)), _steps(beyond, CONE_SIZES ** 2),
                     (CONE_LARGER, CONE_LARGER))
 
 
 def _lying_cylinder() -> Profile:
-    """Hertz across the axis: p = 4 / pi sqrt(1 - y^2). Along it the ends carry more, as a punch's rim does."""
+    """Return the profile of a lying cylinder. Across the axis (Hertz): p = 4 / pi sqrt(1 - y^2).
+
+    Along the axis, the ends carry more, like the rim of a punch.
+    """
     within = 2 / np.pi * (np.arcsin(DOME_SIZES) + DOME_SIZES * np.sqrt(1 - DOME_SIZES ** 2))
     across, whole = _steps(1 - within, DOME_SIZES), np.ones_like(DOME_SIZES)
     sizes = np.concatenate((np.column_stack((whole, DOME_SIZES)), np.column_stack((whole * END_LENGTH, DOME_SIZES))))
@@ -78,8 +90,8 @@ def _lying_cylinder() -> Profile:
                     (1.0, CYLINDER_LARGER))
 
 
-#: Two outlines whose sizes and pressures are the closest to what contact mechanics computes for the five shapes with
-#: edges of any rounding (synthetic/, training seeds).
+#: Two outlines whose sizes and pressures are closest to the contact mechanics of the five shapes with edges of any
+#: rounding (synthetic/, training seeds).
 PUNCH = _profile(Indenter.FLAT_PUNCH, np.array(((1.0, 1.0), (0.85, 0.85))), np.array((1.90, -1.27)),
                  (0.87, 0.87))
 BALL, CONE, LYING_CYLINDER = _ball(), _cone(), _lying_cylinder()
@@ -87,44 +99,71 @@ DOMES = {Shape.CIRCLE: (BALL, CONE), Shape.RECTANGLE: (LYING_CYLINDER,)}
 
 
 class Layer(NamedTuple):
-    """Layer of a calibrated skin."""
+    """The layer of a calibrated skin."""
 
     depth: float      #: depth of the taxels below the skin's surface [m]
-    deviation: float  #: standard deviation of its logarithm
+    deviation: float  #: standard deviation of the logarithm of the depth
 
 
 class _Found(NamedTuple):
-    """Logarithm of the depth that fits find over the true one."""
+    """Logarithm of the ratio of the fitted depth to the true depth."""
 
-    large: float      #: shift of contacts without end
-    of_size: float    #: added, per 1 / inscribed radius [pitches]
-    deviation: float  #: standard deviation about that
+    large: float      #: value for an infinitely large contact
+    of_size: float    #: added value per 1 / inscribed radius [pitches]
+    deviation: float  #: standard deviation about their sum
 
 
-#: A fit makes the depth too small, the more so the smaller the contact: its two nested outlines are coarser than the
-#: pressure at a punch's rim. Found on computed contacts of training seeds (as model_error.py's tables).
+#: A fit makes the depth too small, more so for a smaller contact, because its two nested outlines are coarser than the
+#: pressure at the rim of a punch. Measured on computed contacts of training seeds (as the tables of model_error.py).
 _FOUND = {Indenter.FLAT_PUNCH: _Found(0.15, -1.2, 0.14), Indenter.BALL: _Found(0.08, -0.17, 0.35),
           Indenter.CONE: _Found(0.08, -0.17, 0.35), Indenter.LYING_CYLINDER: _Found(0.18, -0.92, 0.13)}
-LEAST_RADIUS = 1.4  #: [pitches]: not known below
-SHALLOWEST, DEEPEST = 0.02, 5.0  #: [pitches]: beyond, lengths are in other units
+LEAST_RADIUS = 1.4  #: Inscribed radius below which the ratio is not known [pitches].
+# A depth beyond these limits is probably given in another unit.
+SHALLOWEST = 0.02  #: [pitches]
+DEEPEST = 5.0      #: [pitches]
 
 
 def expected_log_depth(layer: Layer, profile: Profile, radius: float) -> tuple[float, float]:
-    """Return what a fit of a contact of inscribed ``radius`` will find, and its standard deviation; all in pitches."""
+    """Return the logarithm of the depth that a fit will find, and its standard deviation; all lengths in pitches.
+
+    Parameters
+    ----------
+    layer : Layer
+        Layer of the skin.
+    profile : Profile
+        Pressure profile of the object.
+    radius : float
+        Inscribed radius of the contact.
+    """
     found = _FOUND[profile.indenter]
     return float(np.log(layer.depth) + _shift(found, radius)), float(np.hypot(found.deviation, layer.deviation))
 
 
 def log_depth_from(found_depth: float, profile: Profile, radius: float, pitch: float) -> float:
-    """Return the logarithm of the true depth, given what one fit has found: the inverse of `expected_log_depth`.
+    """Return the logarithm of the true depth from the depth that a fit has found.
 
-    Lengths in metres. One fit knows it to the deviation of `expected_log_depth` of an exact layer.
+    This is the inverse of `expected_log_depth`. For a single fit, its deviation is that of `expected_log_depth` with an
+    exact layer.
+
+    Parameters
+    ----------
+    found_depth : float
+        Depth from the fit [m].
+    profile : Profile
+        Pressure profile of the object.
+    radius : float
+        Inscribed radius of the contact [m].
+    pitch : float
+        Distance of neighbouring taxels [m].
     """
     return float(np.log(found_depth) - _shift(_FOUND[profile.indenter], radius / pitch))
 
 
 def check_layer(layer: Layer, pitch: float | None = None) -> None:
-    """Raise ConfigurationError for what is no depth, or none of taxels with this ``pitch`` [m]."""
+    """Raise ConfigurationError if the depth cannot be used.
+
+    With ``pitch`` [m], also raise it if taxels with this pitch cannot have this depth.
+    """
     if not (0 < layer.depth < np.inf and 0 < layer.deviation < np.inf):
         raise ConfigurationError('layer of the skin', expected='a depth > 0 [m] and a deviation > 0',
                                  got=f'depth {layer.depth!r}, deviation {layer.deviation!r}',

@@ -1,8 +1,8 @@
 """The rim of a contact, finer than its taxels, and how far it reaches along an axis. Lengths are in pitches.
 
-Along rows and columns, the rim is where values, interpolated between a taxel of the contact and one beside it, are half
-of the contact's own level there. Next to what is not seen (hidden taxels, the pad's edge, places without a taxel) it is
-the border of the last taxel that is seen, and the contact may go on.
+The rim is located along rows and columns, between a taxel of the contact and one beside it. It is where the
+interpolated values are half of the contact's own level there. Next to hidden taxels, the pad's edge and places without
+a taxel, the rim is the border of the last taxel that is seen, and the contact may go on.
 """
 
 from typing import NamedTuple
@@ -14,26 +14,35 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import are_on_off
 from tactile_node.contact.visibility import Visibility, visibility_of
 
-NEIGHBOUR_STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: to the neighbours, (x, y)
-UNSEEN_REACH = 1.5      #: farther from what is not seen, along rows and columns, the rim is an end of the contact
-EVEN_SHARE = 0.75      #: share of what deeper taxels read, the outermost under an even pressure: it covers them in part
-STEEPNESS_RANGE = (0.4, 1.8)  #: least and most, see `_steepness`
-STRAIGHT_TOLERANCE = 0.35    #: less than the farthest place, others reach as far: what a straight rim varies by
+NEIGHBOUR_STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: Steps to the neighbours, (x, y).
+UNSEEN_REACH = 1.5  #: Distance from unseen places along rows and columns above which the rim is an end of the contact.
+#: Reading of the outermost taxels under an even pressure, as a share of the deeper taxels; the contact covers them in
+#: part.
+EVEN_SHARE = 0.75
+STEEPNESS_RANGE = (0.4, 1.8)  #: Smallest and largest steepness, see `_steepness`.
+STRAIGHT_TOLERANCE = 0.35  #: Variation of a straight rim. Two places of a rim reach equally far if they differ by less.
 
 
 class Rim(NamedTuple):
     """Places of a contact's rim in the pad's frame."""
 
     places: np.ndarray  #: x, y, (n, 2)
-    is_end: np.ndarray  #: bool, (n,): the contact ends there; what is not seen is away
-    graded: bool        #: between pressures, none of them saturated; on/off taxels know less
+    is_end: np.ndarray  #: bool (n,), True where the contact ends because all unseen places are farther away
+    graded: bool        #: True if the taxels give pressures and none is saturated; on/off taxels are less precise
 
 
 def rim_of(pattern: ContactPattern, visibility: Visibility | None = None) -> Rim:
-    """Return the rim of the contact of ``pattern``, which has a taxel; ``visibility`` of it, None: not known yet.
+    """Return the rim of a contact.
 
-    Hidden taxels count as not seen where the contact may continue there (`Visibility.outline_hidden`); single ones make
-    the rim less certain.
+    Hidden taxels count as unseen places if the contact may continue there (`Visibility.outline_hidden`). Single hidden
+    taxels only make the rim less certain.
+
+    Parameters
+    ----------
+    pattern : ContactPattern
+        Pattern of the frame, with a contact.
+    visibility : Visibility or None
+        Visibility of the pattern if the caller knows it; None to compute it.
     """
     graded = not are_on_off(pattern.values)
     mask, seen = framed(pattern.mask), framed(~(pattern.hidden | pattern.unmapped))
@@ -63,9 +72,10 @@ def rim_of(pattern: ContactPattern, visibility: Visibility | None = None) -> Rim
 
 
 def reach(rim: Rim, angles: np.ndarray) -> np.ndarray:
-    """Return from where to where the rim reaches along axes at ``angles``, (k,), and across them: (2, 2, k).
+    """Return how far the rim reaches along axes at ``angles``, (k,), and across them.
 
-    The first index is the axis, the second the end: the lower one, the higher one.
+    The result has the shape (2, 2, k). The first index is the axis; the second is the end: the lower one, the higher
+    one.
     """
     along = _along(rim, angles)
     ends = np.empty((2, 2, len(angles)))
@@ -75,10 +85,10 @@ def reach(rim: Rim, angles: np.ndarray) -> np.ndarray:
 
 
 def ends_seen(rim: Rim, angle: float) -> np.ndarray:
-    """Return whether the contact is seen to end along ``angle`` and across it, at the low and high end: bool (2, 2).
+    """Return True for each end of the contact that is seen, along ``angle`` and across it: bool (2, 2).
 
-    An end is seen where the rim reaches as far away from all that is not seen, as the flank of a bar does that leaves
-    the pad.
+    The first index is the axis; the second is the end: the lower one, the higher one. An end is seen if the rim also
+    reaches that far away from all unseen places, as the flank of a bar does if the bar leaves the pad.
     """
     if rim.is_end.all():
         return np.ones((2, 2), bool)
@@ -89,13 +99,16 @@ def ends_seen(rim: Rim, angle: float) -> np.ndarray:
 
 
 def is_cut(rim: Rim, angle: float) -> np.ndarray:
-    """Return whether the contact may go on beyond either end along ``angle``, and across it: bool (2,)."""
+    """Return True for each axis along which the contact may go on beyond an end.
+
+    The axes are along ``angle`` and across it; the result is bool (2,).
+    """
     cut: np.ndarray = np.logical_and.reduce(ends_seen(rim, angle), 1) == 0
     return cut
 
 
 def _along(rim: Rim, angles: np.ndarray) -> np.ndarray:
-    """Coordinates of the places along and across axes at ``angles``, (n, 2, k)."""
+    """Return the coordinates of the places along and across axes at ``angles``, (n, 2, k)."""
     cos, sin = np.cos(angles), np.sin(angles)
     axes = np.array(((cos, -sin), (sin, cos)))
     along: np.ndarray = rim.places @ axes.reshape(2, -1)
@@ -103,7 +116,10 @@ def _along(rim: Rim, angles: np.ndarray) -> np.ndarray:
 
 
 def _are_near(taxels: np.ndarray, others: np.ndarray, cols: int) -> np.ndarray:
-    """Return which of ``taxels`` are within UNSEEN_REACH of one of ``others``, all as numbers in rows of ``cols``."""
+    """Return True for each of ``taxels`` that is within UNSEEN_REACH of one of ``others``.
+
+    Both number the taxels in rows of ``cols``.
+    """
     if not len(others):
         return np.zeros(len(taxels), bool)
     apart = [np.abs(of[:, np.newaxis] - to) for of, to in zip(np.divmod(taxels, cols), np.divmod(others, cols))]
@@ -111,15 +127,15 @@ def _are_near(taxels: np.ndarray, others: np.ndarray, cols: int) -> np.ndarray:
 
 
 def _level(inside: np.ndarray) -> np.ndarray:
-    """Return the level of a contact around each taxel: a mean of its values in which high ones count more."""
+    """Return the level of a contact around each taxel: a mean of its values in which high values have more weight."""
     total = sum_around(inside)
     return sum_around(inside * inside) / np.where(total > 0, total, 1.0)
 
 
 def _steepness(values: np.ndarray, contact: np.ndarray) -> float:
-    """Return how much more the outermost taxels of ``contact`` read than an even pressure's, 1: as much.
+    """Return the reading of the outermost taxels of a contact relative to their reading under an even pressure.
 
-    Under a sharp edge they read more, and the skin spreads that outwards; under a dome they read less.
+    Under a sharp edge the outermost taxels read more, and the skin spreads this outwards. Under a dome they read less.
     """
     inner = ~grown(~contact)
     deep = float(values[inner].mean()) if inner.any() else 0.0

@@ -22,18 +22,20 @@ from tactile_node.pose.outlines import OUTLINES, Outline
 from tactile_node.pose.profiles import DOMES, Layer
 from tactile_node.shape.recognition import Shape
 
-CORNER_MARGIN = 0.15  #: corners of a triangle are tried when their angles, or log lengths, are so close
-CORNER_MARGIN_ON_OFF = 0.35
-AMBIGUOUS_MISFIT = 6.0       #: two fits whose sums of squares differ by less cannot be distinguished
-EDGE_AMBIGUITY = 20.0        #: factor of that at the pad's edge: what lies beyond is a guess
-PUNCH_RATIO = 1.4       #: a punch is not refined beside a dome whose sum of squares is lower by this factor
-HOPELESS_MISFIT = 500.0      #: a fit that is worse by more after the first pass is not refined
-FOLLOWING_STEPS = 3  #: a contact that rests needs one
-WORSE_RATIO, LEAST_RESIDUAL = 1.4, 0.03  #: a residual that has grown by more, above the least, asks for a new search
+#: Corners of a triangle are tried if their angles, or the logarithms of their lengths, differ by at most this much.
+CORNER_MARGIN = 0.15
+CORNER_MARGIN_ON_OFF = 0.35  #: The same for on/off taxels.
+AMBIGUOUS_MISFIT = 6.0  #: Two fits cannot be distinguished if their sums of squares differ by less than this.
+EDGE_AMBIGUITY = 20.0  #: Factor of the above at the pad's edge, because the part beyond it is a guess.
+PUNCH_RATIO = 1.4  #: A punch is not refined if a dome's sum of squares is smaller by this factor.
+HOPELESS_MISFIT = 500.0  #: A fit is not refined if it is worse than the best by more than this after the first pass.
+FOLLOWING_STEPS = 3  #: Largest number of steps while following; a contact at rest needs one.
+WORSE_RATIO = 1.4  #: Factor by which a residual may grow before the outline is searched for again.
+LEAST_RESIDUAL = 0.03  #: Smallest residual of the search that the factor refers to.
 
 
 class Estimate(NamedTuple):
-    """Outline in pitches, canonical: the long side first, of equivalent angles the one nearest 0."""
+    """An outline in pitches, in canonical form: the long side first, and the equivalent angle nearest 0."""
 
     parameters: np.ndarray
     covariance: np.ndarray
@@ -46,17 +48,27 @@ class Found(NamedTuple):
 
     shape: Shape
     candidate: Candidate
-    place: Place        #: where its model was computed last
+    place: Place  #: place where the model was computed last
     estimate: Estimate
-    others: np.ndarray  #: part of the covariance that is of other outlines, nearly as likely
-    residual: float     #: root mean square of value - model, fraction of the contact's level
-    searched_residual: float  #: that of the search
+    others: np.ndarray        #: part of the covariance that comes from other outlines, which are nearly as likely
+    residual: float           #: root mean square of value - model, as a fraction of the contact's level
+    searched_residual: float  #: residual of the latest search
     on_off: bool
     at_edge: bool
 
 
 def search(evidence: Evidence, shape: Shape, layer: Layer | None = None) -> Found:
-    """Find the outline of ``shape``, one of the five, in ``evidence``; ``layer`` [pitches]."""
+    """Return the likeliest outline of a shape.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The taxels to fit.
+    shape : Shape
+        One of the five shapes.
+    layer : Layer or None
+        Layer of a calibrated skin, lengths in pitches; None if it is not known.
+    """
     candidates = _coarse_fits(evidence, shape, layer)
     best = min(candidates, key=_misfit)
     weights = weights_after(shape, best.solution.prediction, evidence)
@@ -70,10 +82,17 @@ def search(evidence: Evidence, shape: Shape, layer: Layer | None = None) -> Foun
 
 
 def follow(evidence: Evidence, before: Found) -> Found | None:
-    """Go on from what was found in the frame ``before``; None where that does not lead to an outline as good.
+    """Return the outline that follows the outline of the frame before, or None if it is not as good.
 
-    While the outline stays near the place where the model was computed last, it is linear in the parameters there. What
-    the other starts of the search have shown holds on.
+    While the outline stays near the place where the model was computed last, the model is linear in the parameters
+    there. The results of the search's other starts stay valid.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The taxels to fit.
+    before : Found
+        Outline in the frame before.
     """
     if evidence.on_off != before.on_off or evidence.at_edge != before.at_edge:
         return None
@@ -84,7 +103,7 @@ def follow(evidence: Evidence, before: Found) -> Found | None:
     weights = weights_after(before.shape, at.shown_at(start), evidence)
     expected = before.candidate.problem.expected.copy()
     outline = slice(len(problem.model.outline.parameters))
-    expected[outline] = start[outline]  # where it was is as good a guess as its moments
+    expected[outline] = start[outline]  # the outline of the frame before is as good a guess as the moments
     problem = problem._replace(values=evidence.values, weights=weights, expected=expected)
     for _ in range(FOLLOWING_STEPS):
         solution = solved(problem, at)
@@ -108,7 +127,7 @@ def _residual(evidence: Evidence, found: Candidate) -> float:
 
 
 def _coarse_fits(evidence: Evidence, shape: Shape, layer: Layer | None) -> list[Candidate]:
-    """From every start, and as a dome where it may be one; ``layer`` in pitches."""
+    """Return coarse fits from every start, and as a dome if the contact may be one; ``layer`` in pitches."""
     y, x = np.indices(evidence.solid.shape).reshape(2, -1)
     moments = moments_of(x + evidence.window.col, y + evidence.window.row, evidence.solid.reshape(-1))
     margin = np.inf if evidence.at_edge else CORNER_MARGIN_ON_OFF if evidence.on_off else CORNER_MARGIN
@@ -119,18 +138,19 @@ def _coarse_fits(evidence: Evidence, shape: Shape, layer: Layer | None) -> list[
     domes = [coarse(evidence, shape, starts[0], dome, layer) for dome in DOMES[shape]]
     if is_no_punch(shape, punches[0]):
         return domes
-    # Weights would take a tip for outliers; what is left looks like an even pressure on too small an outline
+    # A punch that fits worse than a dome is left out. Weights would treat the tip as outliers, and the rest would look
+    # like an even pressure on an outline that is too small.
     least = min(map(_misfit, domes))
     return [punch for punch in punches if _misfit(punch) < PUNCH_RATIO * least] + domes
 
 
 def _misfit(candidate: Candidate) -> float:
-    """What candidates are compared by: their priors differ."""
+    """Return the quantity by which candidates are compared; their costs contain different priors."""
     return candidate.solution.misfit
 
 
 def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> tuple[Estimate, np.ndarray]:
-    """The best candidate, and by how much the others, as far as they are likely too, widen its covariance."""
+    """Return the best candidate, and the part of its covariance that comes from the other likely candidates."""
     last = (reweighted(each, weights_after(shape, each.solution.prediction, evidence)) for each in candidates)
     estimates = [_estimate(shape, evidence, each, weighted.solution.information)
                  for each, weighted in zip(candidates, last)]
@@ -158,7 +178,7 @@ def _estimate(shape: Shape, evidence: Evidence, found: Candidate, information: n
     covariance = np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence)
     fitted = found.solution.parameters[:count]
     loading = loading_of(found)
-    if loading is not None and not loading.is_punch:  # a dome's first length is along its axis
+    if loading is not None and not loading.is_punch:  # the first length of a dome lies along its axis
         fitted, covariance = corrected(shape, found.handedness, fitted, covariance, loading, evidence.at_edge)
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
     if loading is not None and loading.is_punch:
@@ -169,7 +189,7 @@ def _estimate(shape: Shape, evidence: Evidence, found: Candidate, information: n
 
 def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,
                covariance: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
-    """The long side first; of the equivalent angles the one nearest 0."""
+    """Return the outline with the long side first and with the equivalent angle nearest 0."""
     outline: Outline = OUTLINES[shape]
     if not outline.symmetry:
         return parameters, handedness, covariance
@@ -184,6 +204,6 @@ def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,
 
 
 def _nearest_zero(angle: float, symmetry: int) -> float:
-    """Return the one of all equivalent angles that is in (-π/symmetry, π/symmetry]."""
+    """Return the equivalent angle in (-π/symmetry, π/symmetry]."""
     period = 2 * np.pi / symmetry
     return -((period / 2 - angle) % period - period / 2)

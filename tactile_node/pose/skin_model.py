@@ -1,8 +1,8 @@
-"""What a skin shows of a contact: taxel values as a function of outline, pressure and depth.
+"""A model of the skin: taxel values as a function of outline, pressure and depth.
 
-A pressure skin shows the pressure under a punch or a dome, or a more even one (`profiles`), times (level + tilt_x X +
-tilt_y Y), spread by the layer over the taxels (`layer_kernel`). An on/off skin shows 1 where a taxel's centre is
-inside.
+A pressure skin shows the pressure under a punch or a dome, or a more even pressure (`profiles`), times (level + tilt_x
+X + tilt_y Y). The layer spreads the pressure over the taxels (`kernel`). An on/off skin shows 1 where the centre of a
+taxel is inside the outline.
 """
 
 from functools import cache
@@ -15,19 +15,32 @@ from tactile_node.pose.outlines import Outline, Window, coverages, moving_depth
 from tactile_node.pose.profiles import PUNCH, Profile
 from tactile_node.taxel_frame import read_only
 
-KERNEL_REACH = 6                 #: reach of the kernel [pitches]
-KERNEL_DEPTHS = 0.08, 2.2        #: for which it is known [pitches]
-DEPTH_NODES = 40                #: in equal ratios between them
-TAXEL_POINTS = 6                #: points of a taxel, along each axis, that the stress is averaged over
+KERNEL_REACH = 6           #: Reach of the kernel [pitches].
+KERNEL_DEPTHS = 0.08, 2.2  #: Depths for which the kernel is known [pitches].
+DEPTH_NODES = 40           #: Number of tabulated depths, in equal ratios.
+TAXEL_POINTS = 6           #: Number of points along each axis of a taxel over which the stress is averaged.
 KERNEL_TERMS = 2
 LOG_DEPTHS = float(np.log(KERNEL_DEPTHS[0])), float(np.log(KERNEL_DEPTHS[1]))
 
 
 def taps_at(log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the kernel at a depth, by its natural logarithm [pitches], within the limits of KERNEL_DEPTHS.
+    """Return the kernel at a depth.
 
-    It is the sum of sign * taps along rows * taps along columns, by distance. Signs, (KERNEL_TERMS, 1); taps,
-    (KERNEL_TERMS, KERNEL_REACH + 2), 0 beyond KERNEL_REACH; their derivatives by the logarithm.
+    The kernel is the sum of sign * taps along rows * taps along columns, by distance.
+
+    Parameters
+    ----------
+    log_depth : float
+        Natural logarithm of the depth [pitches], limited to KERNEL_DEPTHS.
+
+    Returns
+    -------
+    signs : np.ndarray
+        (KERNEL_TERMS, 1).
+    taps : np.ndarray
+        (KERNEL_TERMS, KERNEL_REACH + 2), 0 beyond KERNEL_REACH.
+    derivatives : np.ndarray
+        Derivatives of the taps with respect to ``log_depth``, of the same shape.
     """
     signs, table = _table()
     low, high = LOG_DEPTHS
@@ -40,13 +53,16 @@ def taps_at(log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @cache
 def _table() -> tuple[np.ndarray, np.ndarray]:
-    """Signs of the terms, and taps, (DEPTH_NODES, KERNEL_TERMS, KERNEL_REACH + 2)."""
+    """Return the signs of the terms, and the taps by depth, (DEPTH_NODES, KERNEL_TERMS, KERNEL_REACH + 2)."""
     found = [_terms(kernel(float(depth))) for depth in np.geomspace(*KERNEL_DEPTHS, DEPTH_NODES)]
     return read_only(found[0][0][:, np.newaxis]), read_only(np.array([taps for _, taps in found]))
 
 
 def kernel(depth: float) -> np.ndarray:
-    """Return the mean stress over taxels up to KERNEL_REACH away, along either axis, under a pressure of 1 on one."""
+    """Return the mean stress over taxels near a taxel that carries a pressure of 1.
+
+    The taxels are up to KERNEL_REACH away along either axis. ``depth`` is in pitches.
+    """
     inner = (np.arange(TAXEL_POINTS) + 0.5) / TAXEL_POINTS - 0.5
     away = (np.arange(-KERNEL_REACH, KERNEL_REACH + 1)[:, np.newaxis] + inner).reshape(-1)
     corner = _newmark(np.concatenate((away - 0.5, away + 0.5))[:, np.newaxis],
@@ -58,14 +74,20 @@ def kernel(depth: float) -> np.ndarray:
 
 
 def _newmark(y: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
-    """Stress under the corner of a rectangle x, y; odd in both. Training and benchmarks have their own."""
+    """Return the stress under the corner of a rectangle x, y (Newmark); odd in x and in y.
+
+    Training and benchmarks have an implementation of their own, so that this one can be checked.
+    """
     slant = np.sqrt(x * x + y * y + z * z)
     parts = x * y * z / slant * (1 / (x * x + z * z) + 1 / (y * y + z * z))
     return (np.arctan(x * y / (z * slant)) + parts) / (2 * np.pi)
 
 
 def _terms(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The products that add up to a symmetric kernel: signs, and taps by distance, (KERNEL_TERMS, KERNEL_REACH + 2)."""
+    """Return the products that add up to a symmetric kernel.
+
+    These are the signs, and the taps by distance, (KERNEL_TERMS, KERNEL_REACH + 2).
+    """
     values, vectors = np.linalg.eigh(whole)
     largest = np.argsort(-np.abs(values))[:KERNEL_TERMS]
     taps = (vectors[:, largest] * np.sqrt(np.abs(values[largest]))).T
@@ -73,29 +95,29 @@ def _terms(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.sign(values[largest]), np.pad(taps[:, KERNEL_REACH:], ((0, 0), (0, 1)))
 
 
-LIKELY_PEAKS = 0.0, 1.03    #: peaks of an even pressure and of a flat punch's, as fits find it
-PEAK_NEAR = 0.4      #: a first fit is as near to one of them
-PEAK_SHOWN = 0.25    #: to this standard deviation or less
-PEAK_KNOWN = 0.08    #: standard deviation about it
+LIKELY_PEAKS = 0.0, 1.03  #: Peaks that fits find for an even pressure and for a flat punch.
+PEAK_NEAR = 0.4           #: Largest distance of a first fit from one of these peaks.
+PEAK_SHOWN = 0.25         #: Largest standard deviation of the peak in a first fit.
+PEAK_KNOWN = 0.08         #: Standard deviation of objects of one kind about their peak.
 
 
 class Prediction(NamedTuple):
-    """Taxel values by a model."""
+    """The taxel values of a model."""
 
     values: np.ndarray    #: (rows * cols,)
     jacobian: np.ndarray  #: (parameters, rows * cols)
-    rim: np.ndarray       #: (rows * cols,), how much its value changes with the place of the contact [1 / pitch]
+    rim: np.ndarray       #: (rows * cols,), change of each value with the place of the contact [1 / pitch]
 
 
 class Model:
-    """On/off values: a logistic step across the outline, for where a taxel's centre is inside.
+    """Model of on/off values: a logistic step across the outline.
 
-    Parameters are the outline's, then a model's own extras, of which this one has none.
+    The parameters are those of the outline, followed by the extras of the model. This model has no extras.
     """
 
-    EDGE = 0.1  #: width of the step [pitches]
-    expected = np.empty(0)   #: values of the extras, beforehand
-    precision = np.empty(0)  #: 1 / variance of that
+    EDGE = 0.1               #: width of the step [pitches]
+    expected = np.empty(0)   #: expected values of the extras
+    precision = np.empty(0)  #: 1 / variance of the expected values
 
     def __init__(self, outline: Outline, window: Window):
         self.outline, self.window = outline, window
@@ -103,11 +125,11 @@ class Model:
         self._places = np.stack((cols + window.col, rows + window.row)).astype(float)
 
     def on(self, window: Window) -> 'Model':
-        """Return the same model of another ``window``."""
+        """Return the same model for another ``window``."""
         return Model(self.outline, window)
 
     def predict(self, parameters: np.ndarray) -> Prediction:
-        """Return what the taxels of the window show."""
+        """Return the values of the taxels in the window."""
         corners, motions = self.outline.moving(parameters, np.ones((1, len(self.outline.dimensions))))
         depth, change = moving_depth(corners[0], motions[:, 0], self._places)
         inside = expit(depth / self.EDGE)
@@ -115,28 +137,30 @@ class Model:
         return Prediction(inside, change * (rim / self.EDGE), rim)
 
     def starts(self, guess: np.ndarray) -> list[np.ndarray]:
-        """Return where a fit may start, the likeliest first, by a guess of the outline's parameters from moments."""
+        """Return the starts of a fit, the likeliest first, from a ``guess`` of the outline's parameters."""
         return [guess]
 
     def bound(self, extras: np.ndarray) -> None:
-        """Keep ``extras`` within what the model knows, in place."""
+        """Limit ``extras``, in place, to the range of the model."""
 
 
 class PressureModel(Model):
-    """Values in units of a typical pressure, so that ``level`` is about 1.
+    """Model of pressures, in units of a typical pressure, so that ``level`` is about 1.
 
-    ``peak``: 0 for a uniform pressure, 1 for the profile's. ``log_depth``: of the taxels below
-    the skin's surface [logarithm of pitches].
+    Its extras are ``level``, ``tilt_x``, ``tilt_y``, ``peak`` and ``log_depth``. ``peak`` is 0 for a uniform pressure
+    and 1 for the pressure of the profile. ``log_depth`` is the logarithm of the depth of the taxels below the skin's
+    surface [pitches].
     """
 
-    TILT_SPREAD = 0.06    #: standard deviation expected of the tilt [relative rise a pitch]
-    PEAK_SPREAD = 0.7
-    PEAK_OF_DOME = 1.0, 0.35  #: expected, and its deviation: an even pressure is none of a dome's
-    DEPTH_SPREAD = 0.6    #: and of the logarithm of the depth
+    TILT_SPREAD = 0.06        #: standard deviation of the tilt [relative rise per pitch]
+    PEAK_SPREAD = 0.7         #: standard deviation of the peak of a punch
+    PEAK_OF_DOME = 1.0, 0.35  #: peak of a dome and its standard deviation; no dome has an even pressure
+    DEPTH_SPREAD = 0.6        #: standard deviation of the logarithm of the depth
     EXTRAS = 5
-    PEAK = -2             #: its place among the parameters
+    PEAK = -2  #: index of the peak among the parameters
     expected = read_only(np.array((1.0, 0.0, 0.0, 0.7, np.log(0.6))))
-    EVEN, FULL = (1.0, 0.0, 0.0, 0.0, np.log(0.4)), (1.0, 0.0, 0.0, 1.0, np.log(0.6))  #: extras to start with
+    EVEN = (1.0, 0.0, 0.0, 0.0, np.log(0.4))  #: extras of a start with an even pressure
+    FULL = (1.0, 0.0, 0.0, 1.0, np.log(0.6))  #: extras of a start with the pressure of the profile
     precision = read_only(np.array((1.0, TILT_SPREAD, TILT_SPREAD, PEAK_SPREAD, DEPTH_SPREAD)) ** -2)
 
     def __init__(self, outline: Outline, window: Window, centre: np.ndarray, profile: Profile = PUNCH):
@@ -154,9 +178,10 @@ class PressureModel(Model):
         return PressureModel(self.outline, window, self._centre, self.profile)
 
     def starts(self, guess: np.ndarray) -> list[np.ndarray]:
-        """With the profile's pressure and, of a punch, with an even one: of few taxels both fit nearly as well.
+        """Return a start with the pressure of the profile and, for a punch, one with an even pressure.
 
-        Rigid objects press as punches and domes do.
+        The profile comes first, because rigid objects press as punches and domes do. With few taxels, both pressures
+        fit nearly as well.
         """
         sized, count = guess.copy(), len(self.outline.dimensions)
         sized[-count:] *= self.profile.length_ratio[-count:]
@@ -186,21 +211,31 @@ class PressureModel(Model):
         values = jacobian[-1].reshape(-1).copy()
         jacobian[-1] = (deeper_along @ by_cols[:, -1] + along @ (sharp[-1] @ deeper_across)).sum(0)
         jacobian = jacobian.reshape(count, -1)
-        rim = np.sqrt(jacobian[0]**2 + jacobian[1]**2)  # the change by a pitch of displacement
+        rim = np.sqrt(jacobian[0]**2 + jacobian[1]**2)  # change per pitch of displacement
         return Prediction(values, jacobian, rim)
 
     def _kernels(self, log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Along rows (with the sign) and across them, and by the depth's logarithm: (KERNEL_TERMS, n, n) each."""
+        """Return the kernels along rows (with the sign) and across them, and their derivatives.
+
+        Each has the shape (KERNEL_TERMS, n, n). The derivatives are with respect to the logarithm of the depth.
+        """
         signs, taps, by_log_depth = taps_at(log_depth)
         along, deeper_along = ((tap * signs).take(self._row_distance, 1) for tap in (taps, by_log_depth))
         across, deeper_across = (tap.take(self._col_distance, 1) for tap in (taps, by_log_depth))
         return along, across, deeper_along, deeper_across
 
     def likely_peak(self, parameters: np.ndarray, deviation: float) -> tuple[float, float] | None:
-        """Return what ``peak`` is expected to be and 1 / variance of that, by a first fit and its ``deviation``.
+        """Return the expected ``peak`` and 1 / variance of it after a first fit, or None.
 
-        Indenters are of few kinds: what looks like a flat punch is one, and what looks even is even. None: it looks
-        like neither.
+        There are few kinds of objects. If a fit looks like a flat punch, the object is one; if the pressure looks even,
+        it is even. The result is None if the fit looks like neither.
+
+        Parameters
+        ----------
+        parameters : np.ndarray
+            Parameters of the first fit.
+        deviation : float
+            Standard deviation of its peak.
         """
         if self.profile is not PUNCH:
             return None
@@ -210,7 +245,7 @@ class PressureModel(Model):
         return nearest, PEAK_KNOWN ** -2
 
     def bound(self, extras: np.ndarray) -> None:
-        """Keep the depth within what the kernel is known for."""
+        """Limit the depth, in place, to the depths for which the kernel is known."""
         extras[-1] = min(max(extras[-1], LOG_DEPTHS[0]), LOG_DEPTHS[1])
 
 

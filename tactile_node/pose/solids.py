@@ -1,4 +1,4 @@
-"""A fitted contact as a solid that planners take: a primitive, or a triangle mesh."""
+"""A fitted contact as a solid for planners: a primitive or a triangle mesh."""
 
 import numpy as np
 
@@ -7,10 +7,20 @@ from tactile_node.shape.recognition import Shape
 
 
 def solid(fit: ShapeFit, height: float) -> tuple[str, tuple[float, ...]] | None:
-    """Return the primitive that stands ``height`` [m] high; None for triangles (use `prism`).
+    """Return the primitive that stands on the contact; None for triangles (use `prism`).
 
-    'box' (x, y, z) or 'cylinder' (height, radius), in the frame of the fit's pose; lengths in the order of
-    shape_msgs/SolidPrimitive [m].
+    Parameters
+    ----------
+    fit : ShapeFit
+        Pose and size of the contact.
+    height : float
+        Height of the primitive [m].
+
+    Returns
+    -------
+    tuple or None
+        'box' with (x, y, z), or 'cylinder' with (height, radius), in the frame of the fit's pose. The lengths are in
+        the order of shape_msgs/SolidPrimitive [m].
     """
     if fit.shape is Shape.CIRCLE:
         return 'cylinder', (height, fit.dimensions[0])
@@ -20,10 +30,21 @@ def solid(fit: ShapeFit, height: float) -> tuple[str, tuple[float, ...]] | None:
 
 
 def prism(fit: ShapeFit, height: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices (2n, 3) and triangles (4n - 4, 3) of a closed mesh.
+    """Return the vertices and triangles of a closed mesh that stands on the contact.
 
-    Vertices in the pad's frame [m], z from 0 to ``height``; the triangles' corners run counter-clockwise seen
-    from outside.
+    Parameters
+    ----------
+    fit : ShapeFit
+        Pose and size of the contact.
+    height : float
+        Height of the mesh [m].
+
+    Returns
+    -------
+    vertices : np.ndarray
+        (2n, 3), in the pad's frame [m], with z from 0 to ``height``.
+    triangles : np.ndarray
+        (4n - 4, 3), indices of the vertices, counter-clockwise seen from outside.
     """
     count = len(fit.outline)
     base = np.column_stack((fit.outline, np.zeros(count)))
@@ -37,8 +58,9 @@ def prism(fit: ShapeFit, height: float) -> tuple[np.ndarray, np.ndarray]:
 def pose_covariance(fit: ShapeFit) -> np.ndarray:
     """Return the covariance of the fit's pose, (6, 6), in the order of geometry_msgs/PoseWithCovariance.
 
-    Place x, y, z, then rotations about x, y, z: the contact lies in the pad's plane, so those of z and of the
-    rotations about x and y are 0. The angle of a circle is undefined: it has the variance π²/3 of a uniform one.
+    The order is x, y, z, then the rotations about x, y and z. The contact lies in the pad's plane, so the variances of
+    z and of the rotations about x and y are 0. The angle of a circle is undefined. It has the variance π²/3 of a
+    uniform distribution.
     """
     covariance = np.zeros((6, 6))
     kept = [0, 1, 5] if fit.symmetry else [0, 1]

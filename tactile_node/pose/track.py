@@ -1,30 +1,36 @@
-"""Whether a measured place stays or moves: it is compared to where it was while it stayed.
+"""Decide whether a measured place stays or moves, by comparing it with where it was while it stayed.
 
-The reference is the mean of REFERENCE_TIME, as long ago as a movement of SLOWEST takes to be seen: what is slower, like
-a drift, the reference follows. The place moves once it is farther from there than a step, and than its noise explains,
-in two frames in a row or clearly in one; a single frame that is elsewhere is forgotten. It stays again once it has
-stayed for STOPPED, or for the time in which what moved so slowly would have been seen to go on.
+The reference is the mean over REFERENCE_TIME, taken as long ago as a movement at the speed SLOWEST takes to be seen.
+The reference follows a slower movement, such as drift.
+
+The place moves once it is farther from the reference than a step and than its noise explains. Two frames in a row must
+show this, or one frame clearly. A single frame with another place is forgotten. The place stays again once it has
+stayed for STOPPED, or for the time in which a slow movement would have become visible.
 """
 
 import math
 from collections import deque
 from typing import NamedTuple
 
-SLOWEST = 0.0004      #: speed that is seen [m/s]
-REFERENCE_TIME = 0.3  #: [s]
-STOPPED = 0.3         #: [s]
-FEWEST = 3            #: places of a reference
-CERTAINTY = 5.0       #: standard deviations that noise does not explain: there are thousands of frames
-CLAIMED, PRIOR = 0.5, 4  #: part of a standard deviation that is noise, not the fit's; places that it counts for
-CLEARLY = 1.6         #: so many times what it must exceed, one frame is enough
-GOES_ON = 0.5         #: part of a step that a moving place must go in the time after which it counts as stopped
-FORCE_TIME = 0.5      #: of the force that a step is compared to [s]
-FORCE_STEP, LEAST_FORCE_STEP = 0.35, 0.05  #: part of the force before, and at least [N]
-STAYED = 1 / 6        #: of a step: what moves on, comes farther between the first and the last third of the time
+SLOWEST = 0.0004      #: Slowest speed that is detected [m/s].
+REFERENCE_TIME = 0.3  #: Time over which the reference is averaged [s].
+STOPPED = 0.3         #: Shortest time without movement after which a place counts as stopped [s].
+FEWEST = 3            #: Smallest number of places in a reference.
+#: Standard deviations that a movement must exceed; the value is high because there are thousands of frames.
+CERTAINTY = 5.0
+CLAIMED = 0.5  #: Share of a given standard deviation that is noise from frame to frame, not an error of the fit.
+PRIOR = 4  #: Weight of this noise, as a number of places.
+CLEARLY = 1.6  #: Factor by which a single frame must exceed the limit to be enough.
+GOES_ON = 0.5  #: Share of a step that a moving place must cover in the time after which it counts as stopped.
+FORCE_TIME = 0.5  #: Time over which the reference of the force is averaged [s].
+FORCE_STEP = 0.35  #: Step of the force, as a share of the reference.
+LEAST_FORCE_STEP = 0.05  #: Smallest step of the force [N].
+#: Share of a step. A moving place goes farther than this between the first and the last third of the time.
+STAYED = 1 / 6
 
 
 class Place(NamedTuple):
-    """A place at one time: [s], [m], and the load there, in any unit."""
+    """A place at one time [s, m], and the load there in any unit."""
 
     time: float
     x: float
@@ -33,7 +39,15 @@ class Place(NamedTuple):
 
 
 class Track:
-    """Follows one place; takes it in the order of times."""
+    """Follows one place, which is passed in the order of times.
+
+    Parameters
+    ----------
+    step : float
+        Distance that counts as a movement [m].
+    certainty : float
+        Standard deviations that a movement must exceed.
+    """
 
     def __init__(self, step: float, certainty: float = CERTAINTY):
         self._step, self._certainty = step, certainty
@@ -41,33 +55,33 @@ class Track:
         self.restart()
 
     def restart(self) -> None:
-        """Forget where it was and that it moves."""
+        """Forget where the place was and that it moves."""
         self.is_moving = False
-        self.probability = 0.0  #: that it has moved by half a step, in the last frame
+        self.probability = 0.0  #: probability that the place has moved by half a step, in the latest frame
         self._hold = STOPPED
         self.forget()
 
     def forget(self) -> None:
-        """Forget where it was: another measure of it begins."""
+        """Forget where the place was, because it is measured in another way from now on."""
         self._recent: deque[Place] = deque()
         self._reference: deque[Place] = deque()
-        self._sums = [0.0] * 4  # sums of x, y and both squares, from the first place, and of the load
+        self._sums = [0.0] * 4  # sums of x, y and their squares relative to the first place, and of the load
         self._first = Place(math.nan, 0.0, 0.0, 0.0)
         self._was_over: tuple[float, float] | None = None
 
     @property
     def is_known(self) -> bool:
-        """Whether it can be said that it stays or moves."""
+        """True if it is known whether the place stays or moves."""
         return self.is_moving or len(self._reference) >= FEWEST
 
     @property
     def load_before(self) -> float:
-        """Mean load of the reference; 0: not known."""
+        """Mean load of the reference; 0 if it is not known."""
         return self._sums[3] / len(self._reference) if self._reference else 0.0
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """By a line through the last places, x and y [m/s]; NaN: too few of them."""
+        """Velocity along x and y from a line through the latest places [m/s]; NaN if there are too few."""
         tail = self._tail()
         count = len(tail)
         if count < 2:
@@ -81,20 +95,31 @@ class Track:
 
     @property
     def speed(self) -> float:
-        """Size of the velocity [m/s]."""
+        """Magnitude of the velocity [m/s]."""
         return math.hypot(*self.velocity)
 
     @property
     def direction(self) -> float:
-        """Direction of the velocity, x to y [rad]."""
+        """Direction of the velocity, from x to y [rad]."""
         x, y = self.velocity
         return math.atan2(y, x)
 
     def update(self, time: float, x: float, y: float, sd: float, slack: float = 0.0,
                load: float = 0.0) -> None:
-        """Take a place [m] with its standard deviation.
+        """Add the place of one more frame.
 
-        ``slack`` [m]: by which the place may be wrong for another reason, beside the step.
+        Parameters
+        ----------
+        time : float
+            Time of the frame [s].
+        x, y : float
+            The place [m].
+        sd : float
+            Standard deviation of the place [m].
+        slack : float
+            Distance by which the place may be wrong for another reason [m]; added to the limit of a movement.
+        load : float
+            Load at the place, in any unit.
         """
         place = Place(time, x, y, load)
         self._recent.append(place)
@@ -125,11 +150,11 @@ class Track:
         if self._was_over and before[0] * away[0] + before[1] * away[1] > 0:
             return True
         if len(self._recent) > 1:
-            del self._recent[-2]  # it was elsewhere in that frame alone
+            del self._recent[-2]  # the place was elsewhere in that frame only
         return False
 
     def _let_follow(self, time: float) -> None:
-        """Take into the reference what is old enough; at the beginning, the older half of what there is."""
+        """Move places that are old enough into the reference; at the beginning, the older half of all places."""
         begin = self._first.time
         end = max(time - self._lag, min(begin + REFERENCE_TIME, (begin + time) / 2))
         while len(self._recent) > 2 and self._recent[0].time <= end:
@@ -144,7 +169,7 @@ class Track:
             self._sums[index] += sign * value
 
     def _tail(self) -> list[Place]:
-        """Return the last places, over a step."""
+        """Return the latest places, back to a distance of one step."""
         tail: list[Place] = []
         for place in reversed(self._recent):
             tail.append(place)
@@ -168,21 +193,33 @@ class Track:
 
 
 class ForceTrack:
-    """Follows the force of a contact; the reference is the mean of REFERENCE_TIME after each step."""
+    """Follows the force of a contact. The reference is the mean over FORCE_TIME after each step."""
 
     def __init__(self) -> None:
-        self.last = math.nan  #: [N]
+        self.last = math.nan  #: latest force [N]
         self.restart()
 
     def restart(self) -> None:
-        """Forget the force before."""
-        self.before = math.nan  #: the reference [N]
+        """Forget the reference."""
+        self.before = math.nan  #: reference [N]
         self._begin, self._sum, self._count, self._was_over = math.nan, 0.0, 0, 0.0
 
     def update(self, time: float, force: float, sd: float) -> float:
-        """Take a force [N], NaN: not known, and return the probability that it has changed by a step; 0: it has not.
+        """Add the force of one more frame and return the probability that it has changed by a step.
 
-        It is below 0 for less force.
+        Parameters
+        ----------
+        time : float
+            Time of the frame [s].
+        force : float
+            Force [N]; NaN if it is not known.
+        sd : float
+            Standard deviation of the force [N].
+
+        Returns
+        -------
+        float
+            Probability of a step, negative for a smaller force; 0 without a step.
         """
         self.last = force
         if not math.isfinite(force):
