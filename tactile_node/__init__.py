@@ -1,4 +1,4 @@
-"""Contact shape from a tactile skin: what touches an array of taxels, where, how large and how sure.
+"""Contact shapes from a tactile skin: what touches an array of taxels, where, how large, and how certain this is.
 
 >>> import numpy as np
 >>> import tactile_node as tn
@@ -8,8 +8,8 @@
 >>> round(tn.fit_shape(contact, tn.Shape.SQUARE, pitch=0.004).dimensions[0], 3)                     # metre
 0.028
 
-Each folder is one stage, CAN frame -> taxel frame -> contact pattern -> features -> shape:
-``docs/architecture.md`` says which may import which.
+Each folder is one stage: CAN frame, taxel frame, contact pattern, features, shape. ``docs/architecture.md`` says which
+folder may import which.
 """
 
 from importlib import import_module
@@ -42,7 +42,7 @@ __all__ = ['__version__', 'find_contact', 'paper_features', 'Recogniser', 'fit_s
            'ShapeFit', 'FusedRecognition', 'FusionSettings', 'StreamedContact', 'TactileError', 'InputError',
            'ConfigurationError']
 
-#: module -> the public names it defines; each is imported when it is read first, so that a node pays for none
+#: Public names by module. A module is imported when one of its names is first used, so that nodes start quickly.
 _HOMES = {
     'contact.pattern': ('ContactPattern',),
     'contact.press': ('PressThresholds',),

@@ -1,4 +1,7 @@
-"""Codes in words: enumerations whose members have a phrase, and the names of codes in our messages. Needs no ROS."""
+"""Codes in words: enumerations with a phrase for each member, and the names of codes in our messages.
+
+The module does not need ROS.
+"""
 
 import re
 from enum import Enum
@@ -7,7 +10,7 @@ from tactile_node.package_files import package_file
 
 
 class PhrasedCode(Enum):
-    """A stable number with what it means in words: a part of a sentence, without a full stop."""
+    """A stable number with its meaning in words: a part of a sentence, without a full stop."""
 
     phrase: str
 
@@ -19,7 +22,7 @@ class PhrasedCode(Enum):
 
     @property
     def key(self) -> str:
-        """Its name in diagnostics, files and summaries: 'out_of_order'."""
+        """Name of the code in diagnostics, files and summaries, such as 'out_of_order'."""
         return self.name.lower()
 
 
@@ -27,11 +30,24 @@ ENTRY = re.compile(r'^[\w/]+\S* +(\w+) *(?:= *(\d+))?', re.MULTILINE)
 
 
 def name_of(interface: str | type, field: str, code: int) -> str:
-    """Return the constant that ``code`` in ``field`` stands for, or the number as text where there is none.
+    """Return the name of the constant for a code, or the number as text if there is no such constant.
 
-    ``interface``: a class of ROS, such as Grasp or CheckGrasp.Response, or 'msg/Grasp'. Raises KeyError for a field
-    without constants.
+    Parameters
+    ----------
+    interface : str or type
+        A ROS class, such as Grasp or CheckGrasp.Response, or a name, such as 'msg/Grasp'.
+    field : str
+        Field of the message.
+    code : int
+        Value of the field.
 
+    Raises
+    ------
+    KeyError
+        If the field has no constants.
+
+    Examples
+    --------
     >>> name_of('msg/Grasp', 'contact', 4)
     'TWO_SIDED'
     """

@@ -1,4 +1,7 @@
-"""Taxel values as colours: dark is nothing, bright is the full scale, and what is no plain value has a colour apart."""
+"""Taxel values as colours: dark is nothing, and bright is the full scale.
+
+Saturated taxels and taxels without a value have colours of their own.
+"""
 
 import math
 
@@ -6,14 +9,17 @@ import numpy as np
 
 from tactile_node.taxel_frame import PRESS_BY_UNIT, read_only
 
-#: matplotlib's inferno (N. J. Smith, S. van der Walt; CC0) at 17 even steps, rgb; its lightness rises evenly.
+#: RGB values of matplotlib's colour map inferno at 17 even steps (N. J. Smith, S. van der Walt; CC0). Its lightness
+#: rises evenly.
 INFERNO = ((0, 0, 4), (11, 7, 36), (33, 12, 74), (61, 9, 101), (87, 16, 110), (113, 25, 110), (138, 34, 106),
            (163, 44, 97), (188, 55, 84), (208, 69, 69), (227, 89, 51), (241, 113, 31), (249, 140, 10), (252, 170, 15),
            (249, 201, 50), (242, 232, 101), (252, 255, 164))
-STEPS = 256  #: colours of values
-ROUND_STEPS = 1.0, 2.0, 5.0, 10.0  #: to which a scale is rounded up, and those of its ticks
-NO_VALUE, SATURATED = STEPS, STEPS + 1  #: numbers of the colours of taxels without a value, at the end of their range
-NO_VALUE_RGB, SATURATED_RGB = (128, 128, 128), (60, 210, 80)  #: grey and green, which inferno does not have
+STEPS = 256                        #: Number of colours for values.
+ROUND_STEPS = 1.0, 2.0, 5.0, 10.0  #: Steps to which a scale is rounded up, and steps of its ticks.
+NO_VALUE = STEPS                   #: Number of the colour for a taxel without a value.
+SATURATED = STEPS + 1              #: Number of the colour for a taxel at the end of its range.
+NO_VALUE_RGB = (128, 128, 128)     #: Grey, which inferno does not contain.
+SATURATED_RGB = (60, 210, 80)      #: Green, which inferno does not contain.
 
 
 def _rgb_table() -> np.ndarray:
@@ -23,12 +29,12 @@ def _rgb_table() -> np.ndarray:
     return read_only(np.vstack([np.rint(of_values), NO_VALUE_RGB, SATURATED_RGB]).astype(np.uint8))
 
 
-RGB_TABLE = _rgb_table()  #: the colour of each number, uint8, shape (SATURATED + 1, 3)
-PALETTE = RGB_TABLE[:STEPS]  #: colours of values, from 0 to the brightest, uint8 (STEPS, 3)
+RGB_TABLE = _rgb_table()     #: Colour of each number, uint8 (SATURATED + 1, 3).
+PALETTE = RGB_TABLE[:STEPS]  #: Colours of values, from 0 to the brightest, uint8 (STEPS, 3).
 
 
 def rounded_up(value: float) -> float:
-    """Return the next of 1, 2, 5, 10, 20 ... from ``value`` on.
+    """Return the smallest of 1, 2, 5, 10, 20 ... that is not below ``value``.
 
     >>> rounded_up(37e3), rounded_up(1.0)
     (50000.0, 1.0)
@@ -38,16 +44,20 @@ def rounded_up(value: float) -> float:
 
 
 def levels(values: np.ndarray, full_scale: float) -> np.ndarray:
-    """Return the index into PALETTE of each of ``values``, intp; of NaN it is 0, to be marked by the caller."""
+    """Return the index into PALETTE for each of ``values``, intp; 0 for NaN, which the caller has to mark."""
     return np.rint(np.clip(np.nan_to_num(values) / full_scale, 0.0, 1.0) * (STEPS - 1)).astype(np.intp)
 
 
 class ColourScale:
-    """Numbers of colours for the values of one pad.
+    """Assigns numbers of colours to the values of one pad.
 
-    ``full_scale``: the value of the brightest colour [unit of the values], which higher ones have too; 0: the highest
-    value so far, at least that from which on a taxel is pressed. A scale of each frame alone would show noise as bright
-    as a contact.
+    A scale for each frame alone would show noise as bright as a contact.
+
+    Parameters
+    ----------
+    full_scale : float
+        Value of the brightest colour [unit of the values]; higher values get the same colour. With 0, the scale follows
+        the highest value so far, which is at least the press threshold.
     """
 
     def __init__(self, full_scale: float = 0.0):
@@ -55,8 +65,24 @@ class ColourScale:
         self._highest = 0.0
 
     def numbers(self, values: np.ndarray, saturated: np.ndarray, unit: str) -> np.ndarray:
-        """Return the number of each taxel's colour, intp, of the shape of ``values`` [unit], NaN = no valid value.
+        """Return the number of each taxel's colour.
 
+        Parameters
+        ----------
+        values : np.ndarray
+            Taxel values; NaN for no valid value.
+        saturated : np.ndarray
+            Taxels at the end of their range, bool.
+        unit : str
+            Unit of the values.
+
+        Returns
+        -------
+        np.ndarray
+            intp, of the shape of ``values``.
+
+        Examples
+        --------
         >>> ColourScale(100.0).numbers(np.array([-1.0, 50.0, 200.0, np.nan]), np.zeros(4, bool), 'Pa').tolist()
         [0, 128, 255, 256]
         """

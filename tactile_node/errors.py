@@ -1,4 +1,4 @@
-"""The errors that this package raises: one small tree. Every message gives expected, got and a remedy."""
+"""The errors that this package raises. Every message says what was expected, what was found, and what to do."""
 
 from enum import IntEnum
 
@@ -6,8 +6,19 @@ from enum import IntEnum
 class TactileError(Exception):
     """Base of all errors of this package: an input, a device or a bus cannot be used.
 
-    ``where`` names the place: a file and key, a parameter, a node, a bus. The message:
+    Parameters
+    ----------
+    where : str
+        The place: a file and key, a parameter, a node or a bus.
+    expected : str
+        What was expected there.
+    got : str
+        What was found there.
+    remedy : str
+        What the user can do.
 
+    Examples
+    --------
     >>> print(ConfigurationError('layout.yaml, key "rows"', expected='a whole number >= 1',
     ...                          got="'many'", remedy='Write the number of taxel rows.'))
     layout.yaml, key "rows": expected a whole number >= 1, got 'many'. Write the number of taxel rows.
@@ -42,28 +53,28 @@ class DeviceAbsentError(DeviceError):
 
 
 class UnverifiedDeviceError(DeviceError):
-    """The CANopen device, or the mapping of one of its TPDOs, is another one than EDS and layout say."""
+    """The CANopen device, or the mapping of one of its TPDOs, differs from EDS and layout."""
 
 
 class TwoDevicesError(DeviceError):
-    """Two CANopen devices answer as one node."""
+    """Two CANopen devices answer under the same node id."""
 
 
 class HalfZeroedError(DeviceError):
-    """Some of a pad's channels have zeroed themselves and others have not, or may not have."""
+    """Some channels of a pad have zeroed themselves, but others have not or may not have."""
 
 
 class TareRefusal(IntEnum):
-    """Why a tare was refused; the numbers are stable."""
+    """Reason why a tare was refused; the numbers are stable."""
 
     NOT_KNOWN = 0
-    PRESSED = 1            #: a taxel reads tare_limit or more
-    NO_VALID_VALUES = 2    #: no taxel of the pad has a valid value
-    TOO_FEW_FRAMES = 3     #: the frames to average did not come in time
+    PRESSED = 1          #: a taxel reads tare_limit or more
+    NO_VALID_VALUES = 2  #: no taxel of the pad has a valid value
+    TOO_FEW_FRAMES = 3   #: the frames to average did not arrive in time
     DRIVER_NOT_ACTIVE = 4
-    BUSY = 5               #: another request is under way
-    TOO_MANY_FRAMES = 6    #: the request would take too long
-    CONTACT = 7            #: a contact is present, though the parameter tare_limit allows its readings
+    BUSY = 5             #: another request is under way
+    TOO_MANY_FRAMES = 6  #: the request would take too long
+    CONTACT = 7          #: a contact is present, although the parameter tare_limit allows its readings
 
 
 class TareRefusedError(TactileError):
@@ -75,20 +86,20 @@ class TareRefusedError(TactileError):
 
 
 class RequirementRefusal(IntEnum):
-    """Why a requirement of a grasp, or a goal with one, was refused (CheckGrasp.srv mirrors these numbers)."""
+    """Reason why a requirement on a grasp, or a goal with one, was refused (CheckGrasp.srv mirrors these numbers)."""
 
     NOT_KNOWN = 0
     NOT_REFUSED = 1
-    NOT_A_LIMIT = 2      #: NaN, infinite or below 0, a confidence above 1, a duration that is none
+    NOT_A_LIMIT = 2  #: NaN, infinite or below 0; a confidence above 1; or an invalid duration
     NO_SUCH_SHAPE = 3
     TOO_MANY_SHAPES = 4
     EMPTY_RANGE = 5
-    NO_TIMEOUT = 6       #: of a goal
-    TOO_MANY_GOALS = 7   #: so many wait already
+    NO_TIMEOUT = 6      #: the goal has no timeout
+    TOO_MANY_GOALS = 7  #: too many goals are already waiting
 
 
 class RefusedRequirementError(TactileError):
-    """A requirement of a grasp cannot be used; ``refusal`` is the reason."""
+    """A requirement on a grasp cannot be used; ``refusal`` is the reason."""
 
     def __init__(self, where: str, refusal: RequirementRefusal, *, expected: str, got: str, remedy: str):
         super().__init__(where, expected=expected, got=got, remedy=remedy)

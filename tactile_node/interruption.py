@@ -1,5 +1,6 @@
-"""Ctrl-C, SIGTERM and the end of another process as an event, so that a command can end in order: log closed, devices
-off.
+"""Ctrl-C, SIGTERM and the end of another process as an event.
+
+With this event, a command can end in order: it closes its log and switches its devices off.
 """
 
 import logging
@@ -29,9 +30,16 @@ def interruption() -> Iterator[threading.Event]:
 
 
 def stop_with(process_id: int, stop_requested: threading.Event) -> None:
-    """Set the event when that process ends, in whatever way; Linux, elsewhere nothing happens.
+    """Set the event when another process ends in any way. This works on Linux; elsewhere nothing happens.
 
     `ros2 launch` leaves its processes behind when it gets SIGTERM ("using SIGTERM can result in orphaned processes").
+
+    Parameters
+    ----------
+    process_id : int
+        The other process.
+    stop_requested : threading.Event
+        Event to set.
     """
     if not hasattr(os, 'pidfd_open'):
         return
@@ -40,8 +48,9 @@ def stop_with(process_id: int, stop_requested: threading.Event) -> None:
     except ProcessLookupError:
         stop_requested.set()
         return
-    except OSError as error:  # a kernel without it, or a container that forbids it
-        logger.warning('Process %d is not watched (%s): end this one yourself when that one ends.', process_id, error)
+    except OSError as error:  # an old kernel does not have this call, and a container may forbid it
+        logger.warning('Process %d cannot be watched (%s). End this process yourself when that one ends.', process_id,
+                       error)
         return
     ReportedThread(_set_at_end, 'end_with', process, stop_requested).start()
 
@@ -53,6 +62,9 @@ def _set_at_end(process: int, stop_requested: threading.Event) -> None:
 
 
 def ignore_interruptions() -> None:
-    """For the last moments of a process: a second Ctrl-C must not make a clean end look like a crash."""
+    """Ignore SIGINT and SIGTERM from now on.
+
+    In the last moments of a process, a second Ctrl-C must not make a clean end look like a crash.
+    """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)

@@ -1,6 +1,6 @@
-"""The ROS 2 nodes of one bus, as data: launch file, `tactile bringup` and the demo start what is described here.
+"""The ROS 2 nodes of one bus as data, from which the launch file, `tactile bringup` and the demo start them.
 
-Imports neither rclpy nor a numerical library, so that a launch file can read it at once.
+The module imports neither rclpy nor a numerical library, so that a launch file can read it quickly.
 """
 
 import re
@@ -15,7 +15,7 @@ Parameters = Mapping[str, ParameterValue]
 
 
 class Role(Enum):
-    """What a node does; the value is the first word of its executable's name."""
+    """Task of a node; the value is the first word of its executable's name."""
 
     DRIVER = 'driver'
     PROCESSOR = 'processor'
@@ -24,10 +24,10 @@ class Role(Enum):
 
 
 class Side(Enum):
-    """Where a node runs when its bus and those who use the skin are on two hosts, or in two processes."""
+    """Host or process on which a node runs, if the bus and the users of the skin are separated."""
 
     BUS = 'bus'                #: the driver, on the host with the CAN adapter
-    PERCEPTION = 'perception'  #: the others, on any host; they need neither bus nor layout
+    PERCEPTION = 'perception'  #: the other nodes, on any host; they need neither bus nor layout
 
 
 NODE_NAMES = {Role.DRIVER: 'skin_driver', Role.PROCESSOR: 'processor', Role.CLASSIFIER: 'classifier',
@@ -37,7 +37,7 @@ ROS_NAME = re.compile('(/?[A-Za-z_][A-Za-z0-9_]*)(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 
 class NodeDescription(NamedTuple):
-    """One node; ``parameters`` win over parameter files and defaults."""
+    """One node. Its ``parameters`` take precedence over parameter files and defaults."""
 
     role: Role
     pad: str            #: '' for a node of the whole bus
@@ -54,18 +54,36 @@ class NodeDescription(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The node's name below the namespace of its bus."""
+        """Name of the node below the namespace of its bus."""
         return f'{self.pad}/{self.name}' if self.pad else self.name
 
 
 def bus_nodes(pads: Sequence[str], *, driver: Parameters, every: Parameters | None = None,
               classifier: Parameters | None = None, grasp: Parameters | None = None,
               namespace: str = '') -> tuple[NodeDescription, ...]:
-    """Describe the nodes of one bus: a processor and a classifier for each pad, a grasp of two pads, the driver last.
+    """Return the nodes of one bus.
 
-    ``driver``, ``classifier``, ``grasp``: parameters of these; ``every``: of all nodes. Two pads are taken to face each
-    other. Raises ConfigurationError for pads that share a name.
+    These are a processor and a classifier for each pad, a grasp node if there are two pads, and the driver last. Two
+    pads are assumed to face each other.
 
+    Parameters
+    ----------
+    pads : sequence of str
+        Names of the pads.
+    driver, classifier, grasp : mapping
+        Parameters of these nodes.
+    every : mapping or None
+        Parameters of all nodes.
+    namespace : str
+        Namespace of the bus.
+
+    Raises
+    ------
+    ConfigurationError
+        If two pads have the same name, or a name cannot be used.
+
+    Examples
+    --------
     >>> for node in bus_nodes(['left', 'right'], driver={'channel': 'can1'}, namespace='hand'):
     ...     print(node.label.ljust(16), f'{node.namespace}/{node.name}')
     left/processor   hand/left/processor
@@ -86,7 +104,7 @@ def bus_nodes(pads: Sequence[str], *, driver: Parameters, every: Parameters | No
 
 
 def roles_of(side: Side) -> tuple[Role, ...]:
-    """Return what runs on ``side``.
+    """Return the roles of the nodes that run on ``side``.
 
     >>> [role.value for role in roles_of(Side.PERCEPTION)]
     ['processor', 'classifier', 'grasp']
@@ -98,10 +116,10 @@ def _check_names(pads: Sequence[str], namespace: str) -> None:
     if not pads:
         raise ConfigurationError('pads', expected='a name for each pad', got='none', remedy='Name a pad.')
     for what, name in (('namespace', namespace), *(('pads', pad) for pad in pads)):
-        if name and not ROS_NAME.fullmatch(name):  # rclpy would refuse it after another warning
+        if name and not ROS_NAME.fullmatch(name):  # rclpy would refuse the name after an unrelated warning
             raise ConfigurationError(what, expected='letters, digits and underscores, not a digit first, joined by /',
                                      got=repr(name),
                                      remedy='Rename it.' + ' Commas separate several pads.' * (what == 'pads'))
     if len(set(pads)) != len(pads):
         raise ConfigurationError('pads', expected='a different name for each', got=', '.join(pads),
-                                 remedy='Give every pad a different one.')
+                                 remedy='Give every pad a different name.')

@@ -1,4 +1,7 @@
-"""A file that is whole or as it was: written beside its place and renamed when nothing is missing."""
+"""Output files that are either complete or unchanged.
+
+The file is written beside its destination and renamed once it is complete.
+"""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -12,10 +15,21 @@ from tactile_node.errors import InputError
 
 @contextmanager
 def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator[BinaryIO]:
-    """Open ``path`` for bytes. After an error inside, what was there before is there.
+    """Open a file for writing bytes. If an error occurs inside, the previous file stays as it was.
 
-    Devices and pipes are written directly, links are followed. ``inputs``: files that must not be overwritten. Raises
-    InputError where the file is one of them or cannot be written.
+    Devices and pipes are written directly. Links are followed.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    inputs : iterable of str or Path
+        Files that must not be overwritten.
+
+    Raises
+    ------
+    InputError
+        If the file is one of ``inputs`` or cannot be written.
     """
     target = Path(os.path.realpath(path))
     _check_no_input(path, inputs)
@@ -40,9 +54,21 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
 
 
 def check_writable(path: str | Path, inputs: Iterable[str | Path] = (), *, force: bool) -> None:
-    """Raise InputError where ``path`` cannot be written, is one of ``inputs``, or exists and there is no ``force``.
+    """Raise InputError if an output file cannot be written; commands call this before their long work.
 
-    For commands, before their long work rather than after it.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    inputs : iterable of str or Path
+        Files that must not be overwritten.
+    force : bool
+        True to allow that the file exists.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, is one of ``inputs``, or exists and ``force`` is False.
     """
     target = Path(os.path.realpath(path))
     _check_no_input(path, inputs)
@@ -54,7 +80,7 @@ def check_writable(path: str | Path, inputs: Iterable[str | Path] = (), *, force
 
 
 def check_new(path: str | Path, *, force: bool) -> None:
-    """Raise InputError where ``path`` exists, unless it is a device or a pipe, and there is no ``force``."""
+    """Raise InputError if ``path`` exists and ``force`` is False; devices and pipes may exist."""
     if not force and os.path.lexists(path) and (os.path.isdir(path) or not _is_device(path)):
         raise InputError(f'output {str(path)!r}', expected='a new file', got='one that exists',
                          remedy='Give another path, or --force to replace it.')
@@ -67,15 +93,15 @@ def _check_no_input(path: str | Path, inputs: Iterable[str | Path]) -> None:
 
 
 def _is_device(path: str | Path) -> bool:
-    """Return whether it exists and is no regular file; the links of pipes in /proc lead to no path."""
+    """Return True if ``path`` exists and is not a regular file. Links to pipes in /proc do not lead to a path."""
     return os.path.exists(path) and not os.path.isfile(path)
 
 
 def _mode(target: Path) -> int:
-    """Return the mode of the file that is replaced, or the one that the umask gives a new file."""
+    """Return the mode of the file that is replaced, or the mode that the umask gives to a new file."""
     try:
         return target.stat().st_mode & 0o777
     except FileNotFoundError:
-        mask = os.umask(0)  # there is no other way to read it
+        mask = os.umask(0)  # the umask can only be read by setting it
         os.umask(mask)
         return 0o666 & ~mask

@@ -1,7 +1,7 @@
-"""Finds the files of this package, wherever it is installed.
+"""Find the files of this package, wherever it is installed.
 
-A wheel and a ROS workspace hold config/, msg/, srv/ and action/ inside the Python package. In a checkout they lie
-beside it; an editable install and `colcon build --symlink-install` lead back to the checkout.
+In a wheel and in a ROS workspace, config/, msg/, srv/ and action/ are inside the Python package. In a checkout, they
+are beside it. An editable install and `colcon build --symlink-install` lead back to the checkout.
 """
 
 from importlib import metadata
@@ -15,16 +15,19 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 
 
 def config_path(name: str) -> Path:
-    """Return the path of ``name``: as given when such a file exists, else from our ``config/``.
+    """Return the path of a file in the current folder, or of the file with this name in ``config/``.
 
-    Raises ConfigurationError where it is in neither.
+    Raises
+    ------
+    ConfigurationError
+        If neither exists.
     """
     given = Path(name).expanduser()
     return given if given.is_file() else package_file(f'config/{name}')
 
 
 def is_found(name: str) -> bool:
-    """Return whether ``config_path`` finds ``name``."""
+    """Return True if `config_path` finds ``name``."""
     try:
         config_path(name)
     except ConfigurationError:
@@ -35,7 +38,10 @@ def is_found(name: str) -> bool:
 def package_file(name: str) -> Path:
     """Return the path of a file of this package, such as 'config/sim16x16.yaml'.
 
-    Raises ConfigurationError where the package has no such file.
+    Raises
+    ------
+    ConfigurationError
+        If the package has no such file.
     """
     folders = [PACKAGE_FOLDER, *([CHECKOUT] if is_checkout() else [])]
     for folder in folders:
@@ -47,16 +53,16 @@ def package_file(name: str) -> Path:
 
 
 def is_checkout() -> bool:
-    """Return whether this module lies in a checkout, or is a symbolic link or an editable install of one."""
+    """Return True if this module is in a checkout, or is a link to one or an editable install of one."""
     return (CHECKOUT / 'package.xml').is_file()
 
 
-#: what pip calls the distribution, and what ament_python_install_package calls it
+#: Name of the distribution for pip, and for ament_python_install_package.
 DISTRIBUTIONS = ('tactile-skin', 'tactile_node')
 
 
 def package_version() -> str:
-    """Return the version in package.xml, or in the metadata that was made of it and installed beside this package."""
+    """Return the version from package.xml, or from the metadata installed beside this package."""
     if is_checkout():
         return ElementTree.parse(CHECKOUT / 'package.xml').findtext('version', default='unknown')
     beside = [str(PACKAGE_FOLDER.parent)]

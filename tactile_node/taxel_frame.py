@@ -1,34 +1,36 @@
-"""A taxel frame: all taxels of one pad of one sweep, from a live bus or a log; from which reading on one is pressed."""
+"""A taxel frame: all taxels of one pad from one sweep, from a live bus or a log.
+
+The module also holds the thresholds from which on a taxel is pressed.
+"""
 
 from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
 import numpy as np
 
-#: Absolute thresholds: a taxel is pressed from here on: 30 kPa, 0.1 N, on.
-PRESS_BY_UNIT = {'Pa': 30e3, 'N': 0.1, '1': 0.5}
-RELEASE_RATIO = 0.8  #: share of the press threshold
+PRESS_BY_UNIT = {'Pa': 30e3, 'N': 0.1, '1': 0.5}  #: Fixed press thresholds: 30 kPa, 0.1 N, on.
+RELEASE_RATIO = 0.8  #: Release threshold as a share of the press threshold.
 ON_OFF_UNIT = '1'
-#: Below this no taxel is pressed, however quiet the skin is: drift between two tares may reach it.
+#: Below this value no taxel is pressed, however quiet the skin is, because drift between two tares may reach it.
 LEAST_BY_UNIT = {'Pa': 2e3, 'N': 0.007}
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
-    """The array itself, no longer writeable: no stage may change what another one made."""
+    """Return the array itself, made read-only, so that no stage can change the result of another stage."""
     array.flags.writeable = False
     return array
 
 
 class TaxelStatus(IntEnum):
-    """Why a taxel has, or has not, a valid value (TaxelArray.msg mirrors these numbers)."""
+    """Reason why a taxel has a valid value, or has none (TaxelArray.msg mirrors these numbers)."""
 
-    NOT_KNOWN = 0  #: the default of a message; no value
+    NOT_KNOWN = 0  #: the default in a message; the taxel has no value
     VALID = 1
-    STALE = 2      #: its CAN frame did not arrive in this SYNC period
-    UNMAPPED = 3   #: the skin layout maps no TPDO field to it
-    DEAD = 4       #: known to be dead, by the layout file or by what it sent
-    SATURATED = 5  #: at the end of its range: the value is a lower bound, still given
-    FAULTY = 6     #: stuck or flickering, by what it sent
+    STALE = 2      #: the taxel's CAN frame did not arrive in this SYNC period
+    UNMAPPED = 3   #: the skin layout maps no TPDO field to this place
+    DEAD = 4       #: known to be dead from the layout file or from its values
+    SATURATED = 5  #: at the end of its range; the value is a lower bound but is still given
+    FAULTY = 6     #: stuck or flickering according to its values
 
 
 class SkinSide(IntFlag):
@@ -44,35 +46,35 @@ NO_SIDE = SkinSide(0)
 
 
 class TpdoAges(NamedTuple):
-    """How old the values of each TPDO are, in a frame whose TPDOs were not sampled together. Arrays are read-only."""
+    """Ages of the values of each TPDO, in a frame whose TPDOs were not sampled together. Arrays are read-only."""
 
-    ages: np.ndarray  #: float32, shape (TPDOs,): at the frame's stamp, from their reception, >= 0 [s]
-    taxel_tpdos: np.ndarray  #: uint16, shape (rows, cols): whose value each taxel has; 0 where UNMAPPED
+    ages: np.ndarray         #: float32 (TPDOs,), age at the frame's stamp, counted from reception, >= 0 [s]
+    taxel_tpdos: np.ndarray  #: uint16 (rows, cols), index of the TPDO that holds each taxel; 0 where UNMAPPED
 
     def of(self, row: int, col: int) -> float:
-        """The age of a taxel's value [s]."""
+        """Return the age of a taxel's value [s]."""
         return float(self.ages[self.taxel_tpdos[row, col]])
 
 
 class TaxelFrame(NamedTuple):
-    """All taxels of one pad in one SYNC period; without SYNC, of one sweep or the latest of each TPDO.
+    """All taxels of one pad in one SYNC period; without SYNC, from one sweep or from the latest TPDOs.
 
-    ``values`` has shape (rows, cols), row 0 and column 0 at the pad frame's origin, in the layout's SI
-    unit. It is read-only, and NaN (never 0) where ``status`` reports no valid value.
+    ``values`` has the shape (rows, cols), with row 0 and column 0 at the origin of the pad's frame, in the layout's SI
+    unit. The array is read-only. A value is NaN (never 0) if ``status`` reports no valid value.
     """
 
-    #: acquisition time [s, Unix epoch]: when the SYNC of this period was on the bus; without SYNC, the first TPDO of
-    #: this sweep, or the newest TPDO in it (``tpdo_ages``)
+    #: Acquisition time [s, Unix epoch]: the time at which the SYNC of this period was on the bus. Without SYNC, the
+    #: time of the first TPDO of this sweep, or of the newest TPDO in the frame (``tpdo_ages``).
     stamp: float
-    sequence: int  #: counts SYNC periods since the driver became active, gaps are lost frames
+    sequence: int  #: number of SYNC periods since the driver became active; gaps are lost frames
     values: np.ndarray  #: float32, shape (rows, cols)
     status: np.ndarray  #: uint8 TaxelStatus, shape (rows, cols)
-    missing_can_frames: int  #: TPDOs of this period that did not arrive, or not as mapped
-    tpdo_ages: TpdoAges | None = None  #: None: all values are of one sweep
+    missing_can_frames: int  #: number of TPDOs of this period that did not arrive, or did not arrive as mapped
+    tpdo_ages: TpdoAges | None = None  #: None if all values come from one sweep
 
 
 def without_any_value(frame: TaxelFrame) -> TaxelFrame:
-    """NaN and STALE in place of every value."""
+    """Return the frame with NaN and STALE in place of every value."""
     given = np.isin(frame.status, (TaxelStatus.VALID, TaxelStatus.SATURATED))
     return frame._replace(values=read_only(np.full_like(frame.values, np.nan)),
                           status=read_only(np.where(given, np.uint8(TaxelStatus.STALE), frame.status)))

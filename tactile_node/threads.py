@@ -1,4 +1,4 @@
-"""The threads of this package. Each logs an unforeseen exception with its traceback."""
+"""The threads of this package. Each thread logs an unexpected exception with its traceback."""
 
 import logging
 import threading
@@ -10,7 +10,7 @@ OnDeath = Callable[[Exception], object]
 
 
 class ReportedThread(threading.Thread):
-    """A thread that logs the exception that ends it, and then calls ``on_death`` with that exception."""
+    """A thread that logs the exception that ends it, and then calls ``on_death`` with this exception."""
 
     def __init__(self, run: Callable[..., object], name: str, *args: object,
                  on_death: OnDeath = lambda error: None, daemon: bool = True):
@@ -24,7 +24,7 @@ class ReportedThread(threading.Thread):
 
 
 def call_guarded(call: Callable[..., object], *args: object) -> Exception | None:
-    """Make a call; log the exception that it raises, and return that exception."""
+    """Call a function; log an exception that it raises, and return this exception."""
     try:
         call(*args)
     except Exception as error:

@@ -1,4 +1,4 @@
-"""Reads typed keys of a YAML mapping. Every error is a ConfigurationError that names file and key."""
+"""Read typed keys of a YAML mapping. Every error is a ConfigurationError that names file and key."""
 
 import re
 from collections.abc import Iterable
@@ -12,14 +12,15 @@ import yaml
 from tactile_node.errors import ConfigurationError
 
 _NO_DEFAULT = object()
-LARGEST_NUMBER = 1e300     #: a whole number of YAML may be larger than any float
-MOST_BYTES = 1 << 19  #: size of a file: no pad that CAN carries needs more, and a longer one takes seconds to read
-SHOWN = 80          #: characters of a value in an error
-LONGEST_SHOWN = 128  #: bits of a whole number in an error
+LARGEST_NUMBER = 1e300  #: Largest number; a whole number in YAML may be larger than any float.
+#: Largest size of a file; no pad on a CAN bus needs more, and a longer file takes seconds to read.
+MOST_BYTES = 1 << 19
+SHOWN = 80           #: Largest number of characters of a value in an error.
+LONGEST_SHOWN = 128  #: Largest number of bits of a whole number in an error.
 
 
-class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]  # libyaml is ten times faster
-    """Refuses a key that is given twice; PyYAML would take the last one."""
+class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]  # libyaml: ten times faster
+    """Refuses a key that is given twice; PyYAML would silently take the last one."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[str] = set()
@@ -33,9 +34,19 @@ class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[mi
 
 
 def load_mapping(path: Path, about: str) -> 'Section':
-    """Return the mapping at the top of the YAML file ``path``.
+    """Return the mapping at the top of a YAML file.
 
-    ``about`` names what the file should be, for errors: 'a skin layout'. Raises ConfigurationError.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    about : str
+        What the file should be, for errors, such as 'a skin layout'.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be read or is not a YAML mapping.
     """
     try:
         with Path(path).open('rb') as stream:
@@ -54,7 +65,7 @@ def load_mapping(path: Path, about: str) -> 'Section':
     except yaml.YAMLError as error:
         raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=_one_line(error),
                                  remedy='Correct the YAML at that line.') from error
-    except (ValueError, KeyError, IndexError, AttributeError, RecursionError) as error:  # PyYAML over odd scalars
+    except (ValueError, KeyError, IndexError, AttributeError, RecursionError) as error:  # PyYAML, for odd scalars
         raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=f'{type(error).__name__}: {error}'[:200],
                                  remedy='Correct the YAML.') from error
     if not isinstance(content, dict):
@@ -64,9 +75,20 @@ def load_mapping(path: Path, about: str) -> 'Section':
 
 
 def line_of(path: Path, key: str) -> int | None:
-    """Return the line of ``key``, as errors name it ('tpdos[3].taxels'), or of the part of it that is there, if any.
+    """Return the line of a key in a YAML file; if the key is missing, the line of the deepest part that exists.
 
-    A remark in brackets, 'tpdos[3] (TPDO 9).taxels', is no part of it.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    key : str
+        Key as errors name it, such as 'tpdos[3].taxels'. Remarks in brackets are ignored, as in 'tpdos[3] (TPDO
+        9).taxels'.
+
+    Returns
+    -------
+    int or None
+        None if there is no such line.
     """
     try:
         node = yaml.compose(Path(path).read_text(encoding='utf-8'), yaml.SafeLoader)
@@ -94,14 +116,14 @@ def _one_line(error: yaml.YAMLError) -> str:
 
 
 class _Short(Repr):
-    """Writes the beginning of any value: aliases in a small file can stand for more than fits into memory."""
+    """Writes the beginning of any value; aliases in a small file can stand for more than fits into memory."""
 
     def repr_int(self, x: int, level: int) -> str:
         return super().repr_int(x, level) if x.bit_length() <= LONGEST_SHOWN else f'of {x.bit_length()} bits'
 
 
 def shown(value: Any) -> str:
-    """Return a value of YAML as an error shows it."""
+    """Return a YAML value in the form that errors show."""
     return _Short().repr(value)[:SHOWN]
 
 
@@ -110,10 +132,10 @@ def _kind(value: Any) -> str:
 
 
 class Section:
-    """A mapping whose keys are taken one by one; each method checks the value of one key.
+    """A mapping whose keys are taken one by one. Each method checks the value of one key.
 
-    A key without a ``default`` is required. ``done`` refuses the keys that were not taken. Every violation raises a
-    ConfigurationError that names file and key. Values of YAML have any type, hence ``Any``.
+    A key without a ``default`` is required. `done` refuses the keys that were not taken. Every violation raises a
+    ConfigurationError that names file and key. Values in YAML have any type, hence ``Any``.
 
     >>> section = Section({'rows': 16, 'unit': 'Pa'}, 'skin.yaml')
     >>> section.integer('rows', 1, 1024), section.choice('unit', ('Pa', 'N'))
@@ -129,16 +151,16 @@ class Section:
 
     @property
     def path(self) -> str:
-        """The section's own key in the file, '' at the top."""
+        """Key of this section in the file; '' at the top."""
         return self._path
 
     def refuse(self, key: str, *, expected: str, got: str, remedy: str) -> NoReturn:
-        """Raise the ConfigurationError of ``key``."""
+        """Raise the ConfigurationError for ``key``."""
         raise ConfigurationError(f'{self._where}, key "{self._name(key)}"', expected=expected, got=got,
                                  remedy=remedy)
 
     def take(self, key: str, default: Any = _NO_DEFAULT) -> Any:
-        """The value of ``key``, of any type."""
+        """Return the value of ``key``, of any type."""
         self._taken.append(key)
         if key in self._mapping:
             return self._mapping[key]
@@ -149,18 +171,18 @@ class Section:
         return default
 
     def integer(self, key: str, low: int, high: int, default: Any = _NO_DEFAULT) -> int:
-        """A whole number ``low``..``high``, both included."""
+        """Return a whole number from ``low`` to ``high``, both included."""
         return self.checked_integer(key, self.take(key, default), low, high)
 
     def checked_integer(self, key: str, value: Any, low: int, high: int) -> int:
-        """``value``, which belongs to ``key``, as ``integer`` checks it."""
+        """Return ``value``, which belongs to ``key``, after the checks of `integer`."""
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             self.refuse(key, expected=f'a whole number {low}..{high}', got=_kind(value),
                         remedy='Correct the number.')
         return value
 
     def number(self, key: str, default: Any = _NO_DEFAULT, *, positive: bool = False) -> float:
-        """A finite number in SI units."""
+        """Return a finite number in SI units."""
         value = self.take(key, default)
         good = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST_NUMBER
         if not good or (positive and value <= 0):
@@ -169,7 +191,7 @@ class Section:
         return float(value)
 
     def choice(self, key: str, options: tuple[Any, ...], default: Any = _NO_DEFAULT) -> Any:
-        """One of ``options``, which are all booleans or all strings."""
+        """Return one of ``options``, which are all booleans or all strings."""
         value = self.take(key, default)
         if value not in options or isinstance(value, bool) != isinstance(options[0], bool):
             self.refuse(key, expected=f'one of {", ".join(map(repr, options))}', got=_kind(value),
@@ -177,7 +199,7 @@ class Section:
         return value
 
     def sequence(self, key: str, default: Any = _NO_DEFAULT) -> list[Any]:
-        """A list of anything."""
+        """Return a list of any values."""
         value = self.take(key, default)
         if not isinstance(value, (list, tuple)):
             self.refuse(key, expected='a list', got=_kind(value),
@@ -185,22 +207,22 @@ class Section:
         return list(value)
 
     def integers(self, key: str, count: int, low: int, high: int) -> tuple[int, ...]:
-        """A list of ``count`` whole numbers ``low``..``high``."""
+        """Return ``count`` whole numbers from ``low`` to ``high``."""
         return self.checked_integers(key, self.take(key), count=count, low=low, high=high)
 
     def checked_integers(self, key: str, value: Any, count: int, low: int, high: int) -> tuple[int, ...]:
-        """``value``, which belongs to ``key``, as ``integers`` checks it."""
+        """Return ``value``, which belongs to ``key``, after the checks of `integers`."""
         if not isinstance(value, (list, tuple)) or len(value) != count:
             self.refuse(key, expected=f'a list of {count} whole numbers', got=_kind(value),
                         remedy='Correct the list.')
         return tuple(self.checked_integer(key, item, low, high) for item in value)
 
     def section(self, key: str, default: Any = _NO_DEFAULT) -> 'Section':
-        """A mapping, as its own section."""
+        """Return a mapping as a section of its own."""
         return self.subsection(key, self.take(key, default))
 
     def subsection(self, key: str, value: Any) -> 'Section':
-        """``value``, which belongs to ``key``, as ``section`` checks it."""
+        """Return ``value``, which belongs to ``key``, after the checks of `section`."""
         if not isinstance(value, dict):
             self.refuse(key, expected='a mapping of keys to values', got=_kind(value),
                         remedy='Write it as {key: value, ...} or as indented lines.')
@@ -220,6 +242,6 @@ class Section:
 
     @staticmethod
     def _close(key: str, among: Iterable[Any]) -> str:
-        """Return the name ``among`` these that is spelt like ``key``; empty: none is."""
+        """Return the name ``among`` these that is spelt most like ``key``, or '' if none is close."""
         close = get_close_matches(key, map(str, among), n=1)
         return close[0] if close and close[0] != key else ''

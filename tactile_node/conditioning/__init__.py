@@ -1,1 +1,1 @@
-"""Taxel frame -> taxel frame: corrections of the values before a contact is looked for."""
+"""From taxel frame to taxel frame: corrections of the values before contacts are found."""

@@ -1,4 +1,4 @@
-"""All that is done to one pad's frames between the bus and their consumers."""
+"""All corrections of one pad's frames between the bus and their consumers."""
 
 from typing import NamedTuple
 
@@ -10,11 +10,14 @@ from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, 
 from tactile_node.errors import HalfZeroedError
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only, without_any_value
 
-MOST_NAMED = 20  #: taxels of a kind in the text
+MOST_NAMED = 20  #: Largest number of taxels of one kind that the text lists.
 
 
 def faults_text(faults: FaultyTaxels) -> str:
-    """Return the faulty taxels by kind: 'dead: (3, 4), (5, 0); stuck: (1, 2)', MOST_NAMED of each kind at most."""
+    """Return the faulty taxels by kind, such as 'dead: (3, 4), (5, 0); stuck: (1, 2)'.
+
+    The text names at most MOST_NAMED taxels of each kind.
+    """
     found = {kind: faults.places(kind) for kind in TaxelFault if kind}
     return '; '.join(f'{kind.name.lower()}: {", ".join(map(str, places[:MOST_NAMED]))}'
                      + (f' and {len(places) - MOST_NAMED} more' if len(places) > MOST_NAMED else '')
@@ -22,25 +25,37 @@ def faults_text(faults: FaultyTaxels) -> str:
 
 
 class PadCondition(NamedTuple):
-    """What is known of a pad."""
+    """The condition of a pad."""
 
     faults: FaultyTaxels
-    unchanged: float = 0.0  #: for how long no taxel has read another value [s]
+    unchanged: float = 0.0  #: time for which no taxel has changed its value [s]
     is_frozen: bool = False
-    zero: ZeroState = ZeroState.VALID  #: unless VALID, no value is valid
-    zero_error: HalfZeroedError | None = None  #: what the device reported, when it is PARTLY_ZEROED
-    other_publishers: tuple[str, ...] = ()  #: nodes that publish taxels of this pad, too, by full name
+    zero: ZeroState = ZeroState.VALID          #: state of the zero; unless it is VALID, no value is valid
+    zero_error: HalfZeroedError | None = None  #: report of the device if it has zeroed only a part of its channels
+    other_publishers: tuple[str, ...] = ()     #: full names of other nodes that also publish taxels of this pad
 
 
 class ConditionedPad:
-    """Masks faulty taxels, subtracts the zero, applies the gains and the curve, in this order.
+    """Masks faulty taxels, subtracts the zero, and applies the gains and the curve, in this order.
 
-    value = curve(gain x (reading - zero)), NaN where faulty.
+    value = curve(gain x (reading - zero)); NaN for a faulty taxel.
 
-    ``known`` are faulty and taken out from the first frame; ``detector`` finds more, which are reported and, with
-    ``masks``, taken out too.
-    A pad whose readings do not change by one count for ``frozen_after`` [s] has stopped sampling: no value is valid,
-    all are STALE. That is for skins that are never quite still; 0: never.
+    If the readings of a pad do not change by a single count for ``frozen_after`` [s], the pad has stopped sampling.
+    Then no value is valid, and all taxels are STALE. Use this only for skins that are never quite still; 0 turns it
+    off.
+
+    Parameters
+    ----------
+    tared : TaredPad
+        Subtracts the zero.
+    detector : FaultDetector
+        Finds more faulty taxels. They are reported, and with ``masks`` they are also removed.
+    known : FaultyTaxels
+        Faulty taxels that are removed from the first frame on.
+    gains : np.ndarray or None
+        Gain of each taxel, (rows, cols).
+    curve : ResponseCurve or None
+        Curve from readings to pressures.
     """
 
     def __init__(self, tared: TaredPad, detector: FaultDetector, known: FaultyTaxels, gains: np.ndarray | None = None,
@@ -54,7 +69,7 @@ class ConditionedPad:
         self._known = known
         self.gains = gains
         self._curve = curve
-        self.faults = known  #: and found
+        self.faults = known  #: known and found faulty taxels
         self._found: FaultyTaxels | None = None
         self._status = np.zeros_like(known.kinds)
 
@@ -88,7 +103,7 @@ class ConditionedPad:
         return frame
 
     def _count_unchanged(self, frame: TaxelFrame) -> None:
-        """Only time in which readings came counts; stamps that go back start it again."""
+        """Add the time since the frame before if readings arrived in it; a stamp that goes backwards starts again."""
         step, self._stamp = frame.stamp - self._stamp, frame.stamp
         if self.detector.has_changed or step < 0:
             self.unchanged = 0.0

@@ -1,22 +1,29 @@
-"""Follows the slow drift of taxels' zero while nothing presses, and leaves it alone while something does."""
+"""Follow the slow drift of the taxels' zero while nothing presses the pad, and keep the zero while something does."""
 
 import numpy as np
 
 from tactile_node.taxel_frame import read_only
 
-TIME_CONSTANT = 20.0  #: s in which the zero follows a small step
-DRIFT_RATE = 1 / 300        #: ``limit`` a second: faster is no drift
-PRESSED_SHARE = 0.5         #: ``limit`` above its zero: a taxel that may be under a contact
-QUIET_TIME = 2.0           #: s without such a taxel before the zero is followed (again)
+TIME_CONSTANT = 20.0  #: Time in which the zero follows a small step [s].
+DRIFT_RATE = 1 / 300  #: Largest drift per second, as a share of ``limit``; a faster change is no drift.
+PRESSED_SHARE = 0.5   #: Share of ``limit`` above the zero from which on a taxel may be under a contact.
+QUIET_TIME = 2.0      #: Time without such a taxel before the zero is followed [s].
 
 
 class DriftFollower:
-    """The zero of one pad, followed frame by frame; ``limit``: of `tare`, in the taxels' unit.
+    """The zero of one pad, followed frame by frame.
 
-    While any taxel reads PRESSED_SHARE x limit above its zero, and QUIET_TIME after, the whole pad's zero stands
-    still: a grasp, also one that is there from the start, is never taken for drift, and neither are the taxels around
-    it. The same while a taxel that has had a value has none. The price: drift beyond PRESSED_SHARE x limit within one
-    grasp needs a tare. A touch lighter than that is taken for drift, at no more than DRIFT_RATE x limit a second.
+    The zero of the whole pad stands still while any taxel reads PRESSED_SHARE x limit above its zero, and for
+    QUIET_TIME after that. A grasp is therefore never taken for drift, even if it is present from the start, and neither
+    are the taxels around it. The zero also stands still while a taxel has no value but had one before.
+
+    This has two drawbacks. A drift of more than PRESSED_SHARE x limit during one grasp needs a tare. A lighter touch is
+    taken for drift, at no more than DRIFT_RATE x limit per second.
+
+    Parameters
+    ----------
+    limit : float
+        Limit of a tare, in the taxels' unit.
     """
 
     def __init__(self, limit: float):
@@ -26,14 +33,24 @@ class DriftFollower:
 
     def update(self, stamp: float, values: np.ndarray, zero: np.ndarray,
                is_faulty: np.ndarray | bool = False, is_contact: bool = False) -> np.ndarray:
-        """Return the zero, (rows, cols), after a frame of ``values`` (NaN: unknown) as measured at ``stamp`` [s].
+        """Return the zero after one more frame, (rows, cols).
 
-        Taxels that are faulty (bool, (rows, cols)) are not waited for. ``is_contact``: something presses the pad,
-        whatever its taxels read above zero.
+        Parameters
+        ----------
+        stamp : float
+            Acquisition of the frame [s].
+        values : np.ndarray
+            Taxel values as measured, (rows, cols); NaN if unknown.
+        zero : np.ndarray
+            Zero before this frame, (rows, cols).
+        is_faulty : np.ndarray or bool
+            True for faulty taxels, bool (rows, cols). The zero does not wait for their values.
+        is_contact : bool
+            True if something presses the pad, whatever its taxels read above zero.
         """
         passed, self._stamp = stamp - self._stamp, stamp
         above = np.where(np.isfinite(values), values - zero, 0)
-        lost = self._seen & ~np.isfinite(values) & ~np.asarray(is_faulty)  # it may be pressed
+        lost = self._seen & ~np.isfinite(values) & ~np.asarray(is_faulty)  # a taxel without a value may be pressed
         self._seen = self._seen | np.isfinite(values)
         if is_contact or lost.any() or (above >= PRESSED_SHARE * self.limit).any() or not 0 <= passed < QUIET_TIME:
             self._pressed_at = stamp

@@ -1,4 +1,4 @@
-"""What a reading means: gains of taxels, and the curve from readings to pressures."""
+"""Gains of taxels, and the curve from readings to pressures."""
 
 from io import BytesIO
 from pathlib import Path
@@ -11,9 +11,21 @@ from tactile_node.taxel_frame import read_only
 
 
 def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
-    """Read gains, float32 (rows, cols), read-only, from .npy or from text: a row of the pad a line, commas or blanks.
+    """Return the gains in a file, float32 (rows, cols), read-only.
 
-    Raises ConfigurationError for a file that cannot be read, another shape, or a gain that is none.
+    The file is a .npy array, or text with one line per row of the pad and with commas or blanks between the numbers.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    rows, cols : int
+        Number of rows and columns of the pad.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be read, has another shape, or contains a gain that cannot be used.
     """
     where, most = f'gain file {path}', 64 * rows * cols + 4096
     try:
@@ -27,14 +39,14 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
         if gains.dtype.kind not in 'iuf':
             raise ValueError(f'an array of {gains.dtype}')
         gains = gains.astype(np.float32)
-    except Exception as error:  # numpy lets through what zipfile, tokenize and others raise over broken files
+    except Exception as error:  # broken files raise errors of zipfile, tokenize and others, which numpy lets through
         got = (str(error).splitlines() or [type(error).__name__])[0]
-        raise ConfigurationError(where, expected='numbers, a row of the pad a line (text), or a .npy array', got=got,
-                                 remedy='Correct the file, or make it again.') from error
+        raise ConfigurationError(where, expected='numbers, one line of text per row of the pad, or a .npy array',
+                                 got=got, remedy='Correct the file, or make it again.') from error
     if gains.shape != (rows, cols):
-        raise ConfigurationError(where, expected=f'{rows} rows of {cols} gains, as the pad has taxels',
+        raise ConfigurationError(where, expected=f'{rows} rows of {cols} gains, one for each taxel of the pad',
                                  got=f'shape {gains.shape}', remedy='Give the gains of this pad.')
-    low, high = 0.01, 100.0  # beyond is a typing error or a dead taxel
+    low, high = 0.01, 100.0  # other gains are typing errors or belong to dead taxels
     wrong = ~((gains >= low) & (gains <= high))  # NaN too
     if wrong.any():
         row, col = np.argwhere(wrong)[0]
@@ -45,16 +57,16 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
 
 
 class ResponseCurve(NamedTuple):
-    """Straight lines between nodes, from (0, 0) upwards; the same for negative readings, mirrored.
+    """Straight lines between nodes, from (0, 0) upwards. For negative readings, the curve is mirrored.
 
-    Beyond the last node the last line goes on.
+    Beyond the last node, the last line continues.
     """
 
-    readings: np.ndarray   #: (k,), of a calibrated zero, rising from 0 [unit of the taxels]
-    pressures: np.ndarray  #: (k,), rising from 0 [the same unit]
+    readings: np.ndarray   #: (k,), readings above a calibrated zero, rising from 0 [unit of the taxels]
+    pressures: np.ndarray  #: (k,), pressures for these readings, rising from 0 [unit of the taxels]
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Return the pressures of ``values``, same shape and type; NaN stays NaN.
+        """Return the pressures for readings, with the same shape and type; NaN stays NaN.
 
         >>> curve = ResponseCurve(np.array((0.0, 1.0, 2.0)), np.array((0.0, 1.0, 4.0)))
         >>> curve(np.array((-1.0, 0.5, 3.0, np.nan))).tolist()
@@ -68,7 +80,18 @@ class ResponseCurve(NamedTuple):
 
 
 def make_curve(readings: list[float], pressures: list[float]) -> ResponseCurve:
-    """Make a curve of nodes. Raises ConfigurationError unless both rise from 0."""
+    """Return the curve through the given nodes.
+
+    Parameters
+    ----------
+    readings, pressures : list of float
+        Coordinates of the nodes.
+
+    Raises
+    ------
+    ConfigurationError
+        Unless both lists rise from 0 and have the same length.
+    """
     for name, nodes in (('readings', readings), ('pressures', pressures)):
         array = np.array(nodes, float)
         if len(array) < 2 or len(readings) != len(pressures) or array[0] != 0 or not (np.diff(array) > 0).all() \

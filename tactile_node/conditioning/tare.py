@@ -1,4 +1,4 @@
-"""Tare: the reading of each taxel with nothing on it, measured and subtracted."""
+"""Tare: measure the reading of each taxel with nothing on it, and subtract it."""
 
 import threading
 from collections.abc import Callable
@@ -20,12 +20,18 @@ from tactile_node.taxel_frame import (
     without_any_value,
 )
 
-#: A taxel that reads so much is pressed when a tare is requested: less than a contact worth the name.
+#: If a taxel reads this much when a tare is requested, it is pressed. The value is less than that of a real contact.
 TARE_LIMIT_BY_UNIT = {'Pa': 10e3, 'N': 0.03}
 
 
 def tare_limit(given: float, unit: str) -> float:
-    """Return ``given``, or where it is 0 the limit for ``unit``. Raises ConfigurationError where there is none."""
+    """Return ``given``, or the limit for ``unit`` if ``given`` is 0.
+
+    Raises
+    ------
+    ConfigurationError
+        If taxels in this unit have no limit.
+    """
     limit = None if unit == ON_OFF_UNIT else given or TARE_LIMIT_BY_UNIT.get(unit)
     if limit is None:
         raise ConfigurationError('tare', expected='taxels in ' + ' or '.join(TARE_LIMIT_BY_UNIT), got=repr(unit),
@@ -34,43 +40,74 @@ def tare_limit(given: float, unit: str) -> float:
 
 
 def rest_limit(given: float, unit: str) -> float:
-    """Return the same for on/off taxels too: below it a taxel is not pressed."""
+    """Return the value below which a taxel is not pressed: the tare limit, or the press threshold for on/off taxels."""
     return PRESS_BY_UNIT[ON_OFF_UNIT] if unit == ON_OFF_UNIT else tare_limit(given, unit)
 
 
 def drift_limit(given: float, unit: str, gains: np.ndarray | None = None) -> float:
-    """Return what the zero may be followed by: a ``given`` tare limit beyond the unit's own would hide a grasp.
+    """Return the limit up to which the zero may follow a drift.
 
-    So would one that the largest of ``gains`` makes a contact of. Raises ConfigurationError where there is no zero.
+    A ``given`` tare limit above the limit of the unit would hide a grasp. A zero error that the largest of ``gains``
+    amplifies above the contact threshold has the same effect. The result therefore accounts for both.
+
+    Parameters
+    ----------
+    given : float
+        Tare limit from the configuration; 0 if it is not given.
+    unit : str
+        Unit of the taxels.
+    gains : np.ndarray or None
+        Gain of each taxel.
+
+    Raises
+    ------
+    ConfigurationError
+        If taxels in this unit have no zero.
     """
     largest = 1.0 if gains is None else max(1.0, float(gains.max()))
     return min(tare_limit(given, unit), tare_limit(0.0, unit)) / largest
 
 
-RAISED_TAXELS = 3  #: connected taxels that stand out make a contact; fewer may be faulty
+RAISED_TAXELS = 3  #: Number of connected raised taxels that make a contact; fewer may be faulty.
 
 
 class ContactGuard(NamedTuple):
-    """Finds a contact in readings. Levels are of published values: gain x (reading - zero).
+    """Finds a contact in readings. Its levels refer to published values: gain x (reading - zero).
 
-    A taxel is pressed from ``press`` on, and until it reads less than RELEASE_RATIO of it: the processor, by its
-    defaults, reports such a contact. RAISED_TAXELS connected taxels are pressed too where they read ``raised`` more
-    than the pad's background, and more than its offsets vary: before the first tare a contact may hide in a low offset.
+    A taxel becomes pressed at ``press`` and is released below RELEASE_RATIO of it. By default the processor reports the
+    same contact.
+
+    RAISED_TAXELS connected taxels are also pressed if they read ``raised`` above the background of the pad, and more
+    than its offsets vary. Before the first tare, a low offset may hide a contact.
     """
 
-    press: float
-    raised: float
-    unit: str  #: unit of the taxels
-    gains: np.ndarray | float = 1.0  #: (rows, cols) or one for all
+    press: float                     #: press threshold
+    raised: float                    #: rise above the background of the pad
+    unit: str                        #: unit of the taxels
+    gains: np.ndarray | float = 1.0  #: (rows, cols), or one gain for all taxels
 
     @classmethod
     def of_unit(cls, unit: str, gains: np.ndarray | float = 1.0) -> 'ContactGuard':
-        """``unit``: of the taxels, one of PRESS_BY_UNIT."""
+        """Return the guard for taxels in ``unit``, one of PRESS_BY_UNIT."""
         return cls(PRESS_BY_UNIT[unit], TARE_LIMIT_BY_UNIT.get(unit, np.inf), unit, gains)
 
     def pressed(self, readings: np.ndarray, zero: np.ndarray | float) -> np.ndarray:
-        """Return the pressed taxels, bool (rows, cols), of successive readings (K, rows, cols), NaN where invalid.
+        """Return the taxels that are pressed in any of successive frames.
 
+        Parameters
+        ----------
+        readings : np.ndarray
+            Readings of K frames, (K, rows, cols); NaN if invalid.
+        zero : np.ndarray or float
+            Zero of each taxel, or of all.
+
+        Returns
+        -------
+        np.ndarray
+            bool (rows, cols).
+
+        Examples
+        --------
         >>> guard = ContactGuard.of_unit('Pa')
         >>> guard.pressed(np.array([[[0.0, 0.0, 40e3]]]), zero=0.0).tolist()
         [[False, False, True]]
@@ -86,7 +123,8 @@ class ContactGuard(NamedTuple):
     def _standing_out(self, mean: np.ndarray, known: np.ndarray) -> np.ndarray:
         if not known.any():
             return known
-        # an object may cover three quarters; the distance is 0.97 standard deviations of normal offsets, six are none
+        # An object may cover three quarters of the pad, so the lowest quarter shows the background. If offsets are
+        # normally distributed, the two quantiles are 0.97 standard deviations apart, and no offset is six times as far.
         lowest, background = np.quantile(mean[known], (0.05, 0.25))
         raised = known & (mean >= background + max(self.raised, 6 * (background - lowest)))
         groups, count = label(raised, np.ones((3, 3)))
@@ -96,7 +134,7 @@ class ContactGuard(NamedTuple):
 
 
 class ZeroState(PhrasedCode):
-    """Whether the zero of a pad is valid: subtracted here, or as the device sends it; if not, why."""
+    """State of a pad's zero, whether it is subtracted here or by the device."""
 
     NOT_KNOWN = 0, 'the state of its zero is not known'
     VALID = 1, 'its zero is valid'
@@ -107,12 +145,12 @@ class ZeroState(PhrasedCode):
 
 
 class Tare(NamedTuple):
-    """Zero of a pad."""
+    """The zero of a pad."""
 
     offset: np.ndarray  #: float32, (rows, cols), read-only; 0 for a taxel that had no valid value
-    frames: int         #: averaged
-    noise: float        #: standard deviation of a taxel around its zero, root mean square over the pad
-    known: np.ndarray   #: bool, (rows, cols): where the offset was measured
+    frames: int         #: number of averaged frames
+    noise: float        #: standard deviation of a taxel around its zero, as root mean square over the pad
+    known: np.ndarray   #: bool (rows, cols), True where the offset was measured
     unit: str           #: unit of offset and noise
 
     @property
@@ -122,10 +160,24 @@ class Tare(NamedTuple):
 
 
 def measure(values: np.ndarray, limit: float, guard: ContactGuard, zero: np.ndarray | float = 0.0) -> Tare:
-    """Return the zero of a pad from frames without a tare, (K, rows, cols), NaN where invalid.
+    """Return the zero of a pad.
 
-    Raises TareRefusedError where something presses: a taxel reads ``limit`` or more, or varies by as much, or
-    ``guard`` finds a contact over the present ``zero``. And where not one taxel has a valid value in all frames.
+    Parameters
+    ----------
+    values : np.ndarray
+        Values of K frames before any tare, (K, rows, cols); NaN if invalid.
+    limit : float
+        Reading from which on a taxel counts as pressed.
+    guard : ContactGuard
+        Finds contacts that must not be tared away.
+    zero : np.ndarray or float
+        Present zero.
+
+    Raises
+    ------
+    TareRefusedError
+        If a taxel reads ``limit`` or more, or varies by as much; if ``guard`` finds a contact; or if no taxel has a
+        valid value in all frames.
     """
     known = np.isfinite(values).all(0)
     if not known.any():
@@ -148,7 +200,7 @@ def measure(values: np.ndarray, limit: float, guard: ContactGuard, zero: np.ndar
 
 
 def _refuse_contact(values: np.ndarray, guard: ContactGuard, zero: np.ndarray | float) -> None:
-    """Raise TareRefusedError where ``guard`` finds a contact."""
+    """Raise TareRefusedError if ``guard`` finds a contact."""
     pressed = guard.pressed(values, zero)
     if pressed.any():
         loads = np.where(pressed, np.where(np.isfinite(values), values - zero, -np.inf).max(0), -np.inf)
@@ -161,11 +213,17 @@ def _refuse_contact(values: np.ndarray, guard: ContactGuard, zero: np.ndarray | 
 
 
 class TaredPad:
-    """Subtracts the zero of one pad from its frames; frames come on one thread, ``tare`` is called on another.
+    """Subtracts the zero of one pad from its frames. Frames arrive on one thread, and `tare` is called on another.
 
-    ``guard`` finds the contacts that are never tared away. With ``drift`` the zero follows the taxels while nothing
-    presses.
+    Parameters
+    ----------
+    guard : ContactGuard
+        Finds the contacts that are never tared away.
+    drift : DriftFollower or None
+        Lets the zero follow the taxels while nothing presses them; None to keep the zero.
 
+    Examples
+    --------
     >>> pad = TaredPad(ContactGuard.of_unit('Pa'))
     >>> pad.offset is None
     True
@@ -174,25 +232,25 @@ class TaredPad:
     def __init__(self, guard: ContactGuard, drift: DriftFollower | None = None):
         self.offset: np.ndarray | None = None
         self.drift = drift
-        self.zero_error: HalfZeroedError | None = None  #: what the device reported, when it is PARTLY_ZEROED
+        self.zero_error: HalfZeroedError | None = None  #: report of the device if it has zeroed only some channels
         self._guard = guard
         self._zero_state = ZeroState.VALID
-        self._boots: Callable[[], int] | None = None  # counted, where a device has zeroed itself
-        self._zeroed_after = 0  # so many boots
+        self._boots: Callable[[], int] | None = None  # counts boot-ups of a device that has zeroed itself
+        self._zeroed_after = 0  # number of boot-ups when the device zeroed itself
         self._wanted = 0
         self._taken: list[np.ndarray] = []
         self._changed = threading.Condition()
-        self._ended = ''  # why no more frames come, '' while they may
+        self._ended = ''  # reason why no more frames arrive; '' while they may
 
     @property
     def zero_state(self) -> ZeroState:
-        """Whether the zero is valid; while it is not, no value is."""
+        """State of the zero; unless it is VALID, no value is valid."""
         if self._zero_state is ZeroState.VALID and self._boots is not None and self._boots() != self._zeroed_after:
             return ZeroState.DEVICE_HAS_RESTARTED
         return self._zero_state
 
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
-        """Return the frame, its tare subtracted."""
+        """Return the frame with the zero subtracted."""
         is_valid = self.zero_state is ZeroState.VALID
         with self._changed:
             if self._wanted and not frame.missing_can_frames:
@@ -211,7 +269,22 @@ class TaredPad:
         return frame._replace(values=read_only((frame.values - self.offset).astype(np.float32, copy=False)))
 
     def tare(self, frames: int, limit: float, timeout: float) -> Tare:
-        """Average the next complete ``frames`` into a new tare; TareRefusedError, also after ``timeout`` [s]."""
+        """Average the next complete frames into a new zero.
+
+        Parameters
+        ----------
+        frames : int
+            Number of frames to average.
+        limit : float
+            Reading from which on a taxel counts as pressed.
+        timeout : float
+            Time allowed for the frames to arrive [s].
+
+        Raises
+        ------
+        TareRefusedError
+            If the pad is pressed or the frames do not arrive in time.
+        """
         boots = self._boots() if self._boots is not None else 0
         found = self._measure_next(frames, limit, timeout)
         with self._changed:  # a taxel that could not be measured keeps its zero
@@ -223,13 +296,36 @@ class TaredPad:
 
     def tare_after(self, zero_device: Callable[[], int], boots: Callable[[], int], frames: int, limit: float,
                    timeout: float) -> tuple[int, Tare]:
-        """Let the device zero itself, then subtract what is left; return the result of ``zero_device``, too.
+        """Let the device zero itself, then subtract the remaining offset.
 
-        Refused under load before the device receives the request, or it would take the load for its zero. Until the
-        new tare is known no value is valid, also when it fails. From then on ``boots``, which counts the boot-ups of
-        the device, shows whether it still has its zero (CiA 404: after a reset it has not, unless it was commanded to
-        save it); once it has not, no value is valid before the next tare. When ``zero_device`` raises, all is as
-        before; after HalfZeroedError no value is valid.
+        The request is refused under load before the device receives it, because the device would take the load for its
+        zero. Until the new tare is known, no value is valid, even if the tare fails.
+
+        From then on, ``boots`` shows whether the device still has its zero. According to CiA 404, a device loses its
+        zero by a reset, unless it was commanded to save it. Once the zero is lost, no value is valid before the next
+        tare.
+
+        If ``zero_device`` raises an error, everything is restored. After a HalfZeroedError, however, no value is valid.
+
+        Parameters
+        ----------
+        zero_device : callable
+            Commands the device to zero itself and returns the number of zeroed channels.
+        boots : callable
+            Returns the number of boot-ups of the device.
+        frames : int
+            Number of frames to average.
+        limit : float
+            Reading from which on a taxel counts as pressed.
+        timeout : float
+            Time allowed for the frames to arrive [s].
+
+        Returns
+        -------
+        zeroed : int
+            Result of ``zero_device``.
+        tare : Tare
+            The new tare.
         """
         self._measure_next(frames, limit, timeout)
         before = self._zero_state, self.offset, self._boots
@@ -246,29 +342,29 @@ class TaredPad:
                 self._zero_state, self.offset, self._boots = before
             raise
         try:
-            self._take_next(3, timeout)  # some were under way
+            self._take_next(3, timeout)  # these frames may have been sampled before
             return zeroed, self.tare(frames, limit, timeout)
         except BaseException:
             self._zero_state = ZeroState.DEVICE_NOT_CHECKED
             raise
 
     def give_up(self, why: str) -> None:
-        """No frames come until ``expect``: any tare that waits for some is refused at once."""
+        """Refuse a waiting tare at once, and any other tare until `expect` is called, because no frames arrive."""
         with self._changed:
             self._ended = why
             self._changed.notify()
 
     def expect(self) -> None:
-        """Frames come again."""
+        """Accept tares again, because frames arrive again."""
         self._ended = ''
 
     def _measure_next(self, frames: int, limit: float, timeout: float) -> Tare:
-        """Measure as ``tare`` does, but change nothing."""
+        """Return the same result as `tare`, but change nothing."""
         taken = self._take_next(frames, timeout)
         return measure(taken, limit, self._guard, 0.0 if self.offset is None else self.offset)
 
     def _take_next(self, frames: int, timeout: float) -> np.ndarray:
-        """Return the values of the next complete ``frames``, (frames, rows, cols); TareRefusedError."""
+        """Return the values of the next complete ``frames``, (frames, rows, cols), or raise TareRefusedError."""
         with self._changed:
             self._taken, self._wanted = [], frames
             self._changed.wait_for(lambda: not self._wanted or self._ended, timeout)

@@ -1,4 +1,4 @@
-"""Finds faulty taxels by what they send: dead, stuck, flickering, saturated; and keeps them in a file."""
+"""Find faulty taxels (dead, stuck, flickering, saturated) by their values, and keep them in a file."""
 
 from collections.abc import Mapping
 from enum import IntEnum
@@ -14,26 +14,27 @@ from tactile_node.output_file import output_file
 from tactile_node.taxel_frame import read_only
 from tactile_node.yaml_section import load_mapping
 
-CONTACTS = 5          #: that must give evidence against a taxel, one after the other
-MIN_TOUCHED = 3       #: taxels that make a contact
-FALLEN_SHARE = 0.6    #: share of the taxels that rose in a contact have fallen when it is over
-RELEASED_SHARE = 0.5  #: share of the taxels pressed at its height that may still be: edges come and go in a grasp
-APART = 3.0           #: taxels by which the centres of these contacts must differ, for a dead taxel
-ALIVE = 0.1           #: x limit: a taxel that reads so much has felt something
+CONTACTS = 5        #: Number of successive contacts that must give evidence against a taxel.
+MIN_TOUCHED = 3     #: Smallest number of taxels of a contact.
+FALLEN_SHARE = 0.6  #: Share of the taxels that rose in a contact that must have fallen when the contact is over.
+#: Share of the taxels pressed at the height of the contact that may still be pressed; edges come and go during a grasp.
+RELEASED_SHARE = 0.5
+APART = 3.0  #: Smallest distance between the centres of the contacts that prove a taxel dead [taxels].
+ALIVE = 0.1  #: Share of the limit; a taxel that reads this much has felt something.
 SIDE_DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
-JUMP_SHARE = 2.0            #: x limit: a change from one frame to the next that counts as a jump
-ALONE_SHARE = 0.5           #: x limit: a jump is alone when no neighbour changes by so much in the same frame
-FLICKER_TIME = 5.0    #: s over which lone jumps are counted
-FLICKER_JUMPS = 40    #: lone jumps within that time, and
-FLICKER_SHARE = 0.25  #: share of the frames within it
+JUMP_SHARE = 2.0      #: Share of the limit; a larger change from one frame to the next is a jump.
+ALONE_SHARE = 0.5     #: Share of the limit; a jump is alone if no neighbour changes by this much in the same frame.
+FLICKER_TIME = 5.0    #: Time over which lone jumps are counted [s].
+FLICKER_JUMPS = 40    #: Number of lone jumps of a flickering taxel in this time.
+FLICKER_SHARE = 0.25  #: Share of the frames in this time in which a flickering taxel jumps.
 
 
 class TaxelFault(IntEnum):
-    """What is wrong with a taxel; the numbers are stable."""
+    """Fault of a taxel; the numbers are stable."""
 
     NONE = 0
-    DEAD = 1        #: silent while what surrounds it is pressed, in contact after contact
-    STUCK = 2       #: pressed, and does not move by one count, while contacts around it come and go
+    DEAD = 1        #: silent while its surroundings are pressed, in several contacts
+    STUCK = 2       #: pressed without changing by a single count while contacts around it come and go
     FLICKERING = 3  #: jumps up and down by itself
     SATURATED = 4   #: stuck at the end of its range
 
@@ -44,32 +45,43 @@ class FaultyTaxels(NamedTuple):
     kinds: np.ndarray  #: uint8 TaxelFault, (rows, cols), read-only
 
     def places(self, kind: TaxelFault) -> list[tuple[int, int]]:
-        """(row, col) of all that are ``kind``, row by row."""
+        """Return (row, col) of all taxels with this fault, row by row."""
         return [(int(row), int(col)) for row, col in np.argwhere(self.kinds == kind)]
 
     @property
     def total(self) -> int:
-        """How many taxels are faulty."""
+        """Number of faulty taxels."""
         return int(np.count_nonzero(self.kinds))
 
 
 class FaultDetector:
-    """Detects the faulty taxels of one pad, frame by frame. ``limit``: less counts as not pressed, in the taxels' unit.
+    """Detects the faulty taxels of one pad, frame by frame.
 
-    Evidence is counted by *contacts*: MIN_TOUCHED taxels rise over ``limit``, nearly all of them fall again, and then
-    not many are left pressed (where more are stuck than any contact presses, none is found).
-    Time alone proves nothing: an untouched pad has no dead taxels, a grasp of an hour no stuck ones.
+    Evidence is counted by contacts, because time alone proves nothing: an untouched pad shows no dead taxels, and a
+    grasp of an hour shows no stuck ones. A contact is counted when MIN_TOUCHED taxels have risen above ``limit``,
+    nearly all of them have fallen again, and not many taxels are left pressed. If more taxels are stuck than any
+    contact presses, none is found.
 
-    - Dead: in CONTACTS contacts that are APART (what a ring leaves out in one place it presses in another), not ALIVE
-      though pressed taxels lay next to it on both sides, in two of four directions: more of a hole than two taxels
-      lacks them. Taxels in the corners of a pad have no two sides and are never found so, nor are blocks of dead ones.
-    - Stuck: pressed at the end of CONTACTS contacts and the same to the bit since before the first of them, alone or
-      with fewer neighbours of its like than make a contact (an object still held presses more). One at the end of its
-      range is saturated.
-    - Flickering: FLICKER_JUMPS jumps within FLICKER_TIME, in FLICKER_SHARE of the frames, in which no neighbour took
-      part or was pressed or unknown; faulty neighbours do not count. Of two side by side none is found.
+    - Dead: the taxel was not ALIVE in CONTACTS contacts, although pressed taxels lay on both sides of it in two of four
+      directions. The centres of these contacts must be APART, because a ring presses elsewhere the taxels that it
+      leaves out in one place. A taxel in the corner of a pad does not have two sides, so it is never found dead. Blocks
+      of dead taxels are not found either, because a hole of more than two taxels contains taxels without pressed ones
+      on both sides.
+    - Stuck: the taxel was pressed at the end of CONTACTS contacts, and its value has been the same to the bit since
+      before the first of them. It is alone or has fewer stuck neighbours than a contact has taxels; an object that is
+      still held presses more. A stuck taxel at the end of its range is saturated.
+    - Flickering: the taxel made FLICKER_JUMPS jumps within FLICKER_TIME, and jumped in FLICKER_SHARE of the frames. A
+      jump counts if no neighbour took part, was pressed or was unknown; faulty neighbours are ignored. Two flickering
+      taxels side by side are not found.
 
-    One sign of life clears the fault.
+    A single sign of life clears a fault.
+
+    Parameters
+    ----------
+    rows, cols : int
+        Number of rows and columns of the pad.
+    limit : float
+        A lower value counts as not pressed, in the taxels' unit.
     """
 
     def __init__(self, rows: int, cols: int, limit: float):
@@ -77,27 +89,36 @@ class FaultDetector:
         self.limit = limit  #: may be changed at any time
         self._last = np.full(shape, np.nan)
         self._pressed, self._risen = np.zeros((2, *shape), bool)
-        self._height = 0  # taxels pressed at most in this contact
-        self._still = np.zeros(shape, int)   # contacts since the value last changed
-        self._silent = np.zeros(shape, int)  # contacts around it that it did not feel
-        self._range = np.zeros((2, 2, *shape))  # centres of these contacts: least and greatest row, column
+        self._height = 0  # largest number of pressed taxels in this contact
+        self._still = np.zeros(shape, int)   # number of contacts since the value last changed
+        self._silent = np.zeros(shape, int)  # number of contacts around the taxel that it did not feel
+        self._range = np.zeros((2, 2, *shape))  # smallest and greatest row and column of these contacts' centres
         self._jumps, self._stamp = np.zeros(shape), -np.inf
         self._is_saturated = np.zeros(shape, bool)
         self._frames = 0.0
-        self._unknown = np.ones(shape, bool)  # in the last frame
-        self.has_changed = False              # in the last frame
+        self._unknown = np.ones(shape, bool)  # taxels without a value in the last frame
+        self.has_changed = False              # True if any taxel has changed in the last frame
         self.faults = FaultyTaxels(read_only(np.zeros(shape, np.uint8)))
 
     def update(self, stamp: float, values: np.ndarray, zero: np.ndarray | float,
                is_saturated: np.ndarray) -> FaultyTaxels:
-        """Evaluate a frame of ``values`` (rows, cols) as sent, NaN: unknown, measured at ``stamp`` [s].
+        """Return the faulty taxels after one more frame.
 
-        ``zero`` is what the taxels read without load.
+        Parameters
+        ----------
+        stamp : float
+            Acquisition of the frame [s].
+        values : np.ndarray
+            Taxel values as sent, (rows, cols); NaN if unknown.
+        zero : np.ndarray or float
+            Readings of the taxels without load.
+        is_saturated : np.ndarray
+            Taxels at the end of their range, bool (rows, cols).
         """
         known = np.isfinite(values)
         values = np.where(known, values, self._last)
         change = np.abs(values - self._last)
-        moved = change > 0  # False where a value is the first
+        moved = change > 0  # False for the first value of a taxel
         self.has_changed = bool(moved.any())
         self._is_saturated = np.where(known, is_saturated, self._is_saturated)
         is_news = self._count_jumps(stamp, change, ~known | self._unknown)
@@ -117,7 +138,7 @@ class FaultDetector:
         return self.faults
 
     def _count_jumps(self, stamp: float, change: np.ndarray, unknown: np.ndarray) -> bool:
-        """Count jumps that no neighbour takes part in; True when a fault may appear or clear."""
+        """Count the jumps in which no neighbour takes part, and return True if a fault may appear or clear."""
         passed, self._stamp = stamp - self._stamp, stamp
         was_flickering, fading = self._is_flickering(), np.exp(-max(passed, 0.0) / FLICKER_TIME)
         self._jumps *= fading
@@ -166,7 +187,10 @@ class FaultDetector:
         return kinds
 
     def _stuck(self, pressed: np.ndarray) -> np.ndarray:
-        """Find stuck taxels: what was stuck stays so while it does not move, and is no neighbour to others."""
+        """Return the stuck taxels.
+
+        A taxel stays stuck while it does not move. Stuck taxels do not count as neighbours of others.
+        """
         still = pressed & (self._still >= CONTACTS)
         before = still & np.isin(self.faults.kinds, (TaxelFault.STUCK, TaxelFault.SATURATED))
         groups, count = label(pressed & ~before, structure=np.ones((3, 3)))
@@ -179,7 +203,7 @@ NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
 
 
 def _find_surrounded(mask: np.ndarray) -> np.ndarray:
-    """Where ``mask`` holds next to it on both sides, in two directions; on an edge, along it."""
+    """Return the taxels with a taxel of ``mask`` on both sides, in two directions; at an edge, along the edge."""
     rows, cols = mask.shape
     padded = np.pad(mask, 1)
 
@@ -200,9 +224,19 @@ FAULT_KINDS = tuple(kind for kind in TaxelFault if kind)
 
 
 def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[str, FaultyTaxels]:
-    """Read the faulty taxels of ``pads`` (name -> rows, cols). No file, or a pad not in it: none.
+    """Return the faulty taxels of some pads from a file. If there is no file, or a pad is not in it, it has none.
 
-    Raises ConfigurationError naming file and key for anything else that is wrong.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    pads : mapping of str to tuple of int
+        Rows and columns of each pad, by name.
+
+    Raises
+    ------
+    ConfigurationError
+        If anything else is wrong; the error names file and key.
     """
     kinds, path = {name: np.zeros(shape, np.uint8) for name, shape in pads.items()}, _usable(path)
     if path.exists():
@@ -224,11 +258,18 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
 
 
 def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
-    """Write the faulty taxels of these pads; entries of other pads stay. Raises ConfigurationError."""
+    """Write the faulty taxels of these pads to a file; the entries of other pads stay.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be written or is another kind of file.
+    """
     path = _usable(path)
     pads = load_mapping(path, FILE_CONTENT).take('pads', {}) if path.exists() else {}
     if not isinstance(pads, dict):
-        raise ConfigurationError(str(path), expected=FILE_CONTENT, got='another one', remedy='Name another file.')
+        raise ConfigurationError(str(path), expected=FILE_CONTENT, got='another kind of file',
+                                 remedy='Name another file.')
     pads |= {name: {kind.name.lower(): [list(place) for place in found.places(kind)] for kind in FAULT_KINDS}
              for name, found in faults.items()}
     try:
@@ -243,7 +284,7 @@ def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
 
 
 def _usable(path: str | Path) -> Path:
-    """``~`` expanded. Raises ConfigurationError for a path that the system cannot even look for."""
+    """Return the path with ``~`` expanded; ConfigurationError if the system cannot even look for such a path."""
     try:
         expanded = Path(path).expanduser()
         expanded.exists()

@@ -1,7 +1,7 @@
-"""Fits the head of taught shapes: a multinomial logistic regression on the networks' embedding, all else its zero.
+"""Fit the head of the taught shapes: a multinomial logistic regression on the embedding of the networks.
 
-Foreign contacts of the background that are the taught shape in all but name (a cross among them when a cross is
-taught) are left out: a first fit shows which.
+All other classes together have the logit 0. Some foreign contacts of the background may be the taught shape in all but
+name (for example a cross, if a cross is taught). A first fit shows them, and the second fit leaves them out.
 """
 
 from collections.abc import Sequence
@@ -20,20 +20,36 @@ from tactile_node.shape.recognition import Shape
 from tactile_node.shape.taught import Head
 from tactile_node.taxel_frame import read_only
 
-BACKGROUND_FILE = 'teach_background.npz'  #: in config/
-LEVEL_FRACTIONS = 10                     #: steps of a level 1, as training/background.py writes them
+BACKGROUND_FILE = 'teach_background.npz'  #: File in config/.
+LEVEL_FRACTIONS = 10  #: Number of steps from level 0 to level 1 in that file (training/background.py).
 FOREIGN = OUTPUTS.index(Shape.UNKNOWN)
 
 
 class Background(NamedTuple):
-    """``labels`` index OUTPUTS, (K,): FOREIGN is none of the five."""
+    """Contacts that are not taught.
+
+    ``labels``, (K,), are indices into OUTPUTS; FOREIGN is none of the five shapes.
+    """
 
     patches: list[Patch]
     labels: np.ndarray
 
 
 def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background:
-    """Return the patches of one kind of frames, 'graded' or 'on_off'. Raises ConfigurationError for another file."""
+    """Return the background contacts for one kind of frames.
+
+    Parameters
+    ----------
+    kind : str
+        'graded' or 'on_off'.
+    path : str or Path
+        The file.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be used.
+    """
     try:
         data = read_arrays(config_path(str(path)))
         packed, unseen, labels = (data[f'{kind}_{name}'] for name in ('levels', 'unseen', 'labels'))
@@ -45,33 +61,51 @@ def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background
 
 
 def unpack_patches(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray, kind: str) -> list[Patch]:
-    """Return the patches of ``levels`` (K, SIDE, SIDE), ``unseen`` as packed bits; ValueError for other lengths."""
+    """Return patches from their stored arrays.
+
+    Parameters
+    ----------
+    levels : np.ndarray
+        (K, SIDE, SIDE).
+    unseen : np.ndarray
+        Unseen cells as packed bits.
+    scales : np.ndarray
+        (K,).
+    kind : str
+        'graded' or 'on_off'.
+
+    Raises
+    ------
+    ValueError
+        If the arrays have different lengths.
+    """
     cells = np.unpackbits(unseen, axis=1)[:, :SIDE * SIDE].reshape(-1, SIDE, SIDE).astype(np.float32)
     return [Patch(level, cell, float(scale), graded=kind == 'graded')
             for level, cell, scale in zip(levels, cells, scales, strict=True)]
 
 
-RIDGE_WEIGHT = 1e-3            #: penalty of the weights; chosen on validation touches, as are the numbers below
-EXAMPLE_SHARE = 0.25            #: share of the background's weight that the examples of one shape have
-FOREIGN_WEIGHT = 0.5    #: weight of a foreign contact
-SMALLER_SIZE, LARGER_SIZE = 0.8, 1.25  #: factors of the sizes taught: those answered [taxels]
+RIDGE_WEIGHT = 1e-3   #: Penalty of the weights. This number and the next ones were chosen on validation touches.
+EXAMPLE_SHARE = 0.25  #: Weight of all examples of one shape, as a share of the background's weight.
+FOREIGN_WEIGHT = 0.5  #: Weight of a foreign contact.
+SMALLER_SIZE = 0.8    #: Smallest size that is recognised, relative to the smallest taught size [taxels].
+LARGER_SIZE = 1.25    #: Largest size that is recognised, relative to the largest taught size [taxels].
 MOST_ITERATIONS = 200
-CHUNK_PATCHES = 256         #: patches, for describe_all takes much memory
+CHUNK_PATCHES = 256  #: Number of patches that are described at a time, because describe_all needs much memory.
 
 
 class Seen(NamedTuple):
-    """K patches as a head sees them."""
+    """The input of a head for K patches."""
 
     embedding: np.ndarray   #: (K, F)
     log_taxels: np.ndarray  #: (K,)
-    known: np.ndarray       #: probabilities of OUTPUTS, (K, 6)
+    known: np.ndarray       #: (K, 6), probabilities of OUTPUTS
 
     def chosen(self, which: np.ndarray) -> 'Seen':
         return Seen(*(array[which] for array in self))
 
 
 def seen_by(recogniser: ShapeRecogniser, patches: Sequence[Patch]) -> Seen:
-    """Return what heads see of patches all graded or all not; of no patch, arrays of width 0."""
+    """Return the input of a head for patches that are all graded or all on/off; arrays of width 0 without patches."""
     if not patches:
         return Seen(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
     kind = KINDS[patches[0].graded]
@@ -84,7 +118,17 @@ def seen_by(recogniser: ShapeRecogniser, patches: Sequence[Patch]) -> Seen:
 
 
 def fit_head(background: Seen, labels: np.ndarray, shapes: Sequence[Seen]) -> Head:
-    """Return the head of ``shapes``, each by its examples; one without any is not answered. ``labels``: (K,)."""
+    """Return the head for the taught shapes. A shape without examples is never the answer of the head.
+
+    Parameters
+    ----------
+    background : Seen
+        Background contacts.
+    labels : np.ndarray
+        Label of each background contact, (K,).
+    shapes : sequence of Seen
+        Examples of each taught shape.
+    """
     middle, spread = background.embedding.mean(0), background.embedding.std(0) + 1e-3
     head = Head(np.zeros((len(middle), len(shapes))), np.zeros(len(shapes)), middle, spread,
                 np.array([_sizes(each) for each in shapes]))
@@ -108,7 +152,7 @@ def _sizes(seen: Seen) -> tuple[float, float]:
 
 
 def _fitted(head: Head, inputs: np.ndarray, targets: np.ndarray, weights: np.ndarray) -> Head:
-    """From where ``head`` is."""
+    """Return the head after a fit that starts from ``head``."""
     inputs = np.column_stack((inputs, np.ones(len(inputs))))
     count = head.weights.shape[1]
     is_target = targets[:, None] == np.arange(1, count + 1)

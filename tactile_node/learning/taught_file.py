@@ -1,6 +1,6 @@
-"""The file of taught shapes: the base's arrays as they are, the heads, and the examples, so that more can be taught.
+"""The file of taught shapes: the arrays of the base unchanged, the heads, and the examples, so that more can be taught.
 
-It is one .npz without pickled objects that `ShapeRecogniser.from_file` loads in place of the base.
+The file is a .npz without pickled objects. `ShapeRecogniser.from_file` loads it in place of the base.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,20 +18,21 @@ from tactile_node.learning.touches import Touch, TouchFrame
 from tactile_node.shape.patch import HIGHEST_LEVEL, SIDE, Patch, joined, make_patch
 from tactile_node.shape.taught import HEAD_PARTS, HEAD_VERSION, MOST_TAUGHT, Head, digest_of, is_name, is_own
 
-TOUCH_VARIANTS = 16           #: variants of each touch
-SIZE_CHANGE = 0.06             #: largest change of lengths, as a logarithm
-MOST_TILT = 0.15             #: largest relative rise of the pressure over the contact's reach
-NOISE_RANGE = (0.005, 0.03)   #: standard deviation [contact's level]
-MOST_DEAD = 0.04             #: largest fraction of taxels without a value
-REST_MARGIN = 5              #: taxels beside a contact: the rest of the pad, by which its noise is known
+TOUCH_VARIANTS = 16          #: Number of variants of each touch.
+SIZE_CHANGE = 0.06           #: Largest change of lengths, as a logarithm.
+MOST_TILT = 0.15             #: Largest relative rise of the pressure over the reach of the contact.
+NOISE_RANGE = (0.005, 0.03)  #: Range of the noise's standard deviation, as a share of the contact's level.
+MOST_DEAD = 0.04             #: Largest share of taxels without a value.
+REST_MARGIN = 5              #: Width of the rest of the pad around a contact, which shows its noise [taxels].
 
 
 class Examples(NamedTuple):
-    """Patches of one shape, K of them."""
+    """K patches of one shape."""
 
     patches: list[Patch]
-    touch: np.ndarray        #: (K,), number of the touch
-    is_recorded: np.ndarray  #: (K,), bool: the middle frame of a touch as it was recorded, by which a head is judged
+    touch: np.ndarray  #: (K,), number of the touch that each patch comes from
+    #: bool (K,), True for the middle frame of a touch as it was recorded; a head is judged by these
+    is_recorded: np.ndarray
 
     @property
     def touches(self) -> int:
@@ -55,7 +56,7 @@ def examples_of(touches: Sequence[Touch], rng: np.random.Generator) -> Examples:
 
 
 def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
-    """The contact of ``frame`` rotated and moved by any part of a taxel; None where it is not found again."""
+    """Return the contact of ``frame`` rotated, and shifted by a fraction of a taxel; None if it is not found again."""
     on_off = are_on_off(frame.values)
     places = np.argwhere(frame.mask)
     centre = places.mean(0)
@@ -80,7 +81,10 @@ def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
 
 
 def _contact_alone(frame: TouchFrame) -> np.ndarray:
-    """The values of contact and two taxels around it, taxels without one as the nearest that has one; 0 elsewhere."""
+    """Return the values of the contact and of two taxels around it, and 0 elsewhere.
+
+    A taxel without a value gets the value of the nearest taxel that has one.
+    """
     values = frame.values
     hidden = ~np.isfinite(values)
     if hidden.any():
@@ -94,15 +98,15 @@ def _patch(values: np.ndarray) -> Patch | None:
     return make_patch(pattern.values, joined(pattern)) if pattern.mask.any() else None
 
 
-LEVEL_STEPS = 255 / HIGHEST_LEVEL  #: levels are kept as whole numbers of this fraction, as in training
+LEVEL_STEPS = 255 / HIGHEST_LEVEL  #: Levels are stored as whole multiples of 1 / LEVEL_STEPS, as in training.
 NO_EXAMPLES = Examples([], np.zeros(0, int), np.zeros(0, bool))
 
 
 def check_name(name: str, known: Sequence[str] = ()) -> None:
-    """Raise ConfigurationError for what cannot name one more taught shape beside those ``known``."""
+    """Raise ConfigurationError if ``name`` cannot name one more taught shape beside the ``known`` ones."""
     if not is_name(name):
-        raise ConfigurationError('--name', expected='a lower-case name such as my_plug, none of the classes',
-                                 got=repr(name), remedy='Use a-z, 0-9 and _, up to 32 of them.')
+        raise ConfigurationError('--name', expected='a lower-case name such as my_plug, not the name of a class',
+                                 got=repr(name), remedy='Use at most 32 of the characters a-z, 0-9 and _.')
     if name in known:
         raise ConfigurationError('--name', expected='a name that is not taught yet', got=repr(name),
                                  remedy='Give another name, or start from a --model without it.')
@@ -113,7 +117,21 @@ def check_name(name: str, known: Sequence[str] = ()) -> None:
 
 def write_taught(stream: BinaryIO, base: Mapping[str, np.ndarray], names: Sequence[str], heads: Mapping[str, Head],
                  examples: Mapping[str, Sequence[Examples]]) -> None:
-    """Write the file. ``base``: arrays of the file that was taught on; ``heads``, ``examples``: by kind of frames."""
+    """Write the file of taught shapes.
+
+    Parameters
+    ----------
+    stream : BinaryIO
+        File to write to.
+    base : mapping of str to np.ndarray
+        Arrays of the file that teaching started from.
+    names : sequence of str
+        Names of the taught shapes.
+    heads : mapping of str to Head
+        Head for each kind of frames.
+    examples : mapping of str to sequence of Examples
+        Examples of each shape, for each kind of frames.
+    """
     arrays = {name: array for name, array in base.items() if not is_own(name)}
     arrays |= {'taught_version': np.array(HEAD_VERSION), 'taught_names': np.array(names),
                'taught_base': np.array(digest_of(arrays))}
@@ -124,14 +142,26 @@ def write_taught(stream: BinaryIO, base: Mapping[str, np.ndarray], names: Sequen
 
 
 def examples_in(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[Examples]:
-    """Return the examples of each of ``shapes`` taught shapes in the arrays of a file that has been loaded.
+    """Return the examples of each taught shape from the arrays of a file.
 
-    Raises ConfigurationError where they are none.
+    Parameters
+    ----------
+    data : mapping of str to np.ndarray
+        Arrays of the file.
+    kind : str
+        'graded' or 'on_off'.
+    shapes : int
+        Number of taught shapes.
+
+    Raises
+    ------
+    ConfigurationError
+        If the arrays are not those of a file of taught shapes.
     """
     has_head = f'{kind}_taught_{HEAD_PARTS[0]}' in data
     if f'{kind}_touch_levels' not in data and not has_head:
         return [NO_EXAMPLES] * shapes
-    try:  # a head without its examples could not be fitted again: its shapes would be lost
+    try:  # a head without its examples could not be fitted again, and its shapes would be lost
         return _unpacked(data, kind, shapes)
     except (KeyError, ValueError, TypeError, IndexError) as error:
         raise ConfigurationError('examples of taught shapes', expected='those that `tactile teach` writes',

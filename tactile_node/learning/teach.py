@@ -1,8 +1,8 @@
-"""Examples of taught shapes -> their head, and what it gets right on touches and contacts held out.
+"""Fit the head for the examples of taught shapes, and count its correct answers for held-out touches and contacts.
 
-Whole touches are held out, never single frames or variants of one. The evidence that a taught shape needs is raised
-until it takes at most MOST_TAKEN of the five shapes' contacts from them, and to half of what nearly all its own
-contacts have: that keeps foreign ones out and costs no touches.
+Whole touches are held out, never single frames or variants of a touch. A taught shape needs enough evidence to meet two
+conditions. It must take at most MOST_TAKEN of the contacts of the five shapes from them. It must also have half of the
+evidence that nearly all of its own contacts have. This keeps foreign contacts out and costs no touches.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,24 +18,24 @@ from tactile_node.shape.taught import Head, join
 from tactile_node.taxel_frame import read_only
 
 FOLDS = 5
-STAGES = FOLDS + 2      #: stages of a call of `teach`, for its progress
+STAGES = FOLDS + 2  #: Number of stages of `teach`, for its progress.
 LEAST_TOUCHES = 10
-MOST_TAKEN = 0.0015     #: share of the five shapes' contacts, by each taught shape, when the evidence it needs is set
-#: of the evidence that all but OWN_QUANTILE of a shape's examples have, so much is needed
-OWN_QUANTILE, OWN_SHARE = 0.02, 0.5
-LEAST_RIGHT = 0.95      #: share of the touches held out, for a shape to be worth using: one of 30 may be wrong
-MOST_LOST = 0.003       #: share of the five shapes' contacts
+MOST_TAKEN = 0.0015  #: Share of the five shapes' contacts that a taught shape may take when the needed evidence is set.
+OWN_QUANTILE = 0.02  #: Share of a shape's own examples that may have less evidence than the others.
+OWN_SHARE = 0.5      #: Share of the others' smallest evidence that a contact needs.
+LEAST_RIGHT = 0.95   #: Share of the held-out touches that a useful shape needs to get right; one of 30 may be wrong.
+MOST_LOST = 0.003    #: Share of the five shapes' contacts that a useful head may lose.
 
 
 class Rate(NamedTuple):
-    """``right`` ones of ``total``: a share with its 95 % interval."""
+    """The share of ``right`` cases among ``total``, with its 95 % interval."""
 
     right: int
     total: int
 
     @property
     def value(self) -> float:
-        """NaN of nothing."""
+        """The share; NaN if there are no cases."""
         return self.right / self.total if self.total else float('nan')
 
     @property
@@ -58,19 +58,22 @@ class Rate(NamedTuple):
 
 
 class HeldOut(NamedTuple):
-    """What a head answers to what it was not fitted on, of the sizes taught. Counts; outputs: OUTPUTS, then taught."""
+    """The answers of a head to contacts of the taught sizes that it was not fitted to, as counts.
 
-    before: np.ndarray     #: (6, 6): of the five shapes and FOREIGN, what they are answered without the head
-    after: np.ndarray      #: (6 + N, 6 + N): of these and of the taught shapes' touches, with it
+    The outputs are OUTPUTS, followed by the taught shapes.
+    """
+
+    before: np.ndarray  #: (6, 6), answers without the head for the five shapes and FOREIGN
+    after: np.ndarray   #: (6 + N, 6 + N), answers with the head for these and for the touches of the taught shapes
 
     @property
     def taught(self) -> list[Rate]:
-        """Touches of each taught shape that are recognised."""
+        """Recognised touches of each taught shape."""
         return [Rate(int(self.after[k, k]), int(self.after[k].sum())) for k in range(len(OUTPUTS), len(self.after))]
 
     @property
     def five(self) -> tuple[Rate, Rate]:
-        """Contacts of the five shapes that are recognised, without and with the head."""
+        """Recognised contacts of the five shapes, without and with the head."""
         before, after = (Rate(int(np.trace(each[:FOREIGN, :FOREIGN])), int(each[:FOREIGN].sum()))
                          for each in (self.before, self.after))
         return before, after
@@ -84,7 +87,10 @@ class HeldOut(NamedTuple):
 
     @property
     def is_good(self) -> bool:
-        """Whether it is worth using: LEAST_RIGHT of each shape's touches, and the five lose at most MOST_LOST."""
+        """True if the head is useful.
+
+        It must recognise LEAST_RIGHT of each shape's touches, and the five shapes may lose at most MOST_LOST.
+        """
         before, after = self.five
         lost = (before.right - after.right) / max(before.total, 1)
         return all(rate.value >= LEAST_RIGHT for rate in self.taught if rate.total) and lost <= MOST_LOST
@@ -99,14 +105,27 @@ class Taught(NamedTuple):
 
 def teach(recogniser: ShapeRecogniser, background: Background, shapes: Sequence[Examples],
           progress: Callable[[], None] = lambda: None) -> Taught:
-    """Return the head of ``shapes``, examples of one kind of frames, and how good it is.
+    """Return the head for the taught shapes, and counts of its answers.
 
-    ``recogniser``: the networks, whose own taught shapes are not used. A shape without any examples of this kind is
-    not answered. ``progress`` is called STAGES times. Raises InputError for a shape of fewer than LEAST_TOUCHES.
+    Parameters
+    ----------
+    recogniser : ShapeRecogniser
+        The networks; taught shapes in their file are not used.
+    background : Background
+        Background contacts.
+    shapes : sequence of Examples
+        Examples of each shape, all for the same kind of frames. A shape without examples is never the answer.
+    progress : callable
+        Called STAGES times.
+
+    Raises
+    ------
+    InputError
+        If a shape has fewer than LEAST_TOUCHES touches.
     """
     for each in shapes:
         if 0 < each.touches < LEAST_TOUCHES:
-            raise InputError('touches of a shape', expected=f'{LEAST_TOUCHES} or more, 30 as a rule',
+            raise InputError('touches of a shape', expected=f'{LEAST_TOUCHES} or more, better 30',
                              got=str(each.touches), remedy='Record more, each at another angle and place.')
     rest, seen = seen_by(recogniser, background.patches), [seen_by(recogniser, each.patches) for each in shapes]
     progress()
@@ -121,7 +140,10 @@ def teach(recogniser: ShapeRecogniser, background: Background, shapes: Sequence[
 
 def _held_out_evidence(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples], seen: Sequence[Seen],
                        progress: Callable[[], None]) -> list[np.ndarray]:
-    """Return evidence of the background and each shape's examples by heads that have not seen their fold or touch."""
+    """Return the evidence for the background and for each shape's examples.
+
+    Each value comes from a head that was not fitted to the fold or to the touch of that contact.
+    """
     folds = [np.arange(len(labels)) % FOLDS, *(each.touch % FOLDS for each in shapes)]
     evidence = [np.full((len(fold), len(shapes)), -np.inf) for fold in folds]
     for left_out in range(FOLDS):
@@ -137,7 +159,7 @@ def _held_out_evidence(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples
 
 
 def _raised(rest: Seen, labels: np.ndarray, evidence: np.ndarray) -> float:
-    """By how much more evidence one shape needs, that it takes at most MOST_TAKEN of the five shapes' contacts."""
+    """Return the additional evidence with which a shape takes at most MOST_TAKEN of the five shapes' contacts."""
     five = (labels != FOREIGN) & np.isfinite(evidence)
     ahead = np.sort(evidence[five] - np.log(rest.known[five].max(1)))[::-1]
     if not len(ahead):
@@ -146,7 +168,7 @@ def _raised(rest: Seen, labels: np.ndarray, evidence: np.ndarray) -> float:
 
 
 def _of_own(evidence: np.ndarray) -> float:
-    """How much more evidence a shape's own examples can do without."""
+    """Return the additional evidence that nearly all of a shape's own examples still have."""
     return OWN_SHARE * max(float(np.quantile(evidence, OWN_QUANTILE, method='lower')), 0.0) if len(evidence) else 0.0
 
 
@@ -170,7 +192,15 @@ if TYPE_CHECKING:
 
 
 def confusion_picture(held_out: HeldOut, names: Sequence[str]) -> 'Figure':
-    """Draw each truth as a row, in per cent of its contacts; ``names``: of the taught shapes."""
+    """Draw the answers for each truth as one row, in per cent of its contacts.
+
+    Parameters
+    ----------
+    held_out : HeldOut
+        Counts of the answers.
+    names : sequence of str
+        Names of the taught shapes.
+    """
     from matplotlib.figure import Figure  # optional, and slow to import
 
     answers = [shape.value.replace('_', ' ') for shape in OUTPUTS] + [name.replace('_', ' ') for name in names]

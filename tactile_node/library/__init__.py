@@ -1,1 +1,1 @@
-"""What `import tactile_node` offers other programs: arrays in, tuples out; neither ROS nor CAN nor paths."""
+"""The interface of `import tactile_node` for other programs: arrays in, tuples out, without ROS or CAN."""

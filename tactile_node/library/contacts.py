@@ -1,4 +1,4 @@
-"""An array of taxel values -> its contact, its features, its shape with pose and size."""
+"""From an array of taxel values to its contact, the features, and the shape with pose and size."""
 
 import math
 from pathlib import Path
@@ -26,14 +26,31 @@ Kind = TypeVar('Kind')
 
 
 def instance(value: object, kind: type[Kind], name: str, remedy: str) -> Kind:
-    """Return ``value``, which must be a ``kind``."""
+    """Return ``value``, which must be a ``kind``; otherwise raise InputError with this ``name`` and ``remedy``."""
     if not isinstance(value, kind):
         raise InputError(name, expected=f'a {kind.__name__}', got=f'a {type(value).__name__}', remedy=remedy)
     return value
 
 
 def scale_by(unit: str | None, thresholds: object) -> tuple[PressThresholds | None, UnitScale]:
-    """Return ``thresholds``, and what doubts that the values are in ``unit``, which counts where these are None."""
+    """Return the thresholds to apply, and the check that values are in their unit.
+
+    The unit is only used without thresholds.
+
+    Parameters
+    ----------
+    unit : str or None
+        Unit of the values.
+    thresholds : PressThresholds or None
+        Fixed thresholds.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such unit.
+    InputError
+        If ``thresholds`` has another type.
+    """
     if thresholds is None and unit not in (None, '', *PRESS_BY_UNIT):
         raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(PRESS_BY_UNIT)}',
                                  got=repr(unit), remedy='Convert the values, or pass thresholds in their unit.')
@@ -43,9 +60,21 @@ def scale_by(unit: str | None, thresholds: object) -> tuple[PressThresholds | No
 
 
 def known_response(response: object, unit: str | None = None) -> SkinResponse | None:
-    """Return what ``response``, the path of a file, what is in it, or None, stands for.
+    """Return the response of a skin.
 
-    Raises ConfigurationError where it is of another ``unit``.
+    Parameters
+    ----------
+    response : str, Path, SkinResponse or None
+        Path of the file, its content, or None for no response.
+    unit : str or None
+        Unit of the readings; None if it is not known.
+
+    Raises
+    ------
+    ConfigurationError
+        If the response is for another unit.
+    InputError
+        If ``response`` has another type.
     """
     if response is None:
         return None
@@ -54,17 +83,24 @@ def known_response(response: object, unit: str | None = None) -> SkinResponse | 
                          remedy='Pass the file that `tactile calibrate` has written, or None.')
     found = response if isinstance(response, SkinResponse) else load_response(response)
     if unit and found.unit and unit != found.unit:
-        raise ConfigurationError('response', expected=f'one to readings in {unit!r}', got=f'one in {found.unit!r}',
-                                 remedy='Pass the unit of the readings that it was found from.')
+        raise ConfigurationError('response', expected=f'a response to readings in {unit!r}',
+                                 got=f'one in {found.unit!r}',
+                                 remedy='Pass the unit of the readings with which the skin was calibrated.')
     return found
 
 
 def checked_frame(values: ArrayLike, scale: UnitScale) -> np.ndarray:
-    """Return ``values`` as a frame. Raises InputError where they may be counts, or cannot be of their unit."""
+    """Return ``values`` as a frame.
+
+    Raises
+    ------
+    InputError
+        If the values may be counts, or cannot be in their unit.
+    """
     frame = as_frame(values)
     if scale.unit == '' and np.asarray(values).dtype.kind in 'iu':
-        raise InputError('unit', expected='one for integers, which may be counts', got='none',
-                         remedy="Pass unit='Pa', 'N' or '1'; for counts unit=None, or convert them.")
+        raise InputError('unit', expected='a unit for integers, which may be counts', got='none',
+                         remedy="Pass unit='Pa', 'N' or '1'. For counts, pass unit=None or convert them.")
     check_values(frame, scale.unit)
     if error := scale.doubt(frame):
         raise error
@@ -72,7 +108,10 @@ def checked_frame(values: ArrayLike, scale: UnitScale) -> np.ndarray:
 
 
 def check_values(frame: np.ndarray, unit: str | None) -> None:
-    """Raise InputError where the values of ``frame`` cannot be in ``unit``: on/off and pressure are mistaken easily."""
+    """Raise InputError if the values of ``frame`` cannot be in ``unit``.
+
+    On/off values and pressures are easily mixed up.
+    """
     if frame.dtype == bool or unit not in ('Pa', '1'):
         return
     finite = frame[np.isfinite(frame)]
@@ -87,7 +126,7 @@ def check_values(frame: np.ndarray, unit: str | None) -> None:
 
 
 def known_shape(shape: object) -> ShapeClass:
-    """Return the Shape of that name; one that was taught as it is."""
+    """Return the Shape with this name; a taught shape is returned as it is."""
     if isinstance(shape, TaughtShape):
         return shape
     try:
@@ -98,7 +137,7 @@ def known_shape(shape: object) -> ShapeClass:
 
 
 def seconds(stamp: object) -> float:
-    """Return ``stamp``, which must be a finite number."""
+    """Return ``stamp`` as a float; it must be a finite number."""
     if isinstance(stamp, (int, float, np.integer, np.floating)) and math.isfinite(stamp):
         return float(stamp)
     raise InputError('stamp', expected='the time of the frame in seconds', got=repr(stamp),
@@ -108,22 +147,43 @@ def seconds(stamp: object) -> float:
 def find_contact(values: ArrayLike, unit: str | None = '',
                  thresholds: PressThresholds | None = None, *, saturated: ArrayLike | None = None,
                  unmapped: ArrayLike | None = None) -> ContactPattern:
-    """Return the largest contact of one frame; ``values`` are real numbers or bool, shape (rows, cols).
+    """Return the largest contact of one frame.
 
-    NaN, infinite and masked taxels have no valid value: they are hidden, and a pad of which too much is hidden is not
-    seen (`pad_seen`), so that 0 contacts do not mean that it is empty. ``unmapped`` (bool): places without a taxel,
-    which hide nothing. ``saturated`` (bool): values that are lower bounds. A bool array is itself the pressed taxels.
-    Pressed is what stands out of the noise of the taxels at rest, of which there must be a quarter, up to where it
-    reads half of its contact. ``unit``: 'Pa' (from 2 kPa on), 'N' (from 7 mN) or '1' (on/off). None: no unit, as of
-    counts; values that are 0 and a single other are on/off. '': as None, but integers are refused. ``thresholds``
-    replace this rule by fixed values.
+    A taxel is pressed if it stands out of the noise of the resting taxels. At least a quarter of the taxels must be at
+    rest. The contact ends where its taxels read less than half of its own level. ``thresholds`` replace this rule by
+    fixed values. An array of bool already gives the pressed taxels.
 
+    NaN, infinite and masked taxels have no valid value: they are hidden. If too many taxels are hidden, the pad is not
+    seen (`pad_seen`), and 0 contacts do not mean that it is empty.
+
+    Parameters
+    ----------
+    values : array_like
+        Taxel values, real numbers or bool, (rows, cols).
+    unit : str or None
+        Unit of the values: 'Pa' (contacts from 2 kPa on), 'N' (from 7 mN on) or '1' (on/off). With None, the values
+        have no unit, like counts; if they are 0 and a single other number, they are on/off. With '', the same holds,
+        but integers are refused.
+    thresholds : PressThresholds or None
+        Fixed thresholds.
+    saturated : array_like or None
+        Taxels whose value is a lower bound, bool (rows, cols).
+    unmapped : array_like or None
+        Places without a taxel, which hide nothing, bool (rows, cols).
+
+    Raises
+    ------
+    InputError
+        If an array cannot be used, for integers without a unit, or if a contact is far too low for its unit, like
+        counts.
+    ConfigurationError
+        If there is no such unit.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> int(find_contact(np.pad(np.full((2, 3), 50e3), 1), 'Pa').mask.sum())  # taxels pressed together
     6
-
-    Raises InputError for another array, for integers without a unit and for a contact that is far too low for its unit,
-    as counts are; ConfigurationError for another unit.
     """
     known, scale = scale_by(unit, thresholds)
     frame = checked_frame(values, scale)
@@ -131,11 +191,27 @@ def find_contact(values: ArrayLike, unit: str | None = '',
 
 
 def paper_features(contact: ContactPattern, groups: Group = Group.ALL) -> Features:
-    """Return the quantities of Volf, Dvořák and Vlček for ``contact``, by name; ``groups`` limits them.
+    """Return the quantities of Volf, Dvořák and Vlček for a contact, by name.
 
-    Lengths are in taxels, angles in degrees; the names are those of `tactile features`. Raises InputError for
-    something else than a contact.
+    Parameters
+    ----------
+    contact : ContactPattern
+        Result of `find_contact`.
+    groups : Group
+        Features to compute.
 
+    Returns
+    -------
+    Features
+        Lengths are in taxels and angles in degrees. The names are those of `tactile features`.
+
+    Raises
+    ------
+    InputError
+        If ``contact`` is something else.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> features = paper_features(find_contact(np.array([[True, False], [True, True]])))
     >>> features.values['N'], round(features.values['lambda5'], 6)
@@ -146,43 +222,80 @@ def paper_features(contact: ContactPattern, groups: Group = Group.ALL) -> Featur
 
 
 class Recogniser:
-    """Recognises the shape of a contact; reads its weights once, when it is made.
+    """Recognises the shape of a contact. The weights are read once, when the object is made.
 
-    ``method``: 'learned', or 'volf' for the paper's three planes. ``file``: other weights or curves than the
-    package's own, such as one of `tactile teach`. Raises ConfigurationError for an unknown method or a file that
-    cannot be used.
+    Parameters
+    ----------
+    method : str
+        'learned', or 'volf' for the three planes of the paper.
+    file : str, Path or None
+        File with other weights or curves, such as a file from `tactile teach`; None for the package's own.
 
+    Raises
+    ------
+    ConfigurationError
+        If the method does not exist or the file cannot be used.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> Recogniser().recognise(find_contact(np.pad(np.full((7, 7), 50e3), 4))).shape.value
     'square'
     """
 
     def __init__(self, method: str = DEFAULT_METHOD, file: str | Path | None = None):
-        self.method = make_recogniser(method, str(file or ''))  #: the same without checks, for a ContactPipeline
+        self.method = make_recogniser(method, str(file or ''))  #: the method without checks, for a ContactPipeline
 
     @property
     def classes(self) -> tuple[ShapeClass, ...]:
-        """Every class that a recognition gives a probability, taught shapes last."""
+        """All classes that get a probability, taught shapes last."""
         return self.method.classes
 
     def recognise(self, contact: ContactPattern) -> Recognition:
-        """Return the most probable shape and the probability of each. Raises InputError for anything but a contact.
+        """Return the most probable shape of a contact and the probability of each class.
 
-        NONE where the pad was seen and nothing presses it. `reason` says why a shape is UNKNOWN: not seen, unfamiliar
-        or too small. Where hidden taxels could change the answer, its confidence stays below 0.9.
+        The shape is NONE if the pad was seen and nothing presses it. If the shape is UNKNOWN, `reason` says why: not
+        seen, unfamiliar or too small. If hidden taxels could change the answer, its confidence stays below 0.9.
+
+        Raises
+        ------
+        InputError
+            If ``contact`` is something else.
         """
         return self.method.recognise(_contact(contact))
 
 
 def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
               response: str | Path | SkinResponse | None = None) -> ShapeFit | None:
-    """Return pose and size of ``contact`` as a ``shape``, with covariance; None for NONE, UNKNOWN and TaughtShapes.
+    """Return pose and size of a contact, with their covariance.
 
-    ``pitch``: distance of neighbouring taxels; all lengths come in its unit. Values that are 0 or one other number are
-    taken as on/off. ``response``: file of `tactile calibrate`, whose curve the values have already passed; lengths in
-    metres. Raises InputError where the contact has no taxel, or for an unknown shape; ConfigurationError for
-    a pitch that is no length > 0.
+    Values that are 0 or one other number are taken as on/off.
 
+    Parameters
+    ----------
+    contact : ContactPattern
+        Result of `find_contact`.
+    shape : Shape
+        Shape to fit.
+    pitch : float
+        Distance of neighbouring taxels. All lengths are in its unit.
+    response : str, Path or None
+        File from `tactile calibrate` if its curve has been applied to the values. Lengths must then be in metres.
+
+    Returns
+    -------
+    ShapeFit or None
+        None for NONE, UNKNOWN and taught shapes.
+
+    Raises
+    ------
+    InputError
+        If the contact has no taxel, or the shape is not known.
+    ConfigurationError
+        If the pitch is not a finite length above 0.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> from tactile_node import Shape
     >>> found = fit_shape(find_contact(np.pad(np.full((7, 7), 50e3), 4)), Shape.SQUARE, pitch=0.004)
@@ -195,11 +308,26 @@ def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
 
 
 def contact_box(contact: ContactPattern, pitch: float = 1.0) -> ContactBox:
-    """Return the least rectangle around ``contact``, whatever its shape, with deviations; NaN without a contact.
+    """Return the smallest rectangle around a contact of any shape, with standard deviations; NaN without a contact.
 
-    ``pitch`` as in `fit_shape`. What the pad's edge or hidden taxels cut is a bound. Raises InputError for something
-    else than a contact, ConfigurationError for a pitch that is no length > 0.
+    If the pad's edge or hidden taxels cut the contact, a length is a bound.
 
+    Parameters
+    ----------
+    contact : ContactPattern
+        Result of `find_contact`.
+    pitch : float
+        Distance of neighbouring taxels. All lengths are in its unit.
+
+    Raises
+    ------
+    InputError
+        If ``contact`` is something else.
+    ConfigurationError
+        If the pitch is not a finite length above 0.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> box = contact_box(find_contact(np.pad(np.full((3, 9), 50e3), 4)), pitch=0.004)
     >>> [round(1000 * length) for length in box.lengths], box.length_is_bound
@@ -215,16 +343,40 @@ def _contact(contact: object) -> ContactPattern:
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INVALID = 'grey'  #: a colour that inferno has not
+INVALID = 'grey'  #: Colour of a taxel without a valid value; the colour map inferno does not contain it.
 
 def plot_frame(values: ArrayLike, fit: ShapeFit | None = None, pitch: float = 1.0,
                axes: 'Axes | None' = None) -> 'Axes':
-    """Draw a frame, shape (rows, cols), and the outline of ``fit``; return the axes.
+    """Draw a frame and the outline of a fit.
 
-    ``pitch`` as given to `fit_shape`. ``axes``: matplotlib's, None for those of the current figure. Row 0 is at the
-    bottom, taxel (row, col) at x = col * pitch, y = row * pitch. A taxel without a valid value is grey. Raises
-    InputError for another array, ConfigurationError for a pitch that is no length > 0 and without matplotlib.
+    Row 0 is at the bottom. Taxel (row, col) is at x = col * pitch, y = row * pitch. A taxel without a valid value is
+    grey.
 
+    Parameters
+    ----------
+    values : array_like
+        Taxel values, (rows, cols).
+    fit : ShapeFit or None
+        Fit to draw.
+    pitch : float
+        Pitch that was given to `fit_shape`.
+    axes : Axes or None
+        Axes of matplotlib; None for those of the current figure.
+
+    Returns
+    -------
+    Axes
+        The axes.
+
+    Raises
+    ------
+    InputError
+        If the array cannot be used.
+    ConfigurationError
+        If the pitch is not a finite length above 0, or matplotlib is not installed.
+
+    Examples
+    --------
     >>> import numpy as np, matplotlib
     >>> matplotlib.use('Agg')
     >>> [round(float(edge), 3) for edge in plot_frame(np.zeros((16, 12)), pitch=0.004).get_xlim()]
@@ -247,7 +399,7 @@ def plot_frame(values: ArrayLike, fit: ShapeFit | None = None, pitch: float = 1.
 
 
 def _pyplot() -> ModuleType:
-    """Import matplotlib when it is needed: it is optional, and slow to import."""
+    """Import matplotlib only when it is needed, because it is optional and slow to import."""
     try:
         from matplotlib import pyplot
     except ModuleNotFoundError as error:

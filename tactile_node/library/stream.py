@@ -1,4 +1,4 @@
-"""Successive frames of one pad: hysteresis of what is pressed, and a recognition fused over time."""
+"""Successive frames of one pad: pressed taxels with hysteresis, and a recognition fused over time."""
 
 from pathlib import Path
 
@@ -16,19 +16,39 @@ from tactile_node.shape.fusion import FusionSettings
 class ContactStream:
     """Follows the contact on one pad, frame by frame, as the ROS nodes do.
 
-    ``recogniser``: one that several streams share; None: the package's own. ``pitch``, ``unit`` and ``thresholds`` as
-    in `find_contact` and `fit_shape`; with ``thresholds``, ``unit`` counts for nothing. The noise of each taxel is
-    learned while nothing presses it. ``fusion``: other constants of the fusion. ``response``: file of
-    `tactile calibrate`; frames are then readings, less their zero, that its curve turns into pressures.
+    The noise of each taxel is learned while nothing presses it.
 
+    Parameters
+    ----------
+    recogniser : Recogniser or None
+        Recogniser, which several streams may share; None for the package's own.
+    pitch : float
+        Distance of neighbouring taxels, as in `fit_shape`.
+    unit : str or None
+        Unit of the values, as in `find_contact`; not used with ``thresholds``.
+    thresholds : PressThresholds or None
+        Fixed thresholds, as in `find_contact`.
+    fusion : FusionSettings or None
+        Other constants of the fusion.
+    response : str, Path or None
+        File from `tactile calibrate`. The frames are then readings above their zero, and the curve of the file turns
+        them into pressures.
+
+    Raises
+    ------
+    ConfigurationError
+        If the unit or the pitch cannot be used.
+    InputError
+        If an argument has another type.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> stream, frame = ContactStream(pitch=0.004), np.pad(np.full((7, 7), 50e3), 4)
     >>> for k in range(3):
     ...     found = stream.update(frame, stamp=0.02 * k)
     >>> found.fused.recognition.shape.value, found.fused.frames, round(found.fit.dimensions[0], 3)
     ('square', 3, 0.028)
-
-    Raises ConfigurationError for another unit or pitch, InputError for an argument of another type.
     """
 
     def __init__(self, recogniser: Recogniser | None = None, *, pitch: float = 1.0, unit: str | None = '',
@@ -48,12 +68,25 @@ class ContactStream:
 
     def update(self, values: ArrayLike, stamp: float, *, saturated: ArrayLike | None = None,
                unmapped: ArrayLike | None = None) -> StreamedContact:
-        """Take the frame ``values``, shape (rows, cols), of time ``stamp`` [s], and return the results so far.
+        """Add a frame and return the results so far.
 
-        Hidden, ``saturated`` and ``unmapped`` taxels as in `find_contact`. A frame in which the pad is not seen is
-        reported as UNKNOWN, not seen, and changes nothing in what the frames before and after it say of the contact.
-        Stamps that go back or leave out more than `FusionSettings.max_gap` start the fusion again. Raises InputError
-        for another array, one of another shape than before, and a stamp that is no time.
+        If the pad is not seen in a frame, the frame is reported as UNKNOWN, not seen. It changes nothing in the results
+        of the frames before and after it. The fusion starts again if the stamp goes backwards or jumps by more than
+        `FusionSettings.max_gap`.
+
+        Parameters
+        ----------
+        values : array_like
+            Taxel values, (rows, cols).
+        stamp : float
+            Acquisition of the frame [s].
+        saturated, unmapped : array_like or None
+            As in `find_contact`.
+
+        Raises
+        ------
+        InputError
+            If the array cannot be used, its shape has changed, or the stamp is not a time.
         """
         stamp = seconds(stamp)
         frame = checked_frame(values, self._scale)
