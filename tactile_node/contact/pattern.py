@@ -20,6 +20,8 @@ HIGHEST_VALUE = 1e150    #: magnitude from which on a number is no value, as if 
 SMALL_ARRAY = 64  #: taxels of an array that one object may cover, so that too few rest
 #: correlation of neighbours on a pad with a contact; without one, in 20,000 frames, at most 0.4
 ALIKE_CORRELATION = 0.45
+#: share of the mean by which the readings of an evenly pressed pad differ at least, because the gains of taxels differ
+EVEN_SHARE = 0.05
 MOST_LABELS = 255  #: contacts beyond so many have no label
 
 
@@ -215,8 +217,9 @@ def are_alike(values: np.ndarray) -> bool:
 
 
 def _are_raised(values: np.ndarray) -> bool:
-    """Return whether all taxels read above 0, by more than they differ: by what they read at rest, or by a load."""
-    return bool(values.min() > NOISE_SPREADS * values.std())
+    """Return True if all taxels read above 0 and differ as under a load, not as little as at rest."""
+    spread = values.std()
+    return bool(values.min() > NOISE_SPREADS * spread and spread > EVEN_SHARE * values.mean())
 
 
 def _are_counts(values: np.ndarray) -> bool:
