@@ -102,6 +102,7 @@ def test_what_is_reported_on_is_drawn_without_training(module):
     assert all(name.startswith('training.ground_truth.') for name in of_training), of_training
 
 
+@pytest.mark.slow
 def test_the_picture_shows_the_imports_of_today():
     imports = picture.edges()
     assert (ROOT / 'docs/architecture.txt').read_text(encoding='utf-8') == picture.text(imports), \

@@ -352,6 +352,7 @@ def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=5.5), np.zeros((3, 2)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('loss', 'most_delayed', 'given'), [(0.1, 2, 1000), (0.0, 2, 2850), (0.0, 8, 2500)])
 def test_random_loss_and_delay_never_mixes_periods(tmp_path, loss, most_delayed, given):
     """Each period sends its number in all taxels; frames are lost, or delayed across SYNCs in order. Without loss most

@@ -129,6 +129,7 @@ def test_broken_bags_are_errors(tmp_path, name, content):
         list(CanLogReader(tmp_path / name))
 
 
+@pytest.mark.slow
 def test_a_session_replays_from_a_bag_as_from_the_log(tmp_path):
     layout = load_layout('sim16x16.yaml')
     pads = (PadSettings('left', (32,), layout), PadSettings('right', (64,), layout))

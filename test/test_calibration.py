@@ -68,6 +68,7 @@ def length_errors(lines: str) -> dict[str, list[float]]:
     return errors
 
 
+@pytest.mark.slow
 def test_sizes_of_other_objects_are_right_after_one_calibration(response_file, other_log, tmp_path, capsys):
     """Within 1.5 % with the response, 2.5 % too large and more without it."""
     frames = tmp_path / 'others.npy'
@@ -228,6 +229,7 @@ def presses(count, radius=5.0):
     return [Touch((TouchFrame(frame, frame > 25e3),)) for frame in found]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('given, known, says', [
     (LEAST_PRESSES - 1, Disc(0.01), 'presses'), (8, Disc(-0.01), 'known disc'), (8, Disc(float('nan')), 'known disc'),
     (8, Disc(0.01, 0.02), 'known disc'), (LEAST_PRESSES, Disc(0.015), 'presses of a known disc')])

@@ -28,6 +28,7 @@ def tactile(tmp_path, capsys):
     return run
 
 
+@pytest.mark.slow
 def test_features_of_every_active_taxel(tactile):
     for mask in assorted().values():
         line = tactile('features', mask)[0]

@@ -297,6 +297,7 @@ def test_a_dead_taxel_at_the_rim_makes_the_force_uncertain_and_no_bound(place):
     assert 0 < whole - found.force <= 2.5 * found.force_sd < 0.05 * whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('noise', [0.005, 0.01, 0.03] if LONG else [0.005, 0.03])
 def test_standard_deviations_of_contacts_with_a_rim(noise):
     """Taxels of the rim enter and leave the contact, of which one frame shows little: in the median a factor of 2."""

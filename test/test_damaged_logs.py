@@ -160,6 +160,7 @@ def test_a_date_that_cannot_be_read_costs_the_date_alone(tmp_path, date):
     assert reader.unread == 1 and date.split()[-1] in reader.problem
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('suffix', ['.mcap', '.db'])
 def test_damage_within_a_binary_log_is_reported(tmp_path, suffix):
     path = tmp_path / f'x{suffix}'

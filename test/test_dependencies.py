@@ -116,6 +116,7 @@ def test_what_is_imported_is_a_dependency(module):
     assert origin.pip is None or origin.pip in requirements(), where
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('folder', ['test', 'examples'])
 def test_what_tests_and_examples_import_is_a_dependency(folder):
     """Those of training and benchmarks are in requirements/bench.in."""

@@ -96,6 +96,7 @@ def test_a_taxel_taken_out_as_faulty_does_not_keep_the_others_from_being_followe
     assert abs(last[0, 0]) < 100 and np.isnan(last[0, 1])
 
 
+@pytest.mark.slow
 def test_a_light_lasting_touch_is_taken_for_drift_slowly():
     """3 kPa is below half the limit: at most limit / 300 a second is lost."""
     pad = TaredPad(GUARD, DriftFollower(LIMIT))

@@ -271,6 +271,7 @@ def test_a_tpdo_that_stops_is_stale_within_its_age_and_never_valid_after(snapsho
     assert rows(frames(sweep(snapshots, 6.0, 12))[-1]) == [12, 12, 12] and is_balanced(snapshots)
 
 
+@pytest.mark.slow
 def test_no_random_fault_makes_old_values_valid_or_ages_wrong(tmp_path):
     """TPDOs of any rate, lost, doubled, stamps that jitter: each value is the last sent, its age that of its stamp."""
     random, layout = np.random.default_rng(9), tiny_layout(tmp_path, SNAPSHOTS)

@@ -108,6 +108,7 @@ def both(shape: str, way: str) -> tuple[Followed, Followed]:
     return fits_of(shape, WAYS[way], None), fits_of(shape, WAYS[way], FitFollower())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('shape', 'way'), PAIRS)
 def test_a_fit_that_goes_on_is_as_near_to_the_truth_as_a_search(shape, way):
     searched, followed = both(shape, way)
@@ -121,6 +122,7 @@ def test_it_is_no_surer_than_it_is_right(shape, way):
     assert followed.inside.mean() >= min(searched.inside.mean(), 0.95) - 1 / FRAMES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('shape', PUNCHES if LONG else ('rectangle', 'isosceles_triangle'))
 def test_it_does_not_lag_behind_a_slide(shape):
     """0.5 pitch a frame: 50 mm/s at 50 Hz on taxels 2 mm apart."""

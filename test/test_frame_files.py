@@ -178,6 +178,7 @@ def test_replay_keeps_stamps_sequence_pad_pitch_and_unit(replayed, tmp_path):
     assert set(np.unique(found.status)) <= {1, 2, 3, 4, 5, 6} and found.status.shape == values.shape
 
 
+@pytest.mark.slow
 def test_classify_reports_stamps_and_measures_by_the_pitch_of_the_file(replayed, tactile):
     lines = list(map(json.loads, tactile('classify', replayed)))
     found = read_frames(str(replayed))
@@ -186,6 +187,7 @@ def test_classify_reports_stamps_and_measures_by_the_pitch_of_the_file(replayed,
     assert any(0.01 < line['dimensions'].get('long', 0) < 0.06 for line in lines if 'dimensions' in line)
 
 
+@pytest.mark.slow
 def test_frames_are_fused_by_their_stamps(replayed, tactile, tmp_path):
     fused = list(map(json.loads, tactile('classify', replayed, '--fuse')))
     assert max(line['fused_frames'] for line in fused) > 5 and max(line['held'] for line in fused) > 0.1

@@ -34,6 +34,7 @@ def test_a_skipped_sweep_costs_a_few_more(load, pads, clock):
         assert not seen.wrong and len(seen.answered) >= SWEEPS - 6 and len(seen.answered) - len(seen.whole) <= 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('over', 'after', 'clock'), [
     (1.01, 0.98, WIRE), (1.1, 0.9, HOST),
     *LONG * [(1.01, 0.98, HOST), (1.1, 0.9, WIRE), *((*loads, clock) for loads in ((1.01, 0.8), (1.03, 0.95))

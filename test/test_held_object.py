@@ -100,6 +100,7 @@ def test_what_sure_sides_say_does_not_hang_on_the_prior(same, monkeypatch):
     assert of_classes(circle, square)[0] == 'unknown' and of_classes(circle, circle)[0] == 'circle'
 
 
+@pytest.mark.slow
 def test_confidences_are_frequencies():
     """Faces drawn as the model says, each side's answer as likely as it claims: 80 % sure ones are right so often."""
     rng = np.random.default_rng(3)

@@ -37,6 +37,7 @@ def test_at_most_22_names_each_of_them_documented():
         tn.nothing  # noqa: B018
 
 
+@pytest.mark.slow
 def test_the_import_alone_loads_nothing_and_the_library_neither_ros_nor_can():
     program = ('import sys, tactile_node as tn; print("numpy" in sys.modules); [getattr(tn, n) for n in tn.__all__];'
                'print(sorted({"rclpy", "can", "canopen", "matplotlib"} & set(sys.modules)), "numpy" in sys.modules)')

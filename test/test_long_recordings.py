@@ -251,6 +251,7 @@ def test_what_lies_before_a_window_is_not_read(tmp_path, is_ended):
         list(CanLogReader(path, window=TimeWindow(10.0)))
 
 
+@pytest.mark.slow
 def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path, capsys):
     """A SYNC and 32 TPDOs of a pad 100 times a second; of 3 s the chunk of a tenth is damaged."""
     path = tmp_path / 'x.mcap'
@@ -276,6 +277,7 @@ def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path
         run(replay, path, '--start', 'nan')
 
 
+@pytest.mark.slow
 def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
     """A bit of any byte outside of chunks' content costs no frame, or is reported; never is one changed."""
     path, copy = can_log(tmp_path / 'x.mcap'), tmp_path / 'y.mcap'
@@ -295,6 +297,7 @@ def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
         assert set(found) <= set(whole) and len(found) == FRAMES - EACH * lost, at
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('is_missing', [False, True])
 def test_no_taxel_frame_is_made_of_what_was_before_a_gap_and_what_came_after(tmp_path, is_missing):
     """Chunks, or files, end within sweeps; sweep k has the value k, so that a mixture shows."""

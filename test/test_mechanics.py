@@ -139,6 +139,7 @@ def pool(tmp_path_factory):
     return folder, solution_pool(folder, count=15, seed=4, purpose=Purpose.TEST)
 
 
+@pytest.mark.slow
 def test_a_pool_is_solved_once_and_read_again(pool):
     folder, solutions = pool
     written = [path.stat().st_mtime_ns for path in folder.iterdir()]

@@ -35,6 +35,7 @@ SLIDES = [(way, speed, kind) for i, way in enumerate(PROMISED) for j, speed in e
           for k, kind in enumerate(('square', 'ball', 'right_triangle')) if LONG or (i + j + k) % 3 == 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('way', 'speed', 'kind'), SLIDES)
 def test_a_slide_is_reported_within_what_is_promised_and_a_frame(recogniser, way, speed, kind):
     rng = generator(Purpose.TEST, SEED)
@@ -53,6 +54,7 @@ def test_a_slide_is_reported_within_what_is_promised_and_a_frame(recogniser, way
     assert not {each.kind for _, each in others} - {EventKind.SLIDING}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('speed', [2.0, 20.0])
 def test_speed_is_that_of_the_slide_and_ends_with_it(recogniser, speed):
     rng = generator(Purpose.TEST, SEED + 1)
@@ -65,6 +67,7 @@ def test_speed_is_that_of_the_slide_and_ends_with_it(recogniser, speed):
     assert frames[-1].motion.last_event.kind is EventKind.SLIDING  # which is no present state
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('kind', 'speed'), [('square', 2.0), ('rectangle', 50.0), ('isosceles_triangle', 2.0)])
 def test_a_turn_is_reported(recogniser, kind, speed):
     rng = generator(Purpose.TEST, SEED + 2)
@@ -83,6 +86,7 @@ HOLDS = [(way, is_shaken, KINDS if LONG else [('square', 'ball')[(i + is_shaken)
          for is_shaken in (False, True) for i, way in enumerate(PROMISED)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('way', 'is_shaken', 'kinds'), HOLDS)
 def test_a_hold_is_still(recogniser, way, is_shaken, kinds):
     """At most one report in a minute of shaking, and none here of a quiet hold (one in ten minutes is allowed)."""
@@ -94,6 +98,7 @@ def test_a_hold_is_still(recogniser, way, is_shaken, kinds):
     assert len(reports) <= (is_shaken and LONG), reports
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('slope', [0.05, 0.15])
 def test_an_oblique_face_that_is_pressed_harder_does_not_slide(recogniser, slope):
     """Its contact grows from one edge, while a gripper closes from 0.2 to 5 N; then it is held."""
@@ -111,6 +116,7 @@ def test_an_oblique_face_that_is_pressed_harder_does_not_slide(recogniser, slope
     assert found[-1].observable & slides == slides
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('kind', ['square', 'ball'])
 def test_a_slide_under_a_shaken_force_is_reported(recogniser, kind):
     rng = generator(Purpose.TEST, SEED + 5)
@@ -143,6 +149,7 @@ def kinds_of(found):
 EMPTY, HIDDEN = np.zeros((18, 20)), np.full((18, 20), np.nan)
 
 
+@pytest.mark.slow
 def test_made_and_lost_are_between_frames_that_are_seen():
     assert kinds_of(motions([EMPTY] * 5 + [pressed()] * 20 + [EMPTY] * 3)) == ['MADE', 'LOST']
     assert kinds_of(motions([pressed()] * 20)) == []  # not known to have been empty
@@ -171,6 +178,7 @@ def test_force_by_steps():
     assert (lighter.force_before, lighter.force) == pytest.approx((36 * 75e3 * PITCH**2, 36 * 30e3 * PITCH**2))
 
 
+@pytest.mark.slow
 def test_another_contact_and_lost_taxels_are_no_movement():
     assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 12:18])] * 40)) == ['SLIDING']  # it overlaps
     assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 14:20])] * 40)) == []  # it is another one

@@ -45,12 +45,14 @@ def each(*short, **names):
     return pytest.mark.parametrize(tuple(names), [tuple(case.values()) for case in chosen])
 
 
+@pytest.mark.slow
 @each((1, 'Pa'), (1, 'N'), (10, None), seconds=(1, 10, 60), unit=NOISE)
 def test_a_contact_that_grows_slowly_is_never_noise(seconds, unit):
     heights = np.concatenate((np.zeros(50), np.linspace(0, 30, 50 * seconds), np.full(100, 30.0)))
     check_held(heights, unit, SQUARE, from_height=10)
 
 
+@pytest.mark.slow
 @each((1000, 'Pa'), (1000, None), frames=(1000, 2000), unit=NOISE)
 def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
     """1,000 frames are twice as many as are remembered; then it is let go, and the pad is free at once."""
@@ -60,12 +62,14 @@ def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
     assert not free.contacts and free.pad_seen
 
 
+@pytest.mark.slow
 @each(('whole', 'Pa'), ('whole', None), ('half', 'N'), ('11 of 12', None), mask=MASKS, unit=NOISE)
 def test_an_object_that_covers_the_pad_after_rest_is_held(mask, unit):
     heights = np.concatenate((np.zeros(60), np.full(600, 20.0)))
     check_held(heights, unit, MASKS[mask], from_height=10)
 
 
+@pytest.mark.slow
 @each((0, 'whole', 'N'), (0, 'half', 'Pa'), (0, '11 of 12', 'N'), (5, 'whole', 'Pa'), (5, 'half', 'N'),
       (5, '11 of 12', 'Pa'), seconds=(0, 5, 20), mask=MASKS, unit=('Pa', 'N'))
 def test_with_a_unit_the_pad_may_be_covered_from_the_start_or_slowly(seconds, mask, unit):
@@ -73,6 +77,7 @@ def test_with_a_unit_the_pad_may_be_covered_from_the_start_or_slowly(seconds, ma
     check_held(heights, unit, MASKS[mask], from_height=12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('unit', ['Pa', 'N'])
 def test_a_contact_between_noise_and_fixed_thresholds_is_not_learned(unit):
     """With absolute thresholds a light contact is not pressed; the floor must not follow it."""
@@ -139,6 +144,7 @@ def test_values_that_were_tared_have_a_level_that_no_pad_at_rest_reaches():
     assert NoiseFloor().measure(values, WHOLE)[0] == pytest.approx(50.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('unit', ['Pa', None])
 def test_an_object_that_is_held_does_not_drown_in_noise_that_rises(unit):
     """A motor starts: the noise is ten times that of before. Nothing may say that the pad is empty."""

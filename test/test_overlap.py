@@ -32,6 +32,7 @@ def test_each_shape_overlaps_itself(shape):
         assert 0.99 <= found.iou <= 1.005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('ratio', [1.1, 1.6])
 def test_an_ellipse_is_between_circle_and_rectangle(ratio):
     figure = inside(lambda x, y: (x / ratio) ** 2 + y ** 2 <= 0.5)
@@ -44,6 +45,7 @@ def test_an_ellipse_is_between_circle_and_rectangle(ratio):
     assert found.iou == pytest.approx(max(circle, rectangle), abs=NEAR)
 
 
+@pytest.mark.slow
 def test_a_figure_may_turn_grow_and_have_holes_and_pieces():
     ell = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 4], [0, 4]], float)
     expected = best_overlap(ell)

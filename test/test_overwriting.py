@@ -47,6 +47,7 @@ def test_a_file_of_one_of_several_pads_or_of_a_series_is_refused(folder, capsys)
     assert all(refuses(RECORD, folder / 'x_part2.log', capsys))
 
 
+@pytest.mark.slow
 def test_with_force_it_is_replaced(folder, capsys):
     for name in ('x.npz', 'x.csv', 'x.yaml', 'x.log', 'x_part2.log'):
         (folder / name).write_text('old')

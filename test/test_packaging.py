@@ -68,6 +68,7 @@ def test_the_canopen_of_the_install_page_is_the_pinned_one():
     assert re.findall(r'apt install \./dist/(\S+)', page) == [f'python3-canopen_{pinned}_all.deb']
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not shutil.which('dpkg-deb'), reason='dpkg-deb is not installed')
 def test_the_debian_package_of_canopen_holds_all_of_it(tmp_path):
     """`make deb-test` installs it in a clean Debian."""

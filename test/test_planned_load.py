@@ -55,6 +55,7 @@ def placed_pads(count):
     return tuple(make_pad(f'pad{node_id}', node_id, 'sim16x16.yaml') for node_id in NODE_IDS[:count])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('pads', 'longest'), [(1, 0.0047), (2, 0.0092), (4, 0.0183)])
 def test_a_bus_that_would_be_too_full_is_refused_with_the_rate_that_fits(pads, longest):
     load = (SYNC + pads * 32 * FRAME) / 1e6
@@ -67,6 +68,7 @@ def test_a_bus_that_would_be_too_full_is_refused_with_the_rate_that_fits(pads, l
         Supervisor(fits, placed_pads(pads), lambda name, frame: None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('pads, rate, load', [(1, 50, None), (4, 50, None), (3, 100, 1.3015), (4, 100, 1.7335)])
 def test_the_driver_starts_and_warns_of_pads_that_its_bus_cannot_carry(pads, rate, load, caplog):
     """Whoever reads only the log learns it before the first frame is missing; the rest is the status."""

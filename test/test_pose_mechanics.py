@@ -51,6 +51,7 @@ def area_of(fit) -> float:
     return abs((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()) / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('shape', PUNCHES)
 def test_a_punch_is_as_large_as_its_contact(shape):
     punch = flat_punch(Contact(shape, PUNCHES[shape], 0.0, 0.0), 0.03, 0.12)
@@ -60,6 +61,7 @@ def test_a_punch_is_as_large_as_its_contact(shape):
     assert inside.mean() >= 0.8  # of 16: below it with 95 % regions once in 140
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('dome', [ball(0.03), ball(0.08), cylinder(0.03, 1.8, 0.3), cylinder(0.05, 2.4, 0.2)],
                          ids=['ball', 'ball pressed harder', 'cylinder', 'longer cylinder'])
 def test_a_dome_is_as_large_as_its_contact(dome):
@@ -70,6 +72,7 @@ def test_a_dome_is_as_large_as_its_contact(dome):
     assert inside.mean() >= 0.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('tip', [0.1, 0.4], ids=['sharp', 'blunt'])
 def test_a_cone_is_as_large_as_its_contact(tip):
     """Its tip lost its weight as outliers, and what was left was fitted as a punch: 24 % too small, and sure."""

@@ -114,6 +114,7 @@ def test_a_recognition_reports_whether_it_is_of_joined_pieces(recogniser):
     assert not recogniser.recognise(pattern_of(frame)).joined, 'in one piece'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('shape', CLASSES)
 def test_large_clean_contacts_are_recognised(recogniser, shape):
     """100 taxels: hardly any contact can be mistaken, in either kind of frame; whatever the unit."""

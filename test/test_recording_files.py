@@ -23,6 +23,7 @@ def numbers(path):
     return [int.from_bytes(message.data[:4], 'little') for message in CanLogReader(path)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('suffix', SUFFIXES)
 def test_a_recording_that_rotates_loses_no_frame_and_each_file_can_be_read(tmp_path, suffix):
     writer = CanLogWriter(tmp_path / f'x{suffix}', largest=4_000)
@@ -81,6 +82,7 @@ print(writer.can_frames, writer.unwritten, bool(writer.failure), writer.parts)
 '''
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('suffix', 'largest'), [*((suffix, 0) for suffix in SUFFIXES), ('.log', 5_000)])
 def test_a_full_disk_costs_exactly_what_is_counted(tmp_path, suffix, largest):
     """A greatest size of files stands for the disk; with rotation from 5,000 bytes on it is never reached."""

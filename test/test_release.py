@@ -24,6 +24,7 @@ class Intruder:
         return (Path.touch, (self.path,))
 
 
+@pytest.mark.slow
 def test_no_code_of_a_model_or_taxel_file_is_run(tmp_path):
     """SECURITY.md promises it: such a file may come from anyone."""
     mark = tmp_path / 'ran'

@@ -125,6 +125,7 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
     assert (marks_of(left.health) == Mark.SOME_MISSING).sum() == 8
 
 
+@pytest.mark.slow
 def test_of_another_device_no_taxel_is_given(tmp_path):
     """Product code 0x16160009 in place of that of the EDS beside the layout."""
     lines = [line.replace('5A0#4318100208001616', '5A0#4318100209001616') for line in session()]
@@ -152,6 +153,7 @@ def test_an_identity_that_changes_is_two_devices():
     assert other.node_id == 33 and other.objects == {}
 
 
+@pytest.mark.slow
 def test_taxels_of_another_node_are_not_given(tmp_path):
     """With node-ID 33 most TPDOs of node 32 fit."""
     log = logged(tmp_path / 'x.log', session())
@@ -165,6 +167,7 @@ def test_taxels_of_another_node_are_not_given(tmp_path):
     assert silent.heartbeats == 0 and not silent.nmt and silent.longest_pause is None
 
 
+@pytest.mark.slow
 def test_a_log_cut_short_is_reported_up_to_there(tmp_path):
     data = SESSION.read_bytes()
     path = tmp_path / 'x.log.gz'
@@ -255,6 +258,7 @@ def test_force_over_time_is_that_of_the_whole_contact():
     assert finder.found[0].force == pytest.approx(56 * 50e3 * 16e-6)
 
 
+@pytest.mark.slow
 def test_the_longest_touches_keep_their_pictures():
     frames = []
     for length in range(MOST_PICTURES + 3, 0, -1):

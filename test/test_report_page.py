@@ -85,6 +85,7 @@ def reported(path):
     return BagReporter(str(path)).report(Event())
 
 
+@pytest.mark.slow
 def test_the_page_of_a_log_is_alone_and_escapes_what_devices_send(tmp_path):
     lines = session()
     at = next(k for k, line in enumerate(lines) if ' 1A0#' in line)
@@ -183,6 +184,7 @@ def test_the_command_writes_a_whole_page_or_none(tmp_path, capsys):
     assert (tmp_path / 'x.log').read_bytes() == content
 
 
+@pytest.mark.slow
 def test_the_command_names_the_problems_that_it_counts(tmp_path, capsys):
     log, out = logged(tmp_path / 'x.log', session(2.5)), tmp_path / 'report.html'
     assert main(['report', log, '--node-id', '32,96', '--pads', 'left,right', '-o', str(out)]) == 0

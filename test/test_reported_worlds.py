@@ -45,6 +45,7 @@ def test_tables_say_how_many_were_counted():
     assert nothing.table([seen]).rows[0][:2] == ['drift', '50'] and several.table([punches]).rows[0][3] == '10'
 
 
+@pytest.mark.slow
 def test_the_p_value_behaves_as_one():
     """Exactly at the limit it is below p in a fraction p of experiments."""
     rng, below = random_stream(9), 0

@@ -40,6 +40,7 @@ def test_inside_taxels_are_those_with_four_active_neighbours(shape):
     assert count_inside(np.ones((5, 7), bool)) == 15, 'a full rectangle: (5 - 2) x (7 - 2)'
 
 
+@pytest.mark.slow
 def test_what_is_drawn_does_not_depend_on_the_number_of_processes():
     wanted = {'a': Wanted('benchmark', Purpose.TEST, 260, (20, 40)),
               'b': Wanted('one proportion', Purpose.TEST, 5, (30, 30))}

@@ -104,6 +104,7 @@ def test_what_stands_out_of_noisy_lines_is_no_contact(turn):
     assert found > 50 and passed <= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('density', [0.01, 0.03, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5])
 @pytest.mark.parametrize('side', [8, 16])
 def test_salt_makes_no_contact_of_a_size_that_has_a_shape(density, side):

@@ -227,6 +227,7 @@ def test_a_contact_that_is_seen_in_a_part_of_the_frames_is_one(how):
     assert refused.value.refusal is TareRefusal.CONTACT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('spread', [0.0, 1e3, 3e3])
 def test_offsets_are_no_contact(spread):
     """Of a hundred pads each, drawn independently of the code: taxels apart, a tilted pad, a common offset."""

@@ -49,6 +49,7 @@ newest_is_kept stalled 4
 '''
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(COMPILER is None, reason='g++ is not installed')
 def test_cpp_finds_the_outcome_of_each_goal(tmp_path):
     (tmp_path / 'goals.cpp').write_text(PROGRAM)

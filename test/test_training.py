@@ -53,6 +53,7 @@ def test_labels_follow_from_overlaps():
     assert labels_of(overlaps).tolist() == [UNKNOWN, -1, CIRCLE, SQUARE, RECTANGLE, -1, -1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('families', [FAMILIES, BLEMISHES, HELD_OUT])
 def test_every_family_draws_figures_of_the_area_that_is_asked_for(families):
     forms = make_forms(generator(Purpose.TEST, 7), dict(list(families.items())[:6]), 6)

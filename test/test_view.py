@@ -423,6 +423,7 @@ def test_a_terminal_shows_shape_and_size(monkeypatch):
     assert 'square 97 %' in shown and 'side 8.0 mm' in shown and '\x1b[48;5;' in shown
 
 
+@pytest.mark.slow
 def test_a_name_is_no_command_to_the_terminal(monkeypatch):
     """Of a bag from elsewhere: ESC c clears the terminal."""
     monkeypatch.setenv('COLUMNS', '100')
@@ -460,6 +461,7 @@ def page_of(source, browser):
     return Page(browser.client, source, lambda: True)
 
 
+@pytest.mark.slow
 def test_a_browser_that_does_not_answer_gets_nothing_more_and_then_the_newest():
     source, browser = HandSource(['left']), Sent()
     source.store.put(state(stamp=0.0))

@@ -23,6 +23,9 @@ SMALL_ARRAY = 64       #: Largest number of taxels of an array that one object m
 #: Smallest correlation of neighbouring taxels on a pad with a contact. Without a contact, 20,000 frames had 0.4 at
 #: most.
 ALIKE_CORRELATION = 0.45
+#: Smallest spread of the readings of an evenly pressed pad, as a share of their mean. The gains of taxels differ by
+#: more.
+EVEN_SHARE = 0.05
 MOST_LABELS = 255  #: Largest number of contacts with a label of their own.
 
 
@@ -250,8 +253,9 @@ def are_alike(values: np.ndarray) -> bool:
 
 
 def _are_raised(values: np.ndarray) -> bool:
-    """Return True if all taxels read above 0 by more than they differ: by their level at rest, or under a load."""
-    return bool(values.min() > NOISE_SPREADS * values.std())
+    """Return True if all taxels read above 0 and their readings differ as much as under a load; they differ less at rest."""
+    spread = values.std()
+    return bool(values.min() > NOISE_SPREADS * spread and spread > EVEN_SHARE * values.mean())
 
 
 def _are_counts(values: np.ndarray) -> bool:
