@@ -19,7 +19,7 @@ release = version = tactile_node.__version__
 root_doc = 'index'
 exclude_patterns = [f'{PAGES}_ext', f'{PAGES}README.md', '_build']  # index.rst includes README.md
 
-extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx_gallery.gen_gallery', 'from_code']
+extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon', 'sphinx_gallery.gen_gallery', 'from_code']
 myst_heading_anchors = 4  # links to headings, as GitHub has them
 html_theme = 'sphinx_rtd_theme'
 html_theme_options = {'navigation_depth': 3, 'collapse_navigation': False}
@@ -33,6 +33,9 @@ autodoc_typehints = 'signature'
 autodoc_typehints_format = 'short'
 autodoc_member_order = 'bysource'
 autodoc_preserve_defaults = True
+napoleon_google_docstring = False
+napoleon_use_param = False  # types such as `float (rows, cols)` are text, not links
+napoleon_use_rtype = False
 nitpicky = True
 #: what no page of ours documents: other libraries, for which nothing is downloaded, and parts of our own inside
 nitpick_ignore_regex = [('py:.*', r'(numpy|np|scipy|matplotlib|pathlib|collections|typing|enum|os)\..*'),

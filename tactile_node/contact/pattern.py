@@ -37,7 +37,7 @@ class ContactPattern(NamedTuple):
     #: the level at rest is subtracted unless it is about 0, and so is the halo of the contacts.
     values: np.ndarray
     contacts: int  #: number of separate contacts on the pad; 0 if the pad is empty or not seen
-    #: uint8, number of the contact that a taxel belongs to: 1 is the largest contact, 2 the next, ...; 0 is none
+    #: uint8, number of the contact that a taxel belongs to; 1 is the largest contact, 2 the next, ...; 0 is none
     labels: np.ndarray
     sizes: tuple[int, ...]  #: number of taxels of each label, beginning with label 1
     hidden: np.ndarray  #: bool, taxels of the pad without a valid value, and left-over taxels
@@ -253,7 +253,10 @@ def are_alike(values: np.ndarray) -> bool:
 
 
 def _are_raised(values: np.ndarray) -> bool:
-    """Return True if all taxels read above 0 and their readings differ as much as under a load; they differ less at rest."""
+    """Return True if all taxels read above 0 and their readings differ as much as under a load.
+
+    Readings at rest differ less.
+    """
     spread = values.std()
     return bool(values.min() > NOISE_SPREADS * spread and spread > EVEN_SHARE * values.mean())
 

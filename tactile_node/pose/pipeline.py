@@ -102,7 +102,8 @@ class FoundContact(NamedTuple):
 class StreamedContact(NamedTuple):
     """The results for one frame, and for all frames of the contact up to this frame."""
 
-    contact: ContactPattern   #: the recognised contact: the largest one together with the pieces that were torn off it
+    #: the recognised contact, which is the largest one together with the pieces that were torn off it
+    contact: ContactPattern
     recognition: Recognition  #: answer for this frame alone, or for a frame just before it with the same taxels
     fused: FusedRecognition   #: answer for all frames since the contact began
     fit: ShapeFit | None      #: fit of the fused shape; None if nothing with an outline touches the pad
