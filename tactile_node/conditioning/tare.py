@@ -77,8 +77,8 @@ class ContactGuard(NamedTuple):
     A taxel becomes pressed at ``press`` and is released below RELEASE_RATIO of it. By default the processor reports the
     same contact.
 
-    RAISED_TAXELS connected taxels are also pressed if they read ``raised`` above the background of the pad, and more
-    than its offsets vary. Before the first tare, a low offset may hide a contact.
+    RAISED_TAXELS connected taxels are also pressed if they read ``raised`` above the background of the pad. They must
+    also exceed the variation of the pad's offsets, because a low offset may hide a contact before the first tare.
     """
 
     press: float                     #: press threshold

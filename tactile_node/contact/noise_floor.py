@@ -17,8 +17,8 @@ TAKEN_SPREADS = 2.5
 #: by this many of their standard deviations.
 CLIPPED_SHIFT = 0.023
 CLIPPED_WIDTH = 0.972  #: The same limit makes the standard deviation too small by this factor.
-#: Values are far below the others if they lie this many times the distance between the first quartile and the first
-#: octile below the first octile. Normally distributed values reach at most 5.
+#: Let d be the distance between the lowest quartile and the lowest octile of the values. Values that lie more than this
+#: many d below the octile are far below the others. Normally distributed values reach at most 5 d.
 FAR_DISTANCES = 10.0
 MANY_VALUES = 64  #: Smallest number of values whose octile and quartile are reliable.
 MOST_ROUNDS = 12  #: Limit of the iteration; in practice it takes 3 to 6 rounds.

@@ -18,7 +18,7 @@ from tactile_node.contact.halo import halo_of
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, enclosed, grown
 
 OUTLINE_SHARE = 0.5  #: Share of the local level of a contact at which its outline is.
-#: Height of a contact's taxels above the level at rest, at least [standard deviations of the noise].
+#: Smallest height of a contact's taxels above the level at rest [standard deviations of the noise].
 NOISE_SPREADS = 3.0
 KEPT_SHARE = 0.85  #: Hysteresis: a pressed taxel stays pressed down to this share of both limits.
 #: A group of fewer than GROUP_TAXELS taxels is pressed only if one of them rises by this many standard deviations,
@@ -32,7 +32,8 @@ HALO_REACH = 3  #: Distance over which readings are compared [rows and columns].
 #: Taxels between pressed taxels join them if they read at least this share of the highest level within HALO_REACH
 #: taxels. Lower readings separate two contacts.
 BETWEEN_SHARE = 0.2
-#: Number of groups of fewer than GROUP_TAXELS taxels that one contact may shed if its taxels differ in gain.
+#: Largest number of small groups (fewer than GROUP_TAXELS taxels) that may break off a contact whose taxels differ in
+#: gain.
 MOST_SPECKS = 2
 PLANE_TAXELS = 12    #: Smallest number of taxels that can show a tilt.
 STEEPEST_TILT = 0.5  #: Largest deviation of the tilted level from its mean, as a share of the mean.

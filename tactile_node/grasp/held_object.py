@@ -21,7 +21,8 @@ SAME_FACES = 0.9
 LEAST_PROBABILITY = 0.5
 #: Largest difference of two angles of one object [standard deviations]; the errors are not quite normal.
 MOST_DEVIATIONS = 5.0
-#: Differences of angles below this come from errors in the poses of the pads, which no deviation contains [rad].
+#: Angles that differ by less do not contradict each other [rad]. Such a difference comes from errors in the poses of
+#: the pads, which the standard deviations do not contain.
 LEAST_CONTRADICTION = radians(5)
 NO_CLASSES = (Shape.NONE.value, Shape.UNKNOWN.value)
 
@@ -209,9 +210,10 @@ def _turned(held: HeldObject, turns: Sequence[_Turn]) -> HeldObject:
 
 
 def _mean(values: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the mean of ``values`` with standard deviations, weighted by 1 / variance, and its standard deviation.
+    """Return the weighted mean of values and its standard deviation.
 
-    If the values differ by more than their deviations explain, the Birge ratio enlarges the standard deviation.
+    ``values`` come with their standard deviations; the weights are 1 / variance. If the values differ by more than
+    their deviations explain, the Birge ratio enlarges the standard deviation of the mean.
     """
     weights = [sd**-2 for _, sd in values]
     mean = sum(weight * value for weight, (value, _) in zip(weights, values)) / sum(weights)

@@ -1,7 +1,8 @@
 """Hold an object with a force after closing: when to press harder, when to ease off, and when to end.
 
-The module is pure: its callers pass the time. The rules of trust are those of closing.py. The gripper closes by the
-highest force that the readings allow, opens by the lowest one, and rests if the force is not known.
+The module is pure: its callers pass the time. The rules of trust are those of closing.py. The decision to press harder
+uses the highest force that the readings allow, and the decision to ease off uses the lowest one. The gripper rests
+while the force is not known.
 
 A correction begins if both pads read more than a deadband D away from the force, and ends at the force. It overshoots
 by the travel until the gripper stops, and by one step of the gripper: at most stiffness x (latency x speed +

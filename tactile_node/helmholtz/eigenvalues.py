@@ -11,7 +11,7 @@ state. Each round gives certain bounds for every Λ:
 For an iterate x with ‖x‖ = 1, an eigenvalue lies within ‖A x - θ x‖ of θ. The iterate is accepted if this distance is
 at most 2e-10 θ. Otherwise the next round shifts to just below θ. If only the extremes over the rotations are requested,
 patterns that cannot be extreme by these bounds are left out, most of them after the first round. Parts that do not
-converge in time (with nearly equal eigenvalues of weakly joined pieces) go to a dense solver.
+converge in time (with nearly equal eigenvalues of weakly joined pieces) are solved by a dense solver.
 """
 
 from typing import NamedTuple
@@ -115,7 +115,7 @@ def _banded(parts: list[Parts]) -> Banded:
 
 
 def _solve(matrices: Banded, least: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
-    """Return Λ of each of the len(contest) patterns.
+    """Return Λ of each pattern, (len(contest),).
 
     ``owner`` is the pattern that each part, one of ``matrices``, belongs to.
     """

@@ -102,8 +102,8 @@ def fill_holes(stack: np.ndarray) -> None:
     Each rule works on the result of the rule before it. ``stack`` is bool (K, rows, cols) and contiguous, with a ring
     of inactive taxels around each pattern.
     """
-    # Thanks to the ring, a neighbour is one flat shift away. One of the two sites beside a taxel of the ring is in the
-    # ring, too, so the ring stays inactive.
+    # Because of the ring, a single shift of the flat array reaches each neighbour. One of the two sites beside a taxel
+    # of the ring is in the ring, too, so the ring stays inactive.
     flat, wide = stack.reshape(-1), stack.shape[2]
     for steps in ((wide,), (1,), (wide + 1, wide - 1)):
         holes = [flat[:-2 * step] & flat[2 * step:] for step in steps]

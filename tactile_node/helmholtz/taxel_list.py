@@ -101,7 +101,8 @@ def taxel_list(masks: np.ndarray) -> TaxelList:
 def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
     """Return the list of the active taxels of ``masks``, each already surrounded by a ring of inactive taxels.
 
-    ``masks`` are contiguous. Thanks to the ring, a neighbour is one flat shift away, and no row runs into the next.
+    ``masks`` are contiguous. Because of the ring, a single shift of the flat array reaches each neighbour, and no row
+    runs into the next.
     """
     count, rows, wide = masks.shape
     active = masks.reshape(-1)

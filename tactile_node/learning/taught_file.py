@@ -18,12 +18,12 @@ from tactile_node.learning.touches import Touch, TouchFrame
 from tactile_node.shape.patch import HIGHEST_LEVEL, SIDE, Patch, joined, make_patch
 from tactile_node.shape.taught import HEAD_PARTS, HEAD_VERSION, MOST_TAUGHT, Head, digest_of, is_name, is_own
 
-TOUCH_VARIANTS = 16          #: Number of variants of each touch.
-SIZE_CHANGE = 0.06           #: Largest change of lengths, as a logarithm.
-MOST_TILT = 0.15             #: Largest relative rise of the pressure over the reach of the contact.
+TOUCH_VARIANTS = 16  #: Number of variants of each touch.
+SIZE_CHANGE = 0.06  #: Largest change of lengths, as a logarithm.
+MOST_TILT = 0.15  #: Largest relative rise of the pressure over the reach of the contact.
 NOISE_RANGE = (0.005, 0.03)  #: Range of the noise's standard deviation, as a share of the contact's level.
-MOST_DEAD = 0.04             #: Largest share of taxels without a value.
-REST_MARGIN = 5              #: Width of the rest of the pad around a contact, which shows its noise [taxels].
+MOST_DEAD = 0.04  #: Largest share of taxels without a value.
+REST_MARGIN = 5  #: Width of the unpressed margin around a contact, which shows the noise of the pad [taxels].
 
 
 class Examples(NamedTuple):

@@ -51,8 +51,9 @@ def guesses(shape: Shape, moments: Moments, margin: float) -> list[Guess]:
     moments : Moments
         Moments of the contact.
     margin : float
-        For a triangle, each corner that fits the shape up to ``margin`` worse than the best corner gives a start
-        [radians, or logarithm of lengths].
+        For a triangle, a corner also gives a start if its misfit exceeds that of the best corner by at most this much.
+        The misfit of a right triangle is in radians. That of an isosceles triangle is the logarithm of a ratio of
+        lengths.
     """
     x, y = moments.centre.real, moments.centre.imag
     if shape is Shape.CIRCLE:

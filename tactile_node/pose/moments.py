@@ -201,8 +201,8 @@ def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
     two readings: the lowest of the contact and the highest of the ring. A taxel of the ring enters the contact at or
     above the larger of the two.
 
-    A filled taxel is as uncertain as the values of the contact differ. An invalid taxel in the ring is as uncertain as
-    whether it is pressed.
+    A filled taxel gets the variance of the contact's values. An invalid taxel in the ring is assumed to be pressed or
+    not pressed with equal probability.
     """
     near = np.nonzero(grown(mask))
     inside, read, own = mask[near], values[near], noise[near] if noise.ndim else noise

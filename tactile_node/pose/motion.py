@@ -48,10 +48,10 @@ STEADY_LOAD = 0.15
 MAX_GAP = 0.25  #: Time without a frame that shows the contact, after which its movement is not known [s].
 #: Factor in the number of taxels from which on a contact is another contact, or two contacts that have joined.
 OTHER_SIZE = 1.6
-# An outline is another outline if a dimension differs by more than the sum of these two:
+# A fit counts as another outline if a dimension differs by more than the sum of these two values.
 OTHER_LENGTH = 0.2   #: share of the dimension
 OTHER_PITCHES = 0.5  #: length [pitches]
-#: A movement does not show if the cosine of its angle to a direction that is not seen exceeds this value.
+#: A movement along x or y is not observable if the cosine of its angle to an unobservable direction exceeds this value.
 HIDES_DIRECTION = 0.5
 
 

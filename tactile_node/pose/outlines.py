@@ -201,7 +201,7 @@ def _following(corners: np.ndarray) -> np.ndarray:
     return np.arange(1, len(corners) + 1) % len(corners)
 
 
-FAR_LEFT = -1e6    #: A coordinate left of everything.
+FAR_LEFT = -1e6    #: A coordinate left of all taxels.
 TINY_TILT = 1e-12  #: An edge along the lattice is tilted by this much.
 
 
@@ -216,7 +216,7 @@ class Window(NamedTuple):
 
 def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights: np.ndarray,
               of_change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how much polygons cover of each taxel, as weighted sums over the polygons, and the derivatives of one sum.
+    """Return the area of each taxel that polygons cover, as weighted sums, and the derivatives of one sum.
 
     Parameters
     ----------

@@ -16,11 +16,13 @@ from tactile_node.contact.visibility import Visibility, visibility_of
 
 NEIGHBOUR_STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: Steps to the neighbours, (x, y).
 UNSEEN_REACH = 1.5  #: Distance from unseen places along rows and columns above which the rim is an end of the contact.
-#: Reading of the outermost taxels under an even pressure, as a share of the deeper taxels; the contact covers them in
-#: part.
+#: Reading of the outermost taxels relative to deeper taxels under an even pressure. The contact covers the outermost
+#: taxels only in part.
 EVEN_SHARE = 0.75
 STEEPNESS_RANGE = (0.4, 1.8)  #: Smallest and largest steepness, see `_steepness`.
-STRAIGHT_TOLERANCE = 0.35  #: Variation of a straight rim. Two places of a rim reach equally far if they differ by less.
+#: Largest variation of a straight rim. Places of the rim whose distances along an axis differ by less reach equally
+#: far.
+STRAIGHT_TOLERANCE = 0.35
 
 
 class Rim(NamedTuple):

@@ -26,7 +26,7 @@ from tactile_node.shape.recognition import Shape
 CORNER_MARGIN = 0.15
 CORNER_MARGIN_ON_OFF = 0.35  #: The same for on/off taxels.
 AMBIGUOUS_MISFIT = 6.0  #: Two fits cannot be distinguished if their sums of squares differ by less than this.
-EDGE_AMBIGUITY = 20.0  #: Factor of the above at the pad's edge, because the part beyond it is a guess.
+EDGE_AMBIGUITY = 20.0  #: Factor of AMBIGUOUS_MISFIT at the pad's edge, because the part beyond the edge is a guess.
 PUNCH_RATIO = 1.4  #: A punch is not refined if a dome's sum of squares is smaller by this factor.
 HOPELESS_MISFIT = 500.0  #: A fit is not refined if it is worse than the best by more than this after the first pass.
 FOLLOWING_STEPS = 3  #: Largest number of steps while following; a contact at rest needs one.

@@ -1,8 +1,8 @@
 """A model of the skin: taxel values as a function of outline, pressure and depth.
 
-A pressure skin shows the pressure under a punch or a dome, or a more even pressure (`profiles`), times (level + tilt_x
-X + tilt_y Y). The layer spreads the pressure over the taxels (`kernel`). An on/off skin shows 1 where the centre of a
-taxel is inside the outline.
+In a pressure skin, a contact presses like a punch or a dome (`profiles`), or more evenly. Its pressure is multiplied by
+(level + tilt_x X + tilt_y Y), and the layer spreads it over the taxels (`kernel`). An on/off skin shows 1 where the
+centre of a taxel is inside the outline.
 """
 
 from functools import cache
@@ -84,9 +84,9 @@ def _newmark(y: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
 
 
 def _terms(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the products that add up to a symmetric kernel.
+    """Return a symmetric kernel as a sum of products.
 
-    These are the signs, and the taps by distance, (KERNEL_TERMS, KERNEL_REACH + 2).
+    The result is the sign of each product, and the taps by distance, (KERNEL_TERMS, KERNEL_REACH + 2).
     """
     values, vectors = np.linalg.eigh(whole)
     largest = np.argsort(-np.abs(values))[:KERNEL_TERMS]

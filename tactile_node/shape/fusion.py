@@ -68,7 +68,7 @@ class FusionSettings:
         period : float
             Time between frames [s].
         odds : float
-            Odds that each frame gives to the new shape against every other shape, at least; 3 to 100.
+            Smallest odds, 3 to 100, that each frame gives to the new shape against every other shape.
         """
         ahead, frames = -self.lead, 0
         while ahead < self.switch:

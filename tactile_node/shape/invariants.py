@@ -24,7 +24,7 @@ HARMONIC_WAVES = np.exp(-1j * np.outer(DIRECTION_ANGLES, np.arange(HARMONICS + 1
 #: Orders (p, q) of the complex moments c_pq.
 MOMENT_ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))
 HIGHEST_ORDER = 6
-COUNT = 9 + 2 * len(MOMENT_ORDERS) + HARMONICS + likeness.COUNT  #: Number of numbers per patch.
+COUNT = 9 + 2 * len(MOMENT_ORDERS) + HARMONICS + likeness.COUNT  #: Number of values that describe a patch.
 LOG_TAXELS = 0  #: Index of the logarithm of the contact's number of taxels.
 OVERLAPS = slice(COUNT - likeness.COUNT, COUNT - 1)  #: Indices of the overlaps with `likeness.FIGURES`.
 

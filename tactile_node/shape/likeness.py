@@ -13,7 +13,7 @@ The overlap is the intersection of the two areas over their union, with edges so
 import numpy as np
 
 FIGURES = 'rectangle', 'square', 'triangle', 'disc'  #: Figures in the order of their numbers.
-COUNT = 5  #: Number of numbers per patch: the overlap with each figure, and the whitened third moment.
+COUNT = 5  #: Number of values per patch: the overlap with each figure, and the whitened third moment.
 FLATTEST_RATIO = 0.02  #: Smallest second moment across the contact, as a share of the mean of both second moments.
 SIDE_ANGLES = np.arange(4) * np.pi / 2  #: Directions from the centre to a rectangle's sides [rad].
 #: Directions from the centre to an equilateral triangle's sides if its third moment is real [rad]; one side is listed

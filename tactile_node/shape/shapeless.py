@@ -62,12 +62,12 @@ SPECKLED = 0.08
 AMONG_SPECKS = 0.55
 #: A contact below this compactness is chance if it is small (FEW, FEW_ALONE) or scattered (LARGEST).
 RAGGED = 0.45
-#: Small: fewer taxels than this, together with the pieces close to the contact.
+#: Small means fewer taxels than this, together with the pieces close to the contact.
 FEW = 14
-#: Small, if nothing else is pressed on the pad: fewer taxels than this. Slim triangles of 9 taxels are ragged, too, and
-#: must pass.
+#: If nothing else is pressed on the pad, small means fewer taxels than this. Slim triangles of 9 taxels are ragged,
+#: too, and must not be rejected.
 FEW_ALONE = 7
-#: Scattered: less than this share of the taxels is in the largest piece.
+#: Scattered means that less than this share of the taxels is in the largest piece.
 LARGEST = 0.4
 #: A contact of fewer taxels than this is also judged together with its rim.
 SMALL = 16
