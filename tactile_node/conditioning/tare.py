@@ -302,7 +302,7 @@ class TaredPad:
         zero. Until the new tare is known, no value is valid, even if the tare fails.
 
         From then on, ``boots`` shows whether the device still has its zero. According to CiA 404, a device loses its
-        zero by a reset, unless it was commanded to save it. Once the zero is lost, no value is valid before the next
+        zero in a reset, unless it was commanded to save it. Once the zero is lost, no value is valid before the next
         tare.
 
         If ``zero_device`` raises an error, everything is restored. After a HalfZeroedError, however, no value is valid.

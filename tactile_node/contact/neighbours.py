@@ -108,7 +108,7 @@ def box_of(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
         bool (rows, cols), with at least one taxel set.
     margin : int
         Number of rows and columns to add on each side. The box never begins before row or column 0, but it may end
-        beyond the last one, where numpy cuts a slice.
+        beyond the last one; numpy shortens such slices.
 
     Returns
     -------

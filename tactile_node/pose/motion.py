@@ -46,7 +46,8 @@ GROWTH = 0.25
 #: Largest change of load for a contact that slides from taxel to taxel [logarithm of the ratio].
 STEADY_LOAD = 0.15
 MAX_GAP = 0.25  #: Time without a frame that shows the contact, after which its movement is not known [s].
-#: Factor in the number of taxels from which on a contact is another contact, or two contacts that have joined.
+#: A contact counts as another contact, or as two that have joined, if its number of taxels changes by more than this
+#: factor.
 OTHER_SIZE = 1.6
 # A fit counts as another outline if a dimension differs by more than the sum of these two values.
 OTHER_LENGTH = 0.2   #: share of the dimension
