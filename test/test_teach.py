@@ -200,7 +200,8 @@ def test_the_command_refuses_what_is_not_good_enough_unless_it_is_accepted(recor
 
 
 def test_the_command_refuses_to_overwrite_an_input_before_any_touch_is_recorded(file, monkeypatch):
-    monkeypatch.setattr('tactile_node.cli.teach.live_touches', lambda *given: pytest.fail('touches were recorded'))
+    monkeypatch.setattr('tactile_node.cli.touch_sources.live_touches',
+                        lambda *given: pytest.fail('touches were recorded'))
     assert main(['teach', '--name', 'coin', '--model', str(file), '--output', str(file)]) == 2
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.contact.neighbours import touches_edge
+from tactile_node.contact.pattern import ContactPattern
 from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_shapeless
@@ -39,6 +40,13 @@ class TouchFrame(NamedTuple):
 
     values: np.ndarray  #: (rows, cols), float, NaN = no valid value
     mask: np.ndarray    #: bool, the contact with the pieces near it
+    reading: np.ndarray      #: (rows, cols), the frame as it was fed
+    pattern: ContactPattern  #: the contact as a recogniser is given it
+
+    @classmethod
+    def of(cls, values: np.ndarray, mask: np.ndarray) -> 'TouchFrame':
+        """Return the frame of ``values`` in which ``mask`` alone is pressed."""
+        return cls(values, mask, values, ContactPattern.of(mask, values))
 
     @property
     def strength(self) -> float:
@@ -93,10 +101,11 @@ class TouchFinder:
         self.reason = None
         if not found.pattern.contacts:
             return self.end() if found.visibility.pad_seen else []
-        found = found.of_pattern(join_pieces(found.pattern))
+        alone = found.pattern
+        found = found.of_pattern(join_pieces(alone))
         self.reason = self._why_unusable(found)
         if self.reason is None:
-            self._held.append(TouchFrame(found.pattern.values, found.pattern.mask))
+            self._held.append(TouchFrame(alone.values, found.pattern.mask, values, alone))
         else:
             self.unused[self.reason] = self.unused.get(self.reason, 0) + 1
         return []
@@ -146,6 +155,13 @@ def choose_frames(frames: Sequence[TouchFrame], most: int) -> Touch:
     """Return up to ``most`` of ``frames``, at equal steps."""
     which = np.unique(np.linspace(0, len(frames) - 1, most).round().astype(int))
     return Touch(tuple(frames[k] for k in which))
+
+
+class AnyTouchFinder(TouchFinder):
+    """Finds every touch that a recogniser has to answer, however unclear; those cut by the edge decide nothing."""
+
+    def _why_unusable(self, found: FoundContact) -> Unused | None:
+        return Unused.AT_EDGE if touches_edge(found.pattern.mask) else None
 
 
 def find_touches(frames: Iterable[np.ndarray], unit: str | None) -> Touches:
