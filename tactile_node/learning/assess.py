@@ -1,0 +1,230 @@
+"""Touches of known objects -> how reliable recognition is on this skin, and an adaptation if it helps.
+
+The adaptation is a temperature and one bias for each class that was touched (shape/adaptation.py). It is judged on
+touches that it was not fitted on, by the whole recogniser with its rules, and kept only if their Brier score is better.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from tactile_node.errors import InputError
+from tactile_node.learning.teach import Rate
+from tactile_node.learning.touches import TouchFrame
+from tactile_node.shape.adaptation import LEAST_PROBABILITY, Adaptation
+from tactile_node.shape.methods import VisibilityGuard
+from tactile_node.shape.patch import joined, make_patch
+from tactile_node.shape.recogniser import FEWEST_TAXELS, KINDS, ShapeRecogniser
+from tactile_node.shape.recognition import Recognition, Shape, ShapeClass
+from tactile_node.shape.support import SURE
+from tactile_node.taxel_frame import read_only
+
+FOLDS = 8           #: each holds out an eighth of the touches of each object
+LEAST_TOUCHES = 24  #: touches in all, for an adaptation
+LEAST_GAIN = 0.01   #: of the mean Brier score; a recogniser that is nearly always right gains less, but for certain
+LEAST_CLASSES = 2   #: from touches of one class, an adaptation would learn to answer nothing else
+#: Standard deviations of the logarithm of the temperature and of a bias, beforehand. On computed skins with gains of up
+#: to 6:1 and blur, biases of 1 to 4 were alike, and better than 0.5.
+TEMPERATURE_SPREAD, BIAS_SPREAD = 0.5, 2.0
+CONFIDENCES = 0.0, 0.5, 0.7, 0.9, 1.0  #: limits of the groups of answers by which confidence is judged
+NAMELESS = Shape.UNKNOWN, Shape.NONE
+
+
+class LabelledTouch(NamedTuple):
+    """One frame of a touch, and what touched: a class of the recogniser, UNKNOWN for none of the others."""
+
+    label: ShapeClass
+    frame: TouchFrame
+
+
+class Counts(NamedTuple):
+    """What the answers to some touches are worth."""
+
+    total: int
+    right: int          #: the likeliest class is the label
+    no_name: int        #: UNKNOWN or NONE, for an object that has a name
+    sure: int           #: a name with a confidence of SURE or more
+    sure_and_wrong: int
+
+
+class Group(NamedTuple):
+    """Answers of like confidence."""
+
+    confidence: float  #: mean confidence
+    right: Rate
+
+
+class Interval(NamedTuple):
+    """A mean with its 95 % interval."""
+
+    mean: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f'{self.mean:.3f} ({self.low:.3f} to {self.high:.3f})'
+
+
+class Answers(NamedTuple):
+    """The answers to labelled touches, in the same order."""
+
+    labels: Sequence[ShapeClass]
+    found: Sequence[Recognition]
+
+    def counts(self, label: ShapeClass | None = None) -> Counts:
+        """Return the counts for the touches of ``label``, None: for all."""
+        some = [(truth, each) for truth, each in zip(*self) if label in (None, truth)]
+        is_right = [each.shape == truth for truth, each in some]
+        is_sure = [each.shape not in NAMELESS and each.confidence >= SURE for _, each in some]
+        return Counts(len(some), sum(is_right),
+                      sum(each.shape in NAMELESS and truth not in NAMELESS for truth, each in some),
+                      sum(is_sure), sum(sure and not right for sure, right in zip(is_sure, is_right)))
+
+    def groups(self) -> list[Group]:
+        """Return the answers between each two of CONFIDENCES."""
+        confidences = np.array([each.confidence for each in self.found])
+        right = np.array([each.shape == truth for truth, each in zip(*self)])
+        of = np.digitize(confidences, CONFIDENCES[1:-1])
+        return [Group(float(confidences[of == k].mean()) if (of == k).any() else float('nan'),
+                      Rate(int(right[of == k].sum()), int((of == k).sum()))) for k in range(len(CONFIDENCES) - 1)]
+
+    def scores(self) -> np.ndarray:
+        """Return the Brier score of each answer: the squared error of its probabilities, summed, 0 to 2."""
+        return np.array([sum((p - (shape == truth)) ** 2 for shape, p in each.probabilities.items())
+                         for truth, each in zip(*self)])
+
+
+class Assessment(NamedTuple):
+    """How reliable recognition is on one skin, and the adaptation to it."""
+
+    before: Answers
+    after: Answers | None = None           #: with adaptations, each fitted without the touch that it answers
+    gain: Interval | None = None           #: by which the Brier score of held-out touches gets better
+    adaptation: Adaptation | None = None   #: None where too few touches or no gain speak for one
+
+
+def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch],
+           progress: Callable[[], object] = lambda: None) -> Assessment:
+    """Return how reliable ``recogniser`` is on the skin of ``touches``, and the adaptation if that helps.
+
+    ``progress`` is called once for each touch that is answered: twice as often as there are touches where an adaptation
+    is tried. Raises InputError for touches of pressures and of on/off taxels.
+    """
+    labels = [touch.label for touch in touches]
+    before = Answers(labels, _answered(recogniser, touches, progress))
+    known = _Known.of(recogniser.adapted(None), touches)
+    if len(known.truth) < LEAST_TOUCHES or len(np.unique(known.truth)) < LEAST_CLASSES:
+        return Assessment(before)
+    folds = np.array([labels[:k].count(label) % FOLDS for k, label in enumerate(labels)])
+    found = list(before.found)
+    for fold in range(FOLDS):
+        held_out = np.flatnonzero(folds == fold).tolist()
+        adapted = recogniser.adapted(known.without(held_out).fitted())
+        for k, answer in zip(held_out, _answered(adapted, [touches[k] for k in held_out], progress)):
+            found[k] = answer
+    after = Answers(labels, found)
+    gain = _interval(before.scores() - after.scores())
+    return Assessment(before, after, gain, known.fitted() if gain.low > 0 and gain.mean >= LEAST_GAIN else None)
+
+
+def _answered(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch],
+              progress: Callable[[], object]) -> list[Recognition]:
+    guard, found = VisibilityGuard(recogniser), []
+    for touch in touches:
+        found.append(guard.recognise(touch.frame.pattern))
+        progress()
+    return found
+
+
+class _Known(NamedTuple):
+    """What an adaptation is fitted on."""
+
+    logits: np.ndarray  #: (K, N), logarithms of the probabilities as they are without adaptation
+    truth: np.ndarray   #: (K,), index of the output that is the label
+    touch: np.ndarray   #: (K,), index of the touch; without those of too few taxels to be recognised
+
+    @classmethod
+    def of(cls, recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> '_Known':
+        contacts = [(touch.frame.pattern.values, joined(touch.frame.pattern)) for touch in touches]
+        patches = [make_patch(*contact) for contact in contacts]
+        if len({patch.graded for patch in patches}) > 1:
+            raise InputError('touches', expected='pressures, or on/off taxels', got='both',
+                             remedy='Assess recognition from touches on one skin.')
+        used = [k for k, (patch, (_, mask)) in enumerate(zip(patches, contacts))
+                if np.count_nonzero(mask) >= FEWEST_TAXELS[KINDS[patch.graded]]]
+        if not used:
+            return cls(np.zeros((0, len(recogniser.outputs))), np.zeros(0, int), np.zeros(0, int))
+        probabilities, _ = recogniser.probabilities([patches[k] for k in used], [contacts[k] for k in used])
+        return cls(np.log(np.maximum(probabilities, LEAST_PROBABILITY)),
+                   np.array([recogniser.outputs.index(touches[k].label) for k in used]), np.array(used))
+
+    def without(self, touches: Sequence[int]) -> '_Known':
+        kept = ~np.isin(self.touch, touches)
+        return _Known(*(array[kept] for array in self))
+
+    def fitted(self) -> Adaptation:
+        """Return the likeliest adaptation.
+
+        The biases of the classes that were touched have the mean 0, and the others have none: what was not touched
+        becomes neither likelier nor less likely than these.
+        """
+        count = self.logits.shape[1]
+        touched = np.unique(self.truth)
+        is_truth = self.truth[:, None] == np.arange(count)
+
+        def adaptation(parameters: np.ndarray) -> Adaptation:
+            biases = np.zeros(count)
+            biases[touched] = parameters[1:] - parameters[1:].mean()
+            return Adaptation(float(np.exp(parameters[0])), biases)
+
+        def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
+            temperature, biases = adaptation(parameters)
+            scaled = self.logits / temperature + biases
+            scaled -= scaled.max(1, keepdims=True)
+            log_odds = scaled - np.log(np.exp(scaled).sum(1, keepdims=True))
+            error = np.exp(log_odds) - is_truth
+            of_biases = (error.sum(0) + biases / BIAS_SPREAD ** 2)[touched]
+            of_temperature = parameters[0] / TEMPERATURE_SPREAD ** 2 - (error * self.logits).sum() / temperature
+            prior = (parameters[0] / TEMPERATURE_SPREAD) ** 2 + (biases ** 2).sum() / BIAS_SPREAD ** 2
+            return prior / 2 - log_odds[is_truth].sum(), np.append(of_temperature, of_biases - of_biases.mean())
+
+        best = adaptation(minimize(loss, np.zeros(1 + len(touched)), jac=True, method='L-BFGS-B').x)
+        return best._replace(biases=read_only(best.biases))
+
+
+def _interval(differences: np.ndarray) -> Interval:
+    """Return the mean of one difference for each touch, by Student's t."""
+    from scipy.stats import t  # slow to import
+
+    mean = float(differences.mean())
+    reach = float(t.ppf(0.975, len(differences) - 1) * differences.std(ddof=1) / np.sqrt(len(differences)))
+    return Interval(mean, mean - reach, mean + reach)
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def reliability_picture(assessment: Assessment) -> 'Figure':
+    """Draw how often answers of like confidence are right, before and, where it was tried, with the adaptation."""
+    from matplotlib.figure import Figure  # optional, and slow to import
+
+    figure = Figure(figsize=(5, 4.6), layout='constrained')
+    axes = figure.subplots()
+    axes.plot((0, 1), (0, 1), color='grey', linestyle=':', label='as sure as it is right')
+    for name, answers in (('as it is', assessment.before), ('adapted, held out', assessment.after)):
+        groups = [group for group in answers.groups() if group.right.total] if answers else []
+        if groups:
+            right = np.array([group.right.value for group in groups])
+            low, high = np.array([group.right.interval for group in groups]).T
+            axes.errorbar([group.confidence for group in groups], right, (right - low, high - right), marker='o',
+                          capsize=3, label=name)
+    axes.set_xlabel('mean confidence')
+    axes.set_ylabel('share of answers that are right, 95 % interval')
+    axes.set_xlim(0, 1.02)
+    axes.set_ylim(0, 1.02)
+    axes.legend(loc='upper left')
+    axes.set_title(f'Recognition on this skin, {len(assessment.before.labels)} touches', fontsize=11)
+    return figure
