@@ -147,18 +147,18 @@ class _Known(NamedTuple):
 
     @classmethod
     def of(cls, recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> '_Known':
-        contacts = [(touch.frame.pattern.values, joined(touch.frame.pattern)) for touch in touches]
-        patches = [make_patch(*contact) for contact in contacts]
-        if len({patch.graded for patch in patches}) > 1:
+        contacts = [(k, touch.frame.pattern.values, joined(touch.frame.pattern)) for k, touch in enumerate(touches)]
+        patches = [(k, make_patch(values, mask), (values, mask)) for k, values, mask in contacts if mask.any()]
+        if len({patch.graded for _, patch, _ in patches}) > 1:
             raise InputError('touches', expected='pressures, or on/off taxels', got='both',
                              remedy='Assess recognition from touches on one skin.')
-        used = [k for k, (patch, (_, mask)) in enumerate(zip(patches, contacts))
-                if np.count_nonzero(mask) >= FEWEST_TAXELS[KINDS[patch.graded]]]
+        used = [each for each in patches if np.count_nonzero(each[2][1]) >= FEWEST_TAXELS[KINDS[each[1].graded]]]
         if not used:
             return cls(np.zeros((0, len(recogniser.outputs))), np.zeros(0, int), np.zeros(0, int))
-        probabilities, _ = recogniser.probabilities([patches[k] for k in used], [contacts[k] for k in used])
+        numbers, usable, shown = zip(*used)
+        probabilities, _ = recogniser.probabilities(usable, shown)
         return cls(np.log(np.maximum(probabilities, LEAST_PROBABILITY)),
-                   np.array([recogniser.outputs.index(touches[k].label) for k in used]), np.array(used))
+                   np.array([recogniser.outputs.index(touches[k].label) for k in numbers]), np.array(numbers))
 
     def without(self, touches: Sequence[int]) -> '_Known':
         kept = ~np.isin(self.touch, touches)

@@ -149,8 +149,8 @@ class Recogniser:
     """Recognises the shape of a contact; reads its weights once, when it is made.
 
     ``method``: 'learned', or 'volf' for the paper's three planes. ``file``: other weights or curves than the
-    package's own, such as one of `tactile teach`. Raises ConfigurationError for an unknown method or a file that
-    cannot be used.
+    package's own, such as one of `tactile teach` or `tactile assess`. Raises ConfigurationError for an unknown method
+    or a file that cannot be used.
 
     >>> import numpy as np
     >>> Recogniser().recognise(find_contact(np.pad(np.full((7, 7), 50e3), 4))).shape.value
