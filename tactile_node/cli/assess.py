@@ -42,7 +42,7 @@ from tactile_node.learning.teach import Rate
 from tactile_node.learning.touches import AnyTouchFinder
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.package_files import config_path
-from tactile_node.shape.adaptation import Adaptation, arrays_of, is_of_skin
+from tactile_node.shape.adaptation import arrays_of, is_of_skin
 from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, ShapeClass
 
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     _check(touches)
     with count_progress('assessing', ' answers', 2 * len(touches)) as bar:
         found = assess(recogniser, touches, bar.update)
-    print('\n'.join(_report(found, recogniser.outputs)))
+    print('\n'.join(_report(found)))
     print(f'This skin: {measure_skin([touch.frame for touch in touches])}.')
     if args.picture:
         write_figure(args.picture, reliability_picture(found))
@@ -93,7 +93,8 @@ def run(args: argparse.Namespace) -> int:
     if found.adaptation is None:
         print(f'tactile: {args.output} is not written: use the model as it is.', file=sys.stderr)
         return REFUSED_CODE
-    arrays = {name: array for name, array in base.items() if not is_of_skin(name)} | arrays_of(found.adaptation)
+    arrays = {name: array for name, array in base.items() if not is_of_skin(name)}
+    arrays |= arrays_of(found.kind, found.adaptation)
     with output_file(args.output, inputs=inputs) as stream:
         np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
     print(f'written to {args.output}. Give it to the classifier node (model:=) or to tactile classify (--model).')
@@ -119,7 +120,7 @@ def _check(touches: Sequence[LabelledTouch]) -> None:
                          remedy='Assess each skin for itself.')
 
 
-def _report(found: Assessment, outputs: Sequence[ShapeClass]) -> Iterator[str]:
+def _report(found: Assessment) -> Iterator[str]:
     yield 'As the model is, with 95 % intervals:'
     yield from _table(found.before)
     if found.gain is None or found.after is None:
@@ -127,8 +128,9 @@ def _report(found: Assessment, outputs: Sequence[ShapeClass]) -> Iterator[str]:
         return
     yield 'Adapted, each touch answered without having been used:'
     yield from _table(found.after)
-    yield f'The adaptation improves the Brier score by {found.gain}: ' + (
-        f'kept, {_shown(found.adaptation, outputs)}.' if found.adaptation else 'not kept, the gain is not certain.')
+    kept = (f'kept, with temperature {found.adaptation.temperature:.2f}' if found.adaptation
+            else 'not kept, because the gain is too small or too uncertain')
+    yield f'The adaptation improves the Brier score by {found.gain}: {kept}.'
 
 
 def _table(answers: Answers) -> Iterator[str]:
@@ -142,8 +144,3 @@ def _table(answers: Answers) -> Iterator[str]:
             yield (f'  confidence {low:.1f} to {high:.1f}: {group.right.total} answers, mean {group.confidence:.2f}, '
                    f'right {group.right}')
     yield f'  Brier score {answers.scores().mean():.3f}'
-
-
-def _shown(adaptation: Adaptation, outputs: Sequence[ShapeClass]) -> str:
-    biases = ', '.join(f'{shape.value} {bias:+.1f}' for shape, bias in zip(outputs, adaptation.biases) if bias)
-    return f'temperature {adaptation.temperature:.2f}, biases: {biases}'

@@ -1,7 +1,8 @@
 """Touches of known objects -> how reliable recognition is on this skin, and an adaptation if it helps.
 
-The adaptation is a temperature and one bias for each class that was touched (shape/adaptation.py). It is judged on
-touches that it was not fitted on, by the whole recogniser with its rules, and kept only if their Brier score is better.
+The adaptation is a temperature, and a bias and weights for each class that was touched (shape/adaptation.py). It is
+judged on touches that it was not fitted on, by the whole recogniser with its rules, and kept only if their Brier score
+is better.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,9 +26,11 @@ FOLDS = 8           #: each holds out an eighth of the touches of each object
 LEAST_TOUCHES = 24  #: touches in all, for an adaptation
 LEAST_GAIN = 0.01   #: of the mean Brier score; a recogniser that is nearly always right gains less, but for certain
 LEAST_CLASSES = 2   #: from touches of one class, an adaptation would learn to answer nothing else
-#: Standard deviations of the logarithm of the temperature and of a bias, beforehand. On computed skins with gains of up
-#: to 6:1 and blur, biases of 1 to 4 were alike, and better than 0.5.
-TEMPERATURE_SPREAD, BIAS_SPREAD = 0.5, 2.0
+#: Standard deviations of the logarithm of the temperature, of a bias and of a weight, beforehand. On computed skins
+#: with gains of up to 6:1 and blur, biases of 1 to 4 were alike, and better than 0.5; smaller weights gained less, and
+#: larger ones were worse for unknown objects that had not been touched.
+TEMPERATURE_SPREAD, BIAS_SPREAD, WEIGHT_SPREAD = 0.5, 2.0, 0.18
+LEAST_SPREAD = 1e-3   #: of a number of the embedding, which may be the same in all touches
 CONFIDENCES = 0.0, 0.5, 0.7, 0.9, 1.0  #: limits of the groups of answers by which confidence is judged
 NAMELESS = Shape.UNKNOWN, Shape.NONE
 
@@ -56,15 +59,28 @@ class Group(NamedTuple):
     right: Rate
 
 
-class Interval(NamedTuple):
-    """A mean with its 95 % interval."""
+class Gain(NamedTuple):
+    """By how much the Brier score gets better, in the mean of some touches."""
 
     mean: float
-    low: float
-    high: float
+    error: float  #: standard error of the mean
+    touches: int
+
+    @property
+    def is_worth_it(self) -> bool:
+        """Whether it is large enough, and larger than its error."""
+        return self.mean >= max(LEAST_GAIN, self.error)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval by Student's t."""
+        from scipy.stats import t  # slow to import
+
+        reach = float(t.ppf(0.975, self.touches - 1)) * self.error
+        return self.mean - reach, self.mean + reach
 
     def __str__(self) -> str:
-        return f'{self.mean:.3f} ({self.low:.3f} to {self.high:.3f})'
+        return '{:.3f} ({:.3f} to {:.3f})'.format(self.mean, *self.interval)
 
 
 class Answers(NamedTuple):
@@ -101,8 +117,9 @@ class Assessment(NamedTuple):
 
     before: Answers
     after: Answers | None = None           #: with adaptations, each fitted without the touch that it answers
-    gain: Interval | None = None           #: by which the Brier score of held-out touches gets better
-    adaptation: Adaptation | None = None   #: None where too few touches or no gain speak for one
+    gain: Gain | None = None               #: of held-out touches
+    kind: str = ''                         #: kind of the frames
+    adaptation: Adaptation | None = None   #: None where touches are too few, or the gain is too small
 
 
 def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch],
@@ -114,19 +131,20 @@ def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch],
     """
     labels = [touch.label for touch in touches]
     before = Answers(labels, _answered(recogniser, touches, progress))
-    known = _Known.of(recogniser.adapted(None), touches)
+    known = _Known.of(recogniser.adapted({}), touches)
     if len(known.truth) < LEAST_TOUCHES or len(np.unique(known.truth)) < LEAST_CLASSES:
         return Assessment(before)
     folds = np.array([labels[:k].count(label) % FOLDS for k, label in enumerate(labels)])
     found = list(before.found)
     for fold in range(FOLDS):
         held_out = np.flatnonzero(folds == fold).tolist()
-        adapted = recogniser.adapted(known.without(held_out).fitted())
+        adapted = recogniser.adapted({known.kind: known.without(held_out).fitted()})
         for k, answer in zip(held_out, _answered(adapted, [touches[k] for k in held_out], progress)):
             found[k] = answer
     after = Answers(labels, found)
-    gain = _interval(before.scores() - after.scores())
-    return Assessment(before, after, gain, known.fitted() if gain.low > 0 and gain.mean >= LEAST_GAIN else None)
+    gained = before.scores() - after.scores()
+    gain = Gain(float(gained.mean()), float(gained.std(ddof=1) / np.sqrt(len(gained))), len(gained))
+    return Assessment(before, after, gain, known.kind, known.fitted() if gain.is_worth_it else None)
 
 
 def _answered(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch],
@@ -142,8 +160,10 @@ class _Known(NamedTuple):
     """What an adaptation is fitted on."""
 
     logits: np.ndarray  #: (K, N), logarithms of the probabilities as they are without adaptation
+    embedding: np.ndarray  #: (K, F)
     truth: np.ndarray   #: (K,), index of the output that is the label
     touch: np.ndarray   #: (K,), index of the touch; without those of too few taxels to be recognised
+    kind: str           #: kind of the frames
 
     @classmethod
     def of(cls, recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> '_Known':
@@ -154,53 +174,55 @@ class _Known(NamedTuple):
                              remedy='Assess recognition from touches on one skin.')
         used = [each for each in patches if np.count_nonzero(each[2][1]) >= FEWEST_TAXELS[KINDS[each[1].graded]]]
         if not used:
-            return cls(np.zeros((0, len(recogniser.outputs))), np.zeros(0, int), np.zeros(0, int))
+            return cls(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0, int), np.zeros(0, int), '')
         numbers, usable, shown = zip(*used)
-        probabilities, _ = recogniser.probabilities(usable, shown)
-        return cls(np.log(np.maximum(probabilities, LEAST_PROBABILITY)),
-                   np.array([recogniser.outputs.index(touches[k].label) for k in numbers]), np.array(numbers))
+        probabilities, embedding, _ = recogniser.probabilities(usable, shown)
+        return cls(np.log(np.maximum(probabilities, LEAST_PROBABILITY)), embedding,
+                   np.array([recogniser.outputs.index(touches[k].label) for k in numbers]), np.array(numbers),
+                   KINDS[usable[0].graded])
 
     def without(self, touches: Sequence[int]) -> '_Known':
         kept = ~np.isin(self.touch, touches)
-        return _Known(*(array[kept] for array in self))
+        return _Known(self.logits[kept], self.embedding[kept], self.truth[kept], self.touch[kept], self.kind)
 
     def fitted(self) -> Adaptation:
         """Return the likeliest adaptation.
 
-        The biases of the classes that were touched have the mean 0, and the others have none: what was not touched
-        becomes neither likelier nor less likely than these.
+        Only the classes that were touched have biases and weights, with the mean 0 over these classes: what was not
+        touched becomes neither likelier nor less likely than these.
         """
-        count = self.logits.shape[1]
+        outputs = self.logits.shape[1]
         touched = np.unique(self.truth)
-        is_truth = self.truth[:, None] == np.arange(count)
+        is_truth = self.truth[:, None] == np.arange(outputs)
+        start = Adaptation(np.array(1.0), np.zeros(outputs), np.zeros((self.embedding.shape[1], outputs)),
+                           self.embedding.mean(0), self.embedding.std(0) + LEAST_SPREAD)
+        inputs = np.column_stack((np.ones(len(self.truth)), start.standard(self.embedding)))
+        spreads = np.full((inputs.shape[1], 1), WEIGHT_SPREAD)
+        spreads[0] = BIAS_SPREAD
 
-        def adaptation(parameters: np.ndarray) -> Adaptation:
-            biases = np.zeros(count)
-            biases[touched] = parameters[1:] - parameters[1:].mean()
-            return Adaptation(float(np.exp(parameters[0])), biases)
+        def matrix_of(flat: np.ndarray) -> np.ndarray:
+            matrix = np.zeros((inputs.shape[1], outputs))
+            free = flat.reshape(-1, len(touched))
+            matrix[:, touched] = free - free.mean(1, keepdims=True)
+            return matrix
 
         def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
-            temperature, biases = adaptation(parameters)
-            scaled = self.logits / temperature + biases
+            log_temperature, matrix = parameters[0], matrix_of(parameters[1:])
+            cooled = self.logits * np.exp(-log_temperature)
+            scaled = cooled + inputs @ matrix
             scaled -= scaled.max(1, keepdims=True)
             log_odds = scaled - np.log(np.exp(scaled).sum(1, keepdims=True))
             error = np.exp(log_odds) - is_truth
-            of_biases = (error.sum(0) + biases / BIAS_SPREAD ** 2)[touched]
-            of_temperature = parameters[0] / TEMPERATURE_SPREAD ** 2 - (error * self.logits).sum() / temperature
-            prior = (parameters[0] / TEMPERATURE_SPREAD) ** 2 + (biases ** 2).sum() / BIAS_SPREAD ** 2
-            return prior / 2 - log_odds[is_truth].sum(), np.append(of_temperature, of_biases - of_biases.mean())
+            slope = (inputs.T @ error + matrix / spreads ** 2)[:, touched]
+            slope -= slope.mean(1, keepdims=True)
+            prior = (log_temperature / TEMPERATURE_SPREAD) ** 2 + ((matrix / spreads) ** 2).sum()
+            return prior / 2 - log_odds[is_truth].sum(), np.append(
+                log_temperature / TEMPERATURE_SPREAD ** 2 - (error * cooled).sum(), slope)
 
-        best = adaptation(minimize(loss, np.zeros(1 + len(touched)), jac=True, method='L-BFGS-B').x)
-        return best._replace(biases=read_only(best.biases))
-
-
-def _interval(differences: np.ndarray) -> Interval:
-    """Return the mean of one difference for each touch, by Student's t."""
-    from scipy.stats import t  # slow to import
-
-    mean = float(differences.mean())
-    reach = float(t.ppf(0.975, len(differences) - 1) * differences.std(ddof=1) / np.sqrt(len(differences)))
-    return Interval(mean, mean - reach, mean + reach)
+        best = minimize(loss, np.zeros(1 + inputs.shape[1] * len(touched)), jac=True, method='L-BFGS-B').x
+        matrix = matrix_of(best[1:])
+        found = start._replace(temperature=np.exp(best[0]), biases=matrix[0], weights=matrix[1:])
+        return Adaptation(*(read_only(np.asarray(array, float)) for array in found))
 
 
 if TYPE_CHECKING:

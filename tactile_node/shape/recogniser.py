@@ -18,7 +18,7 @@ import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
-from tactile_node.shape.adaptation import Adaptation, read_adaptation
+from tactile_node.shape.adaptation import Adaptation, read_adaptations
 from tactile_node.shape.convexity import is_convex
 from tactile_node.shape.invariants import COUNT, LOG_TAXELS, OVERLAPS, describe_all
 from tactile_node.shape.network import TAPS, Network
@@ -59,16 +59,15 @@ class Calibration(NamedTuple):
 class ShapeRecogniser:
     """Recognises the shape of a contact from on/off taxels or, better, from pressures.
 
-    ``heads``: by kind of frames, of the ``taught`` shapes; a kind without one knows none of them. ``adaptation``: to
-    the skin; None for any skin.
+    ``heads``: by kind of frames, of the ``taught`` shapes; a kind without one knows none of them. ``adaptations``:
+    to one skin, by kind of frames; a kind without one is answered as on any skin.
     """
 
     def __init__(self, networks: dict[str, Network], calibrations: dict[str, Calibration],
                  taught: tuple[TaughtShape, ...] = (), heads: Mapping[str, Head] = MappingProxyType({}),
-                 adaptation: Adaptation | None = None):
+                 adaptations: Mapping[str, Adaptation] = MappingProxyType({})):
         self._networks, self._calibrations, self._heads = networks, calibrations, heads
-        self._adaptation = adaptation
-        self._taught = taught
+        self._taught, self._adaptations = taught, adaptations
         self.outputs: tuple[ShapeClass, ...] = (*OUTPUTS, *taught)  #: what the columns of `probabilities` stand for
         self.classes: tuple[ShapeClass, ...] = (*Shape, *taught)    #: every class that a recognition may name
 
@@ -78,9 +77,10 @@ class ShapeRecogniser:
         try:
             data = read_arrays(path)
             networks = {kind: _network(data, kind) for kind in KINDS}
-            taught, heads = read_taught(data, {kind: network.width for kind, network in networks.items()})
+            widths = {kind: network.width for kind, network in networks.items()}
+            taught, heads = read_taught(data, widths)
             return cls(networks, {kind: _calibration(data, kind) for kind in KINDS}, taught, heads,
-                       read_adaptation(data, len(OUTPUTS) + len(taught)))
+                       read_adaptations(data, len(OUTPUTS) + len(taught), widths))
         except OSError as error:
             raise _unusable(path, error.strerror or str(error)) from None
         except KeyError as error:
@@ -89,9 +89,9 @@ class ShapeRecogniser:
                 NotImplementedError, RuntimeError, zlib.error) as error:  # numpy lets zipfile's and zlib's through
             raise _unusable(path, ' '.join(str(error).split())) from None
 
-    def adapted(self, adaptation: Adaptation | None) -> 'ShapeRecogniser':
-        """Return the same recogniser with another adaptation; None: with none."""
-        return ShapeRecogniser(self._networks, self._calibrations, self._taught, self._heads, adaptation)
+    def adapted(self, adaptations: Mapping[str, Adaptation]) -> 'ShapeRecogniser':
+        """Return the same recogniser with other adaptations."""
+        return ShapeRecogniser(self._networks, self._calibrations, self._taught, self._heads, adaptations)
 
     def recognise(self, pattern: ContactPattern) -> Recognition:
         """Return the most probable shape; NONE for an empty pattern, UNKNOWN below FEWEST_TAXELS taxels.
@@ -145,8 +145,8 @@ class ShapeRecogniser:
                 patches[patch.graded].append((k, patch))
         for alike in patches.values():
             if alike:
-                probabilities, geometry = self.probabilities([patch for _, patch in alike],
-                                                             [contacts[k] for k, _ in alike])
+                probabilities, _, geometry = self.probabilities([patch for _, patch in alike],
+                                                                [contacts[k] for k, _ in alike])
                 for (k, patch), of_outputs, numbers in zip(alike, probabilities.tolist(), geometry):
                     found[k] = Recognition.of(dict(zip(self.outputs, of_outputs)))
                     if patch.graded:
@@ -155,8 +155,8 @@ class ShapeRecogniser:
         return found
 
     def probabilities(self, patches: Sequence[Patch],
-                      contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the probabilities of ``outputs``, (K, len(outputs)), and the patches' numbers.
+                      contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the probabilities of ``outputs``, (K, len(outputs)), and what `embedding` returns.
 
         ``patches``: of the ``contacts``, which are given as values and mask, all graded or all not.
         """
@@ -171,7 +171,9 @@ class ShapeRecogniser:
             found = join(found, self._heads[kind].evidence(embedding, geometry[:, LOG_TAXELS]))
         else:
             found = np.pad(found, ((0, 0), (0, len(self._taught))))
-        return found if self._adaptation is None else self._adaptation.applied(found), geometry
+        if kind in self._adaptations:
+            found = self._adaptations[kind].applied(found, embedding)
+        return found, embedding, geometry
 
     def embedding(self, patches: Sequence[Patch]) -> tuple[np.ndarray, np.ndarray]:
         """Return what the heads of taught shapes see of patches all graded or all not, and the patches' numbers."""
