@@ -108,6 +108,14 @@ def test_the_gain_that_is_reported_is_that_of_fresh_touches(base, assessed):
     assert low < gained < high
 
 
+def test_a_touch_is_answered_without_its_own_label(base):
+    others = [*touches_of(('circle', 'square'), 13, count=7), *touches_of(FOREIGN, 14)]
+    last, = touches_of(['circle'], 15, count=1)
+    found = [assess(base, [*others, last._replace(label=label)]).after.found[-1]
+             for label in (Shape.CIRCLE, Shape.SQUARE)]
+    assert found[0] == found[1]
+
+
 @pytest.mark.parametrize('touches', [
     pytest.param(touches_of(EVERY, 4, count=2), id='too few'),
     pytest.param(touches_of(['square'], 5, count=LEAST_TOUCHES), id='one class'),
@@ -167,6 +175,12 @@ def test_the_skin_is_measured():
     assert uneven.gains == pytest.approx(0.317, rel=0.15) and even.gains < 0.05
     assert blurred.halo > 0.1 and abs(even.halo) < 0.01
     assert even.noise == pytest.approx(100 / 50e3, rel=0.3)
+
+
+def test_the_level_at_rest_does_not_matter():
+    frames = [touch.frame for touch in touches_of(EVERY, 12, count=12)]
+    higher = [frame._replace(reading=frame.reading + 2e4) for frame in frames]
+    assert measure_skin(higher) == pytest.approx(measure_skin(frames))
 
 
 def test_a_skin_of_which_nothing_is_known_is_said_to_be_so():

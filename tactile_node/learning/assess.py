@@ -202,8 +202,7 @@ class _Known(NamedTuple):
 
         def matrix_of(flat: np.ndarray) -> np.ndarray:
             matrix = np.zeros((inputs.shape[1], outputs))
-            free = flat.reshape(-1, len(touched))
-            matrix[:, touched] = free - free.mean(1, keepdims=True)
+            matrix[:, touched] = flat.reshape(-1, len(touched))
             return matrix
 
         def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
@@ -214,7 +213,7 @@ class _Known(NamedTuple):
             log_odds = scaled - np.log(np.exp(scaled).sum(1, keepdims=True))
             error = np.exp(log_odds) - is_truth
             slope = (inputs.T @ error + matrix / spreads ** 2)[:, touched]
-            slope -= slope.mean(1, keepdims=True)
+            slope -= slope.mean(1, keepdims=True)  # so that the mean over the classes stays 0
             prior = (log_temperature / TEMPERATURE_SPREAD) ** 2 + ((matrix / spreads) ** 2).sum()
             return prior / 2 - log_odds[is_truth].sum(), np.append(
                 log_temperature / TEMPERATURE_SPREAD ** 2 - (error * cooled).sum(), slope)

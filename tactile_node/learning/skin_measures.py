@@ -30,14 +30,15 @@ class SkinMeasures(NamedTuple):
 
 def measure_skin(frames: Sequence[TouchFrame]) -> SkinMeasures:
     """Return the measures by one frame of each touch, on one pad."""
-    pressures = [frame for frame in frames if not are_on_off(frame.reading[np.isfinite(frame.reading)])]
-    levels = [float(np.nanmedian(frame.reading[frame.mask])) for frame in pressures]
-    noise = [_median(frame.pattern.noise) / level for frame, level in zip(pressures, levels)]
-    residuals = [residual(frame.reading, frame.mask, float(np.nanmax(frame.reading))) for frame in pressures]
+    raised = [(frame, frame.reading - _rest(frame)) for frame in frames
+              if not are_on_off(frame.reading[np.isfinite(frame.reading)])]
+    levels = [float(np.nanmedian(values[frame.mask])) for frame, values in raised]
+    noise = [_median(frame.pattern.noise) / level for (frame, _), level in zip(raised, levels)]
+    halo = [_skirt(values, frame.mask) / level for (frame, values), level in zip(raised, levels)]
+    residuals = [residual(values, frame.mask, float(np.nanmax(values))) for frame, values in raised]
     of_taxels = [of for of in by_place(residuals) if len(of) >= OFTEN]
     gains = fixed_part(of_taxels)[0] if len(of_taxels) >= LEAST_TAXELS else np.nan
-    return SkinMeasures(_median(np.array(noise)), gains, _median(np.array(
-        [_halo(frame) / level for frame, level in zip(pressures, levels)])))
+    return SkinMeasures(_median(np.array(noise)), gains, _median(np.array(halo)))
 
 
 def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
@@ -66,13 +67,17 @@ def by_place(residuals: Sequence[np.ndarray]) -> list[np.ndarray]:
     return [of[np.isfinite(of)] for of in stacked]
 
 
-def _halo(frame: TouchFrame) -> float:
-    """Return what the lowest quarter beside the contact reads more than the taxels far from it."""
-    near = grown(frame.mask)
-    beside = grown(near)
-    rest = frame.reading[~grown(grown(beside)) & np.isfinite(frame.reading)]
-    skirt = frame.reading[beside & ~near & np.isfinite(frame.reading)]
-    return float(np.quantile(skirt, 0.25) - np.median(rest)) if skirt.size and rest.size else np.nan
+def _rest(frame: TouchFrame) -> float:
+    """Return what the taxels far from the contact read; 0 if there are none."""
+    far = frame.reading[~grown(grown(grown(grown(frame.mask)))) & np.isfinite(frame.reading)]
+    return float(np.median(far)) if far.size else 0.0
+
+
+def _skirt(values: np.ndarray, mask: np.ndarray) -> float:
+    """Return what the lowest quarter of the taxels at a distance of two from the contact reads."""
+    near = grown(mask)
+    skirt = values[grown(near) & ~near & np.isfinite(values)]
+    return float(np.quantile(skirt, 0.25)) if skirt.size else np.nan
 
 
 def _median(values: np.ndarray) -> float:
