@@ -7,12 +7,13 @@ import pytest
 from taught_cross import LOADS
 
 from tactile_node import Recogniser, find_contact
+from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.cli.main import main
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.assess import LEAST_TOUCHES, Answers, LabelledTouch, assess
 from tactile_node.learning.skin_measures import measure_skin
 from tactile_node.learning.taught_file import write_taught
-from tactile_node.learning.touches import AnyTouchFinder, TouchFrame, Unused
+from tactile_node.learning.touches import AnyTouchFinder, Touches, TouchFrame, Unused
 from tactile_node.package_files import config_path
 from tactile_node.shape.adaptation import Adaptation, arrays_of
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
@@ -292,6 +293,24 @@ def test_the_command_assesses_an_adapted_file_as_it_is_and_replaces_its_adaptati
     assert main([*words_of(recordings, *EVERY), '-o', str(output)]) == 0
     assert main([*words_of(recordings, *EVERY), '--model', str(output), '-o', str(recordings / 'twice.npz')]) == 1
     assert 'not kept' in capsys.readouterr().out and not (recordings / 'twice.npz').exists()
+
+
+def test_live_touches_are_recorded_here_without_an_output(tmp_path, monkeypatch, capsys):
+    touch, = find_touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr('tactile_node.cli.touch_sources._guide',
+                        lambda name, count, layout, frames, failures, finder: Touches([touch] * count, {}))
+    monkeypatch.setattr(SkinBus, 'configure', lambda bus: None)
+    monkeypatch.setattr(SkinBus, 'start', lambda bus: None)
+    assert main(['assess', '--name', 'ball', '--touches', '3', '--interface', 'virtual', '--channel', 'assess']) == 0
+    told = capsys.readouterr()
+    assert (tmp_path / 'ball_touches.log').exists() and 'ball_touches.log' in told.err
+    assert 'ball: 3 touches' in told.out and 'No adaptation was tried' in told.out
+
+
+def find_touch():
+    square = np.pad(np.full((6, 6), 5e4), 5)
+    return AnyTouchFinder('Pa').find([load * square for load in LOADS]).touches
 
 
 @pytest.mark.parametrize('name', ['cross', 'none', 'Circle', ''])

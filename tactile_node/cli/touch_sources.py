@@ -50,8 +50,8 @@ def touches_of(name: str, args: argparse.Namespace, finder: type[TouchFinder] = 
         touches = _join([_in_array(path, finder) if Path(path).suffix in ARRAY_SUFFIXES else _in_log(path, finder, args)
                          for path in files])
     else:
-        log = str(Path(args.output or '').with_name(f'{name}_touches.log'))
-        touches = live_touches(name, args.touches, args, log, finder)
+        folder = Path(args.output).parent if args.output else Path()
+        touches = live_touches(name, args.touches, args, str(folder / f'{name}_touches.log'), finder)
     print(f'{name}: {touches}')
     return touches
 
