@@ -2,8 +2,8 @@
 
     python bench/bench_assess.py --tekscan DIR --weiss DIR
 
-DIR: copies of the repositories that bench/bench_real_arrays.py names. The frames are the open, labelled ones. Each draw
-assesses 8 frames of each object, and judges the frames left over; of the Weiss hand, frames of other grasps.
+DIR is a copy of the repository that bench/bench_real_arrays.py names. The frames are the open, labelled ones. Each draw
+assesses 8 frames of each object and judges the other frames; with the Weiss hand, those of other grasps.
 """
 
 import argparse
@@ -19,36 +19,36 @@ sys.path.insert(0, str(ROOT))
 from bench.recognition.real_frames import UNDECIDABLE, read_frames, read_labels
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.learning.assess import Answers, Gain, LabelledTouch, assess
-from tactile_node.learning.touches import TouchFrame
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import Recognition, Shape
 
 ARRAYS = 'tekscan', 'weiss'
-TOUCHES, DRAWS, SEED = 8, 20, 46
+TOUCHES = 8  #: frames of each object that are assessed
+DRAWS = 20
+SEED = 46
 
 
 def touch_of(frame: np.ndarray, label: str) -> LabelledTouch:
-    pattern = PatternExtractor().extract(frame)
     shape = Shape.UNKNOWN if label == 'foreign' else Shape(label)
-    return LabelledTouch(shape, TouchFrame(pattern.values, pattern.mask, frame, pattern))
+    return LabelledTouch(shape, PatternExtractor().extract(frame))
 
 
 def answers_by(recogniser: ShapeRecogniser, touches: list[LabelledTouch]) -> list[Recognition]:
     guard = VisibilityGuard(recogniser)
-    return [guard.recognise(touch.frame.pattern) for touch in touches]
+    return [guard.recognise(touch.pattern) for touch in touches]
 
 
 def drawn(rng: np.random.Generator, objects: list[str], grasps: list[str]) -> list[int]:
-    """Return TOUCHES frames of each object, of as many grasps."""
+    """Return the numbers of TOUCHES frames of each object, each from another grasp."""
     by_object: dict[str, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
     for k, (name, grasp) in enumerate(zip(objects, grasps)):
         by_object[name][grasp].append(k)
     found = []
     for name in sorted(by_object):
-        of_object = sorted(by_object[name])
-        found += [int(rng.choice(by_object[name][of_object[k]])) for k in rng.permutation(len(of_object))[:TOUCHES]]
+        of_object = [by_object[name][grasp] for grasp in sorted(by_object[name])]
+        found += [int(rng.choice(of_object[k])) for k in rng.permutation(len(of_object))[:TOUCHES]]
     return found
 
 

@@ -16,10 +16,12 @@ from tactile_node.learning.taught_file import write_taught
 from tactile_node.learning.touches import AnyTouchFinder, Touches, TouchFrame, Unused
 from tactile_node.package_files import config_path
 from tactile_node.shape.adaptation import Adaptation, arrays_of
+from tactile_node.shape.fusion import RecognitionFusion
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.patch import make_patch
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import SHAPES, Recognition, Shape, UnknownReason
+from tactile_node.shape.support import SURE
 from tactile_node.simulator.figures import Skin, named_silhouette, pressure_frame, random_figure
 from tactile_node.simulator.world import random_contact
 from training.ground_truth.seeds import Purpose, generator
@@ -42,14 +44,18 @@ def label_of(name):
     return Shape.UNKNOWN if name in FOREIGN else Shape(name)
 
 
-def touches_of(names, number, count=8, **skin):
-    rng, found = generator(Purpose.TEST, 780_000 + number), []
+def frames_of(names, number, count=8, **skin):
+    """Names and touch frames of ``count`` touches of each object."""
+    rng = generator(Purpose.TEST, 780_000 + number)
     for name in names:
         for _ in range(count):
-            values = frame_of(name, rng, **skin)
-            pattern = find_contact(values, 'Pa')
-            found.append(LabelledTouch(label_of(name), TouchFrame(values, pattern.mask, values, pattern)))
-    return found
+            reading = frame_of(name, rng, **skin)
+            pattern = find_contact(reading, 'Pa')
+            yield name, TouchFrame(pattern.mask, pattern, reading)
+
+
+def touches_of(names, number, count=8, **skin):
+    return [LabelledTouch(label_of(name), frame.pattern) for name, frame in frames_of(names, number, count, **skin)]
 
 
 EVERY = *(shape.value for shape in SHAPES), *FOREIGN
@@ -68,7 +74,7 @@ def assessed(base):
 def answers_to(recogniser, touches):
     guard = VisibilityGuard(recogniser)
     return Answers([touch.label for touch in touches],
-                   [guard.recognise(touch.frame.pattern) for touch in touches])
+                   [guard.recognise(touch.pattern) for touch in touches])
 
 
 def adapted(base, assessment):
@@ -144,16 +150,14 @@ def test_classes_that_were_not_touched_keep_their_place(base):
 
 def test_touches_of_both_kinds_are_refused(base):
     on_off = find_contact(np.pad(np.ones((5, 5), bool), 5))
-    both = [*touches_of(['square'], 8), LabelledTouch(Shape.SQUARE, TouchFrame(
-        on_off.values, on_off.mask, on_off.values, on_off))]
     with pytest.raises(InputError):
-        assess(base, both)
+        assess(base, [*touches_of(['square'], 8), LabelledTouch(Shape.SQUARE, on_off)])
 
 
 def test_contacts_of_too_few_taxels_are_counted_and_not_adapted_to(base):
     specks = [find_contact(np.pad(np.full((1, 3), 5e4), 6), 'Pa') for _ in range(LEAST_TOUCHES)]
-    found = assess(base, [LabelledTouch(label, TouchFrame(each.values, each.mask, each.values, each))
-                          for label, each in zip([Shape.CIRCLE, Shape.SQUARE] * LEAST_TOUCHES, specks)])
+    found = assess(base, [LabelledTouch(label, speck)
+                          for label, speck in zip([Shape.CIRCLE, Shape.SQUARE] * LEAST_TOUCHES, specks)])
     assert found.before.counts().no_name == LEAST_TOUCHES and found.after is None
 
 
@@ -171,7 +175,7 @@ def test_every_contact_counts_but_those_cut_by_the_edge():
 def test_the_skin_is_measured():
     """Gains of 3:1, uniform in the logarithm, have a standard deviation of log(3) / sqrt(12) = 0.317."""
     skins = {'gains': 1.0, 'blur': 0.0}, {'blur': 0.0}, {'gains': 1.0, 'blur': 2.0}
-    even, uneven, blurred = (measure_skin([touch.frame for touch in touches_of(EVERY, 9, count=12, **skin)])
+    even, uneven, blurred = (measure_skin([frame for _, frame in frames_of(EVERY, 9, count=12, **skin)])
                              for skin in skins)
     assert uneven.gains == pytest.approx(0.317, rel=0.15) and even.gains < 0.05
     assert blurred.halo > 0.1 and abs(even.halo) < 0.01
@@ -179,7 +183,7 @@ def test_the_skin_is_measured():
 
 
 def test_the_level_at_rest_does_not_matter():
-    frames = [touch.frame for touch in touches_of(EVERY, 12, count=12)]
+    frames = [frame for _, frame in frames_of(EVERY, 12, count=12)]
     higher = [frame._replace(reading=frame.reading + 2e4) for frame in frames]
     assert measure_skin(higher) == pytest.approx(measure_skin(frames))
 
@@ -194,7 +198,7 @@ BIASES = np.array([-0.4, 0.2, 0.0, 0.0, 0.0, 0.2])
 @pytest.fixture(scope='module')
 def arrays(base):
     width = base.embedding([make_patch(np.ones((5, 5)), np.ones((5, 5), bool))])[0].shape[1]
-    adaptation = Adaptation(np.array(2.0), BIASES, np.zeros((width, len(OUTPUTS))), np.zeros(width), np.ones(width))
+    adaptation = Adaptation(2.0, BIASES, np.zeros((width, len(OUTPUTS))))
     return read_arrays(config_path('recogniser.npz')) | arrays_of('graded', adaptation)
 
 
@@ -224,6 +228,18 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
     assert compared >= 3
 
 
+@pytest.mark.parametrize('taxels, is_sure', [(3, False), (8, True)])
+def test_an_adaptation_makes_no_name_sure_that_the_taxels_do_not_support(taxels, is_sure, arrays, tmp_path):
+    """However many frames agree: a rectangle is decided by 9 taxels, and neither by 2x3 of them nor by a bias."""
+    biases = [50.0 * (shape is Shape.RECTANGLE) for shape in OUTPUTS]
+    np.savez(tmp_path / 'skin.npz', **changed('biases', biases)(arrays))
+    bar = find_contact(np.pad(np.linspace(5e4, 6e4, 2 * taxels).reshape(2, taxels), 8), 'Pa')
+    found, fusion = make_recogniser(file=str(tmp_path / 'skin.npz')).recognise(bar), RecognitionFusion()
+    fused = [fusion.update(0.1 * k, found).recognition for k in range(20)]
+    for each in (found, fused[-1]):
+        assert each.shape is Shape.RECTANGLE and (each.confidence >= SURE) is is_sure
+
+
 def changed(name, value):
     return lambda arrays: arrays | {f'graded_skin_{name}': np.array(value)}
 
@@ -236,12 +252,12 @@ HOSTILE = {
     'another version': changed('version', 2), 'version of text': changed('version', 'one'),
     'no version': without('version'), 'no temperature': without('temperature'), 'no weights': without('weights'),
     'temperature 0': changed('temperature', 0.0), 'temperature below 0': changed('temperature', -1.0),
-    'huge temperature': changed('temperature', 1e9), 'temperature of text': changed('temperature', 'warm'),
+    'tiny temperature': changed('temperature', 1e-300), 'huge temperature': changed('temperature', 1e9),
+    'temperature of text': changed('temperature', 'warm'),
     'two temperatures': changed('temperature', [1.0, 1.0]), 'NaN': changed('biases', [np.nan] * 6),
     'biases of other classes': changed('biases', [0.0] * 7), 'one bias': changed('biases', 0.0),
     'huge bias': changed('biases', [1e9] + [0.0] * 5), 'biases of text': changed('biases', ['a'] * 6),
     'weights of another network': changed('weights', np.zeros((7, 6))),
-    'no spread': lambda arrays: arrays | {'graded_skin_spread': arrays['graded_skin_spread'] * 0},
 }
 
 

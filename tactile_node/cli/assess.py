@@ -1,12 +1,12 @@
-"""`tactile assess`: how reliable recognition is on your own skin, and an adaptation to it, from 8 touches an object.
+"""`tactile assess`: how reliable recognition is on your own skin, from about 8 touches of each object.
 
     tactile assess --name circle --name bar --name unknown --output my_skin.npz            # guides you, live
     tactile assess --name circle --from discs.log --name unknown --from keys.log mug.npy   # from recordings: a report
 
-Name what you press: one of the five shapes, bar (a rectangle), ball (a circle), a taught shape of --model, or unknown
-for objects that are none of these. The adaptation is kept only if touches that it has not seen are answered better. The
-file holds --model with the adaptation: give it to the classifier node (model:=), to `tactile classify` (--model) or to
-the library (Recogniser(file=...)).
+Give each object one of these names: one of the five shapes, bar (a rectangle), ball (a circle), a taught shape of
+--model, or unknown for an object that is none of these. The command adapts --model to your skin if that improves the
+answers to touches that the adaptation was not fitted to, and writes it to --output. Give that file to the classifier
+node (model:=), to `tactile classify` (--model) or to the library (Recogniser(file=...)).
 """
 
 import argparse
@@ -24,11 +24,9 @@ from tactile_node.cli.options import (
     add_output_option,
     add_skin_options,
 )
-from tactile_node.cli.progress import count_progress
 from tactile_node.cli.touch_sources import OfLastName, touches_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.assess import (
-    CONFIDENCES,
     LEAST_CLASSES,
     LEAST_TOUCHES,
     Answers,
@@ -39,7 +37,7 @@ from tactile_node.learning.assess import (
 )
 from tactile_node.learning.skin_measures import measure_skin
 from tactile_node.learning.teach import Rate
-from tactile_node.learning.touches import AnyTouchFinder
+from tactile_node.learning.touches import AnyTouchFinder, TouchFrame
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.package_files import config_path
 from tactile_node.shape.adaptation import arrays_of, is_of_skin
@@ -52,12 +50,13 @@ REFUSED_CODE = 1
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--name', action='append', required=True, help='what touches; repeat it, with its own --from')
+    parser.add_argument('--name', action='append', required=True,
+                        help='of the object; repeat it, with its own --from, for several objects')
     parser.add_argument('--from', nargs='+', action=OfLastName, dest='from_', metavar='FILE',
                         help='touches of the object named before: CAN logs, or .npz and .npy files of frames in time '
                         '(docs/command_line.md), one frame at least; the object is lifted between two touches. '
                         'Without: live from the bus')
-    add_output_option(parser, metavar='FILE', help='.npz to write if the adaptation is kept (default: only report)')
+    add_output_option(parser, metavar='FILE', help='.npz to write if the adaptation helps (default: only report)')
     parser.add_argument('--model', default=METHOD_FILES[LEARNED], metavar='FILE',
                         help='to assess, such as one of `tactile teach` (default: config/%(default)s)')
     add_number(parser, '--touches', int, limits={'least': 1}, default=DEFAULT_TOUCHES, metavar='N',
@@ -70,7 +69,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Report; write the file if an adaptation is kept. Return 1 if --output was given and nothing is written."""
+    """Report, and write the file if an adaptation is kept. Return 1 if --output was given and nothing is written."""
     model = config_path(args.model)
     recogniser, base = ShapeRecogniser.from_file(model), read_arrays(model)
     labels = {name: _class_of(name, recogniser.outputs) for name in args.name}
@@ -79,13 +78,13 @@ def run(args: argparse.Namespace) -> int:
     inputs = [model, *sum(args.sources.values(), [])]
     for path in filter(None, (args.output, args.picture)):
         check_writable(path, inputs, force=args.force)
-    touches = [LabelledTouch(label, touch.middle) for name, label in labels.items()
+    touches = [(label, touch.middle) for name, label in labels.items()
                for touch in touches_of(name, args, AnyTouchFinder).touches]
-    _check(touches)
-    with count_progress('assessing', ' answers', 2 * len(touches)) as bar:
-        found = assess(recogniser, touches, bar.update)
+    frames = [frame for _, frame in touches]
+    _check(frames)
+    found = assess(recogniser, [LabelledTouch(label, frame.pattern) for label, frame in touches])
     print('\n'.join(_report(found)))
-    print(f'This skin: {measure_skin([touch.frame for touch in touches])}.')
+    print(f'This skin: {measure_skin(frames)}.')
     if args.picture:
         write_figure(args.picture, reliability_picture(found))
     if not args.output:
@@ -111,13 +110,14 @@ def _class_of(name: str, outputs: Sequence[ShapeClass]) -> ShapeClass:
     return found
 
 
-def _check(touches: Sequence[LabelledTouch]) -> None:
-    if not touches:
+def _check(frames: Sequence[TouchFrame]) -> None:
+    if not frames:
         raise InputError('touches', expected='one or more', got='none',
                          remedy='Press away from the edges, and lift the object in between.')
-    if len(pads := {touch.frame.mask.shape for touch in touches}) > 1:
-        raise InputError('touches', expected='those of one skin', got=f'frames of {sorted(pads)} taxels',
-                         remedy='Assess each skin for itself.')
+    if len(shapes := {frame.mask.shape for frame in frames}) > 1:
+        sizes = ' and '.join(f'{rows}x{cols}' for rows, cols in sorted(shapes))
+        raise InputError('touches', expected='those of one skin', got=f'frames of {sizes} taxels',
+                         remedy='Assess each skin on its own.')
 
 
 def _report(found: Assessment) -> Iterator[str]:
@@ -126,7 +126,7 @@ def _report(found: Assessment) -> Iterator[str]:
     if found.gain is None or found.after is None:
         yield f'No adaptation was tried: it takes {LEAST_TOUCHES} touches or more, and {LEAST_CLASSES} names or more.'
         return
-    yield 'Adapted, each touch answered without having been used:'
+    yield 'Adapted, each touch answered by an adaptation that was fitted without it:'
     yield from _table(found.after)
     kept = (f'kept, with temperature {found.adaptation.temperature:.2f}' if found.adaptation
             else 'not kept, because the gain is too small or too uncertain')
@@ -139,8 +139,4 @@ def _table(answers: Answers) -> Iterator[str]:
         of = answers.counts(label)
         yield (f'  {label.value if label else "all":<20}{of.total:>7}  {Rate(of.right, of.total)!s:<21}{of.no_name:>7}'
                f'{of.sure:>6}{of.sure_and_wrong:>16}')
-    for low, high, group in zip(CONFIDENCES, CONFIDENCES[1:], answers.groups()):
-        if group.right.total:
-            yield (f'  confidence {low:.1f} to {high:.1f}: {group.right.total} answers, mean {group.confidence:.2f}, '
-                   f'right {group.right}')
     yield f'  Brier score {answers.scores().mean():.3f}'

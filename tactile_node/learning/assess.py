@@ -1,19 +1,18 @@
 """Touches of known objects -> how reliable recognition is on this skin, and an adaptation if it helps.
 
-The adaptation is a temperature, and a bias and weights for each class that was touched (shape/adaptation.py). It is
-judged on touches that it was not fitted on, by the whole recogniser with its rules, and kept only if their Brier score
-is better.
+The adaptation is a temperature, and a bias and weights for each class that was touched (shape/adaptation.py). Held-out
+touches are answered by the whole recogniser with its rules. The adaptation is kept only if their Brier score improves.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
 
+from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
 from tactile_node.learning.teach import Rate
-from tactile_node.learning.touches import TouchFrame
 from tactile_node.shape.adaptation import LEAST_PROBABILITY, Adaptation
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.patch import joined, make_patch
@@ -22,28 +21,29 @@ from tactile_node.shape.recognition import Recognition, Shape, ShapeClass
 from tactile_node.shape.support import SURE
 from tactile_node.taxel_frame import read_only
 
-FOLDS = 8           #: each holds out an eighth of the touches of each object
-LEAST_TOUCHES = 24  #: touches in all, for an adaptation
-LEAST_GAIN = 0.01   #: of the mean Brier score; a recogniser that is nearly always right gains less, but for certain
+FOLDS = 8           #: parts of the touches, each of which is held out once
+LEAST_TOUCHES = 24  #: fewest touches in all, for an adaptation
 LEAST_CLASSES = 2   #: from touches of one class, an adaptation would learn to answer nothing else
-#: Standard deviations of the logarithm of the temperature, of a bias and of a weight, beforehand. On computed skins
+LEAST_GAIN = 0.01   #: of the mean Brier score; a recogniser that is nearly always right gains less, but for certain
+#: Standard deviations that the logarithm of the temperature, a bias and a weight have beforehand. On computed skins
 #: with gains of up to 6:1 and blur, biases of 1 to 4 were alike, and better than 0.5; smaller weights gained less, and
 #: larger ones were worse for unknown objects that had not been touched.
-TEMPERATURE_SPREAD, BIAS_SPREAD, WEIGHT_SPREAD = 0.5, 2.0, 0.18
-LEAST_SPREAD = 1e-3   #: of a number of the embedding, which may be the same in all touches
-CONFIDENCES = 0.0, 0.5, 0.7, 0.9, 1.0  #: limits of the groups of answers by which confidence is judged
+TEMPERATURE_SPREAD = 0.5
+BIAS_SPREAD = 2.0
+WEIGHT_SPREAD = 0.18
+CONFIDENCE_LIMITS = 0.0, 0.5, 0.7, 0.9, 1.0  #: limits of the groups by which confidence is judged
 NAMELESS = Shape.UNKNOWN, Shape.NONE
 
 
 class LabelledTouch(NamedTuple):
-    """One frame of a touch, and what touched: a class of the recogniser, UNKNOWN for none of the others."""
+    """One frame of a touch, and the object that touched."""
 
-    label: ShapeClass
-    frame: TouchFrame
+    label: ShapeClass        #: class of the recogniser; UNKNOWN for an object that is none of the others
+    pattern: ContactPattern
 
 
 class Counts(NamedTuple):
-    """What the answers to some touches are worth."""
+    """Counts of the answers to some touches."""
 
     total: int
     right: int          #: the likeliest class is the label
@@ -60,7 +60,7 @@ class Group(NamedTuple):
 
 
 class Gain(NamedTuple):
-    """By how much the Brier score gets better, in the mean of some touches."""
+    """Improvement of the Brier score, over some touches."""
 
     mean: float
     error: float  #: standard error of the mean
@@ -68,7 +68,7 @@ class Gain(NamedTuple):
 
     @property
     def is_worth_it(self) -> bool:
-        """Whether it is large enough, and larger than its error."""
+        """True if the gain is large enough, and larger than its error."""
         return self.mean >= max(LEAST_GAIN, self.error)
 
     @property
@@ -90,7 +90,7 @@ class Answers(NamedTuple):
     found: Sequence[Recognition]
 
     def counts(self, label: ShapeClass | None = None) -> Counts:
-        """Return the counts for the touches of ``label``, None: for all."""
+        """Return the counts for the touches of ``label``, or for all if it is None."""
         some = [(truth, each) for truth, each in zip(*self) if label in (None, truth)]
         is_right = [each.shape == truth for truth, each in some]
         is_sure = [each.shape not in NAMELESS and each.confidence >= SURE for _, each in some]
@@ -99,12 +99,12 @@ class Answers(NamedTuple):
                       sum(is_sure), sum(sure and not right for sure, right in zip(is_sure, is_right)))
 
     def groups(self) -> list[Group]:
-        """Return the answers between each two of CONFIDENCES."""
+        """Return the answers between each two of CONFIDENCE_LIMITS."""
         confidences = np.array([each.confidence for each in self.found])
         right = np.array([each.shape == truth for truth, each in zip(*self)])
-        of = np.digitize(confidences, CONFIDENCES[1:-1])
+        of = np.digitize(confidences, CONFIDENCE_LIMITS[1:-1])
         return [Group(float(confidences[of == k].mean()) if (of == k).any() else float('nan'),
-                      Rate(int(right[of == k].sum()), int((of == k).sum()))) for k in range(len(CONFIDENCES) - 1)]
+                      Rate(int(right[of == k].sum()), int((of == k).sum()))) for k in range(len(CONFIDENCE_LIMITS) - 1)]
 
     def scores(self) -> np.ndarray:
         """Return the Brier score of each answer: the squared error of its probabilities, summed, 0 to 2."""
@@ -116,58 +116,52 @@ class Assessment(NamedTuple):
     """How reliable recognition is on one skin, and the adaptation to it."""
 
     before: Answers
-    after: Answers | None = None           #: with adaptations, each fitted without the touch that it answers
-    gain: Gain | None = None               #: of held-out touches
-    kind: str = ''                         #: kind of the frames
-    adaptation: Adaptation | None = None   #: None where touches are too few, or the gain is too small
+    after: Answers | None = None          #: by adaptations, each fitted without the touch that it answers
+    gain: Gain | None = None              #: from ``before`` to ``after``
+    kind: str = ''                        #: kind of the frames
+    adaptation: Adaptation | None = None  #: None if there are too few touches, or the gain is too small
 
 
-def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch],
-           progress: Callable[[], object] = lambda: None) -> Assessment:
-    """Return how reliable ``recogniser`` is on the skin of ``touches``, and the adaptation if that helps.
+def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Assessment:
+    """Return how reliable ``recogniser`` is on the skin of ``touches``, and an adaptation if that helps.
 
-    ``progress`` is called once for each touch that is answered: twice as often as there are touches where an adaptation
-    is tried. Raises InputError for touches of pressures and of on/off taxels.
+    Raises InputError if some touches are of pressures and some of on/off taxels.
     """
     labels = [touch.label for touch in touches]
-    before = Answers(labels, _answered(recogniser, touches, progress))
-    known = _Known.of(recogniser.adapted({}), touches)
-    if len(known.truth) < LEAST_TOUCHES or len(np.unique(known.truth)) < LEAST_CLASSES:
+    before = Answers(labels, _answers(recogniser, touches))
+    examples = _Examples.of(recogniser.adapted({}), touches)
+    if len(examples.truth) < LEAST_TOUCHES or len(np.unique(examples.truth)) < LEAST_CLASSES:
         return Assessment(before)
     folds = np.array([labels[:k].count(label) % FOLDS for k, label in enumerate(labels)])
     found = list(before.found)
     for fold in range(FOLDS):
         held_out = np.flatnonzero(folds == fold).tolist()
-        adapted = recogniser.adapted({known.kind: known.without(held_out).fitted()})
-        for k, answer in zip(held_out, _answered(adapted, [touches[k] for k in held_out], progress)):
+        adapted = recogniser.adapted({examples.kind: examples.without(held_out).fitted()})
+        for k, answer in zip(held_out, _answers(adapted, [touches[k] for k in held_out])):
             found[k] = answer
     after = Answers(labels, found)
     gained = before.scores() - after.scores()
     gain = Gain(float(gained.mean()), float(gained.std(ddof=1) / np.sqrt(len(gained))), len(gained))
-    return Assessment(before, after, gain, known.kind, known.fitted() if gain.is_worth_it else None)
+    return Assessment(before, after, gain, examples.kind, examples.fitted() if gain.is_worth_it else None)
 
 
-def _answered(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch],
-              progress: Callable[[], object]) -> list[Recognition]:
-    guard, found = VisibilityGuard(recogniser), []
-    for touch in touches:
-        found.append(guard.recognise(touch.frame.pattern))
-        progress()
-    return found
+def _answers(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> list[Recognition]:
+    guard = VisibilityGuard(recogniser)
+    return [guard.recognise(touch.pattern) for touch in touches]
 
 
-class _Known(NamedTuple):
-    """What an adaptation is fitted on."""
+class _Examples(NamedTuple):
+    """K touches that an adaptation of N outputs is fitted to; those of too few taxels to be recognised are left out."""
 
-    logits: np.ndarray  #: (K, N), logarithms of the probabilities as they are without adaptation
+    logits: np.ndarray     #: (K, N), logarithms of the probabilities without an adaptation
     embedding: np.ndarray  #: (K, F)
-    truth: np.ndarray   #: (K,), index of the output that is the label
-    touch: np.ndarray   #: (K,), index of the touch; without those of too few taxels to be recognised
-    kind: str           #: kind of the frames
+    truth: np.ndarray      #: (K,), index of the output that is the label
+    touch: np.ndarray      #: (K,), index of the touch
+    kind: str              #: kind of the frames
 
     @classmethod
-    def of(cls, recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> '_Known':
-        contacts = [(k, touch.frame.pattern.values, joined(touch.frame.pattern)) for k, touch in enumerate(touches)]
+    def of(cls, recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> '_Examples':
+        contacts = [(k, touch.pattern.values, joined(touch.pattern)) for k, touch in enumerate(touches)]
         patches = [(k, make_patch(values, mask), (values, mask)) for k, values, mask in contacts if mask.any()]
         if len({patch.graded for _, patch, _ in patches}) > 1:
             raise InputError('touches', expected='pressures, or on/off taxels', got='both',
@@ -181,22 +175,20 @@ class _Known(NamedTuple):
                    np.array([recogniser.outputs.index(touches[k].label) for k in numbers]), np.array(numbers),
                    KINDS[usable[0].graded])
 
-    def without(self, touches: Sequence[int]) -> '_Known':
+    def without(self, touches: Sequence[int]) -> '_Examples':
         kept = ~np.isin(self.touch, touches)
-        return _Known(self.logits[kept], self.embedding[kept], self.truth[kept], self.touch[kept], self.kind)
+        return _Examples(self.logits[kept], self.embedding[kept], self.truth[kept], self.touch[kept], self.kind)
 
     def fitted(self) -> Adaptation:
         """Return the likeliest adaptation.
 
-        Only the classes that were touched have biases and weights, with the mean 0 over these classes: what was not
-        touched becomes neither likelier nor less likely than these.
+        Only the classes that were touched have biases and weights, whose mean over these classes is 0. So no other
+        class becomes likelier or less likely than these.
         """
         outputs = self.logits.shape[1]
         touched = np.unique(self.truth)
         is_truth = self.truth[:, None] == np.arange(outputs)
-        start = Adaptation(np.array(1.0), np.zeros(outputs), np.zeros((self.embedding.shape[1], outputs)),
-                           self.embedding.mean(0), self.embedding.std(0) + LEAST_SPREAD)
-        inputs = np.column_stack((np.ones(len(self.truth)), start.standard(self.embedding)))
+        inputs = np.column_stack((np.ones(len(self.truth)), self.embedding))
         spreads = np.full((inputs.shape[1], 1), WEIGHT_SPREAD)
         spreads[0] = BIAS_SPREAD
 
@@ -220,8 +212,7 @@ class _Known(NamedTuple):
 
         best = minimize(loss, np.zeros(1 + inputs.shape[1] * len(touched)), jac=True, method='L-BFGS-B').x
         matrix = matrix_of(best[1:])
-        found = start._replace(temperature=np.exp(best[0]), biases=matrix[0], weights=matrix[1:])
-        return Adaptation(*(read_only(np.asarray(array, float)) for array in found))
+        return Adaptation(float(np.exp(best[0])), read_only(matrix[0]), read_only(matrix[1:]))
 
 
 if TYPE_CHECKING:
@@ -229,7 +220,7 @@ if TYPE_CHECKING:
 
 
 def reliability_picture(assessment: Assessment) -> 'Figure':
-    """Draw how often answers of like confidence are right, before and, where it was tried, with the adaptation."""
+    """Draw how often answers of like confidence are right, without and, if it was tried, with the adaptation."""
     from matplotlib.figure import Figure  # optional, and slow to import
 
     figure = Figure(figsize=(5, 4.6), layout='constrained')

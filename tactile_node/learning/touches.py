@@ -38,15 +38,19 @@ class Unused(IntEnum):
 class TouchFrame(NamedTuple):
     """One frame of a touch."""
 
-    values: np.ndarray  #: (rows, cols), float, NaN = no valid value
-    mask: np.ndarray    #: bool, the contact with the pieces near it
+    mask: np.ndarray         #: bool (rows, cols), the contact with the pieces near it
+    pattern: ContactPattern  #: the contact as a recogniser takes it, without those pieces
     reading: np.ndarray      #: (rows, cols), the frame as it was fed
-    pattern: ContactPattern  #: the contact as a recogniser is given it
 
     @classmethod
     def of(cls, values: np.ndarray, mask: np.ndarray) -> 'TouchFrame':
         """Return the frame of ``values`` in which ``mask`` alone is pressed."""
-        return cls(values, mask, values, ContactPattern.of(mask, values))
+        return cls(mask, ContactPattern.of(mask, values), values)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Values of the taxels, (rows, cols), NaN where there is no valid one."""
+        return self.pattern.values
 
     @property
     def strength(self) -> float:
@@ -105,7 +109,7 @@ class TouchFinder:
         found = found.of_pattern(join_pieces(alone))
         self.reason = self._why_unusable(found)
         if self.reason is None:
-            self._held.append(TouchFrame(alone.values, found.pattern.mask, values, alone))
+            self._held.append(TouchFrame(found.pattern.mask, alone, values))
         else:
             self.unused[self.reason] = self.unused.get(self.reason, 0) + 1
         return []
