@@ -26,32 +26,32 @@ ARRAY_SUFFIXES = ('.npy', '.npz')
 REST_FRAMES = 25        #: frames that the zero of a live skin is found from
 STEADY_FRAMES = 10         #: frames
 FRAME_TIMEOUT = 10.0   #: s without a frame
-WHAT_TO_DO = ('Touch the skin with {name} {count} times: hold it still until it counts, lift it, rotate it, touch at '
-              'another place. Keep it off the edges of the pad.')
+WHAT_TO_DO = ('Touch the skin {count} times with: {name}. Hold the object still until the touch counts, lift it, '
+              'rotate it, touch at another place. Keep it off the edges of the pad.')
 
 
 class OfLastName(argparse.Action):
-    """Collects --from for the --name before it, in ``sources`` by name."""
+    """Collects the files of --from in ``sources``, by the --name before them."""
 
     def __call__(self, parser, namespace, values, option_string=None):
         if not namespace.name:
-            parser.error('--from: name the shape first: --name NAME --from FILE')
+            parser.error('--from: give its name first: --name NAME --from FILE')
         namespace.sources.setdefault(namespace.name[-1], []).extend(values)
 
 
-def touches_of(name: str, args: argparse.Namespace, finder: type[TouchFinder] = TouchFinder) -> Touches:
-    """Return the touches of ``name`` from its files, or live where it has none; say how many there are.
+def touches_of(name: str, args: argparse.Namespace, finder_type: type[TouchFinder] = TouchFinder) -> Touches:
+    """Return the touches of ``name`` from its files, or live if it has none, and print how many there are.
 
-    ``finder`` decides which touches are of use. ``args``: --touches, --output, the options of skin and bus, and the
-    ``sources`` that `OfLastName` collects.
+    ``finder_type`` decides which touches are of use. ``args`` holds --touches, --output, the options of skin and bus,
+    and the ``sources`` that `OfLastName` collects. Live touches are recorded beside --output, or in the working folder.
     """
     files = args.sources.get(name)
     if files:
-        touches = _join([_in_array(path, finder) if Path(path).suffix in ARRAY_SUFFIXES else _in_log(path, finder, args)
-                         for path in files])
+        touches = _join([_in_array(path, finder_type) if Path(path).suffix in ARRAY_SUFFIXES
+                         else _in_log(path, finder_type, args) for path in files])
     else:
         folder = Path(args.output).parent if args.output else Path()
-        touches = live_touches(name, args.touches, args, str(folder / f'{name}_touches.log'), finder)
+        touches = live_touches(name, args.touches, args, str(folder / f'{name}_touches.log'), finder_type)
     print(f'{name}: {touches}')
     return touches
 
@@ -63,25 +63,25 @@ def _join(found: list[Touches]) -> Touches:
     return Touches([touch for each in found for touch in each.touches], unused)
 
 
-def _in_array(path: str, finder: type[TouchFinder]) -> Touches:
+def _in_array(path: str, finder_type: type[TouchFinder]) -> Touches:
     frames = read_frames(path)
     values = frames.values if frames.unit in (None, ON_OFF_UNIT) else subtract_zero(frames.values)
-    return finder(frames.unit).find(values)
+    return finder_type(frames.unit).find(values)
 
 
-def _in_log(path: str, finder: type[TouchFinder], args: argparse.Namespace) -> Touches:
+def _in_log(path: str, finder_type: type[TouchFinder], args: argparse.Namespace) -> Touches:
     pads = pads_of(args)
     played = play_log(path, pads, channel=args.channel or '', any_device=args.any_device, must_be_used=True)
     found = []
     for pad in pads:
         frames = np.array([frame.values for frame in played.frames[pad.name]])
         unit = pad.layout.value.unit
-        found.append(finder(unit).find(frames if unit == ON_OFF_UNIT else subtract_zero(frames)))
+        found.append(finder_type(unit).find(frames if unit == ON_OFF_UNIT else subtract_zero(frames)))
     return _join(found)
 
 
 def live_touches(name: str, count: int, args: argparse.Namespace, record: str,
-                 finder: type[TouchFinder] = TouchFinder) -> Touches:
+                 finder_type: type[TouchFinder] = TouchFinder) -> Touches:
     """Guide the user through ``count`` touches of ``name`` on a live bus, which is recorded to the log ``record``.
 
     Where that log exists, the recording is a file beside it; its path is reported, however the touches end.
@@ -97,7 +97,7 @@ def live_touches(name: str, count: int, args: argparse.Namespace, record: str,
         bus.open()
         bus.configure()
         bus.start()
-        return _guide(name, count, pad.layout, frames, failures, finder)
+        return _guide(name, count, pad.layout, frames, failures, finder_type)
     finally:
         recorded = bus.recorded_to
         bus.close()
@@ -106,8 +106,8 @@ def live_touches(name: str, count: int, args: argparse.Namespace, record: str,
 
 
 def _guide(name: str, count: int, layout: SkinLayout, frames: SimpleQueue, failures: list[Failure],
-           kind: type[TouchFinder] = TouchFinder) -> Touches:
-    finder, zero = kind(layout.value.unit), np.zeros((layout.rows, layout.cols))
+           finder_type: type[TouchFinder] = TouchFinder) -> Touches:
+    finder, zero = finder_type(layout.value.unit), np.zeros((layout.rows, layout.cols))
     touches: list[Touch] = []
     was_steady, last = False, None
     with interruption() as stop_requested:

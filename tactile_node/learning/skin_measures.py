@@ -1,4 +1,4 @@
-"""What a skin does to the contacts on it: noise, spread of its gains and halo, from touches of any objects."""
+"""Noise, spread of the gains and halo of a skin, from touches of any objects."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -6,18 +6,19 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tactile_node.contact.neighbours import grown
+from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown
 from tactile_node.contact.press import are_on_off
 from tactile_node.learning.touches import TouchFrame
 
-#: the taxels around one, and how many of them must be in the contact
-AROUND, NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]]), 5
-OFTEN = 8           #: touches in which a taxel must be inside a contact
-LEAST_TAXELS = 20   #: taxels that were inside so often, for a spread of the gains
+AROUND = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])  #: neighbours of a taxel
+LEAST_NEIGHBOURS = 5  #: fewest neighbours in the contact, for a taxel to be compared with them
+OFTEN = 8             #: touches in which a taxel must be inside a contact
+LEAST_TAXELS = 20     #: fewest taxels that were inside so often, for a spread of the gains
+REST_DISTANCE = 4     #: distance from the contact beyond which taxels are at rest [taxels]
 
 
 class SkinMeasures(NamedTuple):
-    """Each is NaN where it is not known, as for on/off taxels."""
+    """Measures of a skin; each is NaN if it is not known, as for on/off taxels."""
 
     noise: float  #: standard deviation of a taxel at rest [share of the contact's level]
     gains: float  #: standard deviation of the logarithm of the taxels' gains
@@ -29,7 +30,7 @@ class SkinMeasures(NamedTuple):
 
 
 def measure_skin(frames: Sequence[TouchFrame]) -> SkinMeasures:
-    """Return the measures by one frame of each touch, on one pad."""
+    """Return the measures of the skin of one pad. ``frames``: one of each touch."""
     raised = [(frame, frame.reading - _rest(frame)) for frame in frames
               if not are_on_off(frame.reading[np.isfinite(frame.reading)])]
     levels = [float(np.nanmedian(values[frame.mask])) for frame, values in raised]
@@ -46,7 +47,7 @@ def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
     valid = mask & (frame > 0) & (frame < largest)
     logs = np.where(valid, np.log(np.maximum(frame, 1e-9)), 0.0)
     count, total = (ndimage.convolve(of.astype(float), AROUND, mode='constant') for of in (valid, logs))
-    of_whole = valid & (count >= NEIGHBOURS)
+    of_whole = valid & (count >= LEAST_NEIGHBOURS)
     count = np.maximum(count, 1)
     return np.where(of_whole, (logs - total / count) / np.sqrt(1 + 1 / count), np.nan)
 
@@ -68,13 +69,14 @@ def by_place(residuals: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 
 def _rest(frame: TouchFrame) -> float:
-    """Return what the taxels far from the contact read; 0 if there are none."""
-    far = frame.reading[~grown(grown(grown(grown(frame.mask)))) & np.isfinite(frame.reading)]
+    """Return the median reading of the taxels far from the contact, or 0 if there are none."""
+    near = ndimage.binary_dilation(frame.mask, EIGHT_CONNECTED, iterations=REST_DISTANCE)
+    far = frame.reading[~near & np.isfinite(frame.reading)]
     return float(np.median(far)) if far.size else 0.0
 
 
 def _skirt(values: np.ndarray, mask: np.ndarray) -> float:
-    """Return what the lowest quarter of the taxels at a distance of two from the contact reads."""
+    """Return the lower quartile of the readings two taxels beside the contact ``mask``."""
     near = grown(mask)
     skirt = values[grown(near) & ~near & np.isfinite(values)]
     return float(np.quantile(skirt, 0.25)) if skirt.size else np.nan
