@@ -324,6 +324,14 @@ def test_live_touches_are_recorded_here_without_an_output(tmp_path, monkeypatch,
     assert 'ball: 3 touches' in told.out and 'No adaptation was tried' in told.out
 
 
+@pytest.mark.parametrize('command', ['assess', 'teach'])
+def test_a_picture_of_another_format_is_refused_before_touches_are_taken(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr('tactile_node.cli.touch_sources.live_touches', lambda *given: pytest.fail('touches were taken'))
+    name = {'assess': 'circle', 'teach': 'coin'}[command]
+    assert main([command, '--name', name, '-o', str(tmp_path / 'm.npz'), '--picture', str(tmp_path / 'p.xyz')]) == 2
+    assert 'png' in capsys.readouterr().err
+
+
 def find_touch():
     square = np.pad(np.full((6, 6), 5e4), 5)
     return AnyTouchFinder('Pa').find([load * square for load in LOADS]).touches

@@ -12,11 +12,10 @@ node (model:=), to `tactile classify` (--model) or to the library (Recogniser(fi
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
-from importlib import import_module
 
 import numpy as np
 
-from tactile_node.cli.figure_file import write_figure
+from tactile_node.cli.figure_file import check_figure, write_figure
 from tactile_node.cli.options import (
     add_any_device_option,
     add_bus_options,
@@ -61,7 +60,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                         help='to assess, such as one of `tactile teach` (default: config/%(default)s)')
     add_number(parser, '--touches', int, limits={'least': 1}, default=DEFAULT_TOUCHES, metavar='N',
                help='to record of each object, live (default: %(default)s)')
-    parser.add_argument('--picture', metavar='FILE', help='draw how often answers of like confidence are right')
+    parser.add_argument('--picture', metavar='FILE', help='draw how often answers of similar confidence are right')
     add_skin_options(parser)
     add_bus_options(parser, is_set=False)
     add_any_device_option(parser)
@@ -74,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     recogniser, base = ShapeRecogniser.from_file(model), read_arrays(model)
     labels = {name: _class_of(name, recogniser.outputs) for name in args.name}
     if args.picture:
-        import_module('matplotlib')  # before the touches are recorded, not after it
+        check_figure(args.picture)
     inputs = [model, *sum(args.sources.values(), [])]
     for path in filter(None, (args.output, args.picture)):
         check_writable(path, inputs, force=args.force)

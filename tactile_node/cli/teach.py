@@ -10,12 +10,11 @@ The file holds the networks of --model and your shapes. Give it to the classifie
 import argparse
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
-from tactile_node.cli.figure_file import write_figure
+from tactile_node.cli.figure_file import check_figure, write_figure
 from tactile_node.cli.options import (
     add_any_device_option,
     add_bus_options,
@@ -81,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     if any(map(is_of_skin, base)):
         print('tactile: the adaptation of --model to a skin is left out: assess the new file.', file=sys.stderr)
     if args.picture:
-        import_module('matplotlib')  # before the touches are recorded, not after it
+        check_figure(args.picture)
     inputs = [model, *sum(args.sources.values(), [])]
     for path in (args.output, *_pictures(args.picture)):
         check_writable(path, inputs, force=args.force)

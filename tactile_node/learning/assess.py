@@ -53,7 +53,7 @@ class Counts(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Answers of like confidence."""
+    """Answers of similar confidence."""
 
     confidence: float  #: mean confidence
     right: Rate
@@ -220,7 +220,7 @@ if TYPE_CHECKING:
 
 
 def reliability_picture(assessment: Assessment) -> 'Figure':
-    """Draw how often answers of like confidence are right, without and, if it was tried, with the adaptation."""
+    """Draw how often answers of similar confidence are right, without and, if it was tried, with the adaptation."""
     from matplotlib.figure import Figure  # optional, and slow to import
 
     figure = Figure(figsize=(5, 4.6), layout='constrained')
