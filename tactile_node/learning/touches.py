@@ -162,12 +162,7 @@ def choose_frames(frames: Sequence[TouchFrame], most: int) -> Touch:
 
 
 class AnyTouchFinder(TouchFinder):
-    """Finds every touch that a recogniser has to answer, however unclear; those cut by the edge decide nothing."""
+    """Finds every touch that a recogniser answers, however unclear, but leaves out those that the pad's edge cuts."""
 
     def _why_unusable(self, found: FoundContact) -> Unused | None:
         return Unused.AT_EDGE if touches_edge(found.pattern.mask) else None
-
-
-def find_touches(frames: Iterable[np.ndarray], unit: str | None) -> Touches:
-    """Return the touches in successive frames of one pad."""
-    return TouchFinder(unit).find(frames)

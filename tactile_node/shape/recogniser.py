@@ -59,8 +59,8 @@ class Calibration(NamedTuple):
 class ShapeRecogniser:
     """Recognises the shape of a contact from on/off taxels or, better, from pressures.
 
-    ``heads``: by kind of frames, of the ``taught`` shapes; a kind without one knows none of them. ``adaptations``:
-    to one skin, by kind of frames; a kind without one is answered as on any skin.
+    ``heads``: by kind of frames, of the ``taught`` shapes; a kind without one knows none of them.
+    ``adaptations``: by kind of frames, to one skin; a kind without one is answered as on any skin.
     """
 
     def __init__(self, networks: dict[str, Network], calibrations: dict[str, Calibration],
@@ -158,13 +158,13 @@ class ShapeRecogniser:
                       contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the probabilities of ``outputs``, (K, len(outputs)), and what `embedding` returns.
 
-        ``patches``: of the ``contacts``, which are given as values and mask, all graded or all not.
+        ``patches`` are those of ``contacts``, pairs of values and mask. All of them are graded, or none is.
         """
         kind = KINDS[patches[0].graded]
         embedding, geometry = self.embedding(patches)
         found = self.known(kind, embedding, geometry[:, LOG_TAXELS])
-        # The five shapes are convex, and what is taught need not be. On/off taxels show a rim torn by silent lines as
-        # pieces, pressures show what is between them.
+        # The five shapes are convex; taught ones need not be. Silent lines tear the rim of on/off contacts into pieces,
+        # which would not look convex, so only pressures are checked.
         convex = np.array([not patch.graded or is_convex(*contact) for patch, contact in zip(patches, contacts)])
         found[~convex] = _as_foreign(found[~convex])
         if kind in self._heads:
