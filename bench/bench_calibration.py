@@ -64,7 +64,7 @@ def calibrated(rng: np.random.Generator, skin: Skin) -> FoundResponse:
     presses = []
     while len(presses) < PRESSES:
         frames = [pressed(rng, solution, outline, KNOWN_AREA, skin) for _ in range(LEVELS)]
-        usable = [TouchFrame(frame.values, frame.mask) for frame in frames
+        usable = [TouchFrame.of(frame.values, frame.mask) for frame in frames
                   if frame.mask.sum() >= PressFinder.least_taxels]
         if usable:
             presses.append(Touch(tuple(usable)))

@@ -26,7 +26,7 @@ from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.learning.head_fit import load_background
 from tactile_node.learning.taught_file import examples_of, write_taught
 from tactile_node.learning.teach import Rate, Taught, teach
-from tactile_node.learning.touches import find_touches
+from tactile_node.learning.touches import TouchFinder
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser, read_arrays
@@ -87,7 +87,7 @@ def main() -> None:
 
 
 def taught_by(world, rng: np.random.Generator, silhouette: Silhouette, background) -> tuple[Taught, VisibilityGuard]:
-    touches = find_touches(world(rng, silhouette, TOUCHES), None).touches
+    touches = TouchFinder(None).find(world(rng, silhouette, TOUCHES)).touches
     examples = examples_of(touches, rng)
     model = config_path(METHOD_FILES[LEARNED])
     taught = teach(ShapeRecogniser.from_file(model), background, [examples])

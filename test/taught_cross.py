@@ -7,7 +7,7 @@ import numpy as np
 from tactile_node.learning.head_fit import Background, load_background
 from tactile_node.learning.taught_file import examples_of, write_taught
 from tactile_node.learning.teach import teach
-from tactile_node.learning.touches import find_touches
+from tactile_node.learning.touches import TouchFinder
 from tactile_node.package_files import config_path
 from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from training.ground_truth.seeds import Purpose, generator
@@ -54,7 +54,7 @@ def third_of_background():
 
 
 def examples(number, pressed=cross, count=15):
-    return examples_of(find_touches(held(rng_of(number), pressed, count), 'Pa').touches, rng_of(number + 1))
+    return examples_of(TouchFinder('Pa').find(held(rng_of(number), pressed, count)).touches, rng_of(number + 1))
 
 
 def write_taught_cross(path: Path) -> None:

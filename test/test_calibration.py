@@ -122,7 +122,7 @@ def test_a_ball_is_no_flat_disc(rng):
     for _ in range(6):
         x, y = (SIDE - 1) / 2 + rng.uniform(-1, 1, 2)
         stress = counts(0.4 * sample(field, x, y, 0.0, SIDE, SIDE)) + rng.normal(0, 1, (SIDE, SIDE))
-        frames.append(Touch((TouchFrame(stress, stress > 20),)))
+        frames.append(Touch((TouchFrame.of(stress, stress > 20),)))
     with pytest.raises(InputError) as error:
         calibrate(frames, Disc(0.98 * RADIUS), PITCH, 'Pa')
     assert error.value.expected == 'a flat face'
@@ -226,7 +226,7 @@ def test_the_zero_is_that_of_the_least_loaded_frames():
 
 def presses(count, radius=5.0):
     found = [disc(12 + 0.1 * k, 12 - 0.07 * k, radius) for k in range(count)]
-    return [Touch((TouchFrame(frame, frame > 25e3),)) for frame in found]
+    return [Touch((TouchFrame.of(frame, frame > 25e3),)) for frame in found]
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from tactile_node.cli.touch_sources import _guide
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.taught_file import examples_in
 from tactile_node.learning.teach import LEAST_RIGHT, Rate, teach
-from tactile_node.learning.touches import Unused, find_touches
+from tactile_node.learning.touches import TouchFinder, Unused
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
@@ -92,16 +92,16 @@ def test_too_few_touches_are_refused(base, background):
 def test_a_touch_ends_with_a_lift_and_not_with_frames_that_are_not_seen():
     frames = held(rng_of(22), cross, 3)
     frames[len(LOADS) + 3] = np.nan  # in the middle of the second
-    found = find_touches(frames, 'Pa')
+    found = TouchFinder('Pa').find(frames)
     assert [len(touch.frames) for touch in found.touches] == [4, 3, 4]
-    assert not find_touches(held(rng_of(23), lambda rng: np.roll(cross(rng), 6, 0), 2), 'Pa').touches
+    assert not TouchFinder('Pa').find(held(rng_of(23), lambda rng: np.roll(cross(rng), 6, 0), 2)).touches
 
 
 def test_frames_that_show_no_shape_are_counted_by_reason():
     def cut(rng):
         return np.roll(disc(rng), 6, 0) * (np.arange(PAD)[:, None] > 6)
-    assert set(find_touches(held(rng_of(24), cut, 2), 'Pa').unused) == {Unused.AT_EDGE}
-    assert set(find_touches(held(rng_of(25), lambda rng: disc(rng, 1.0), 2), 'Pa').unused) == {Unused.TOO_SMALL}
+    assert set(TouchFinder('Pa').find(held(rng_of(24), cut, 2)).unused) == {Unused.AT_EDGE}
+    assert set(TouchFinder('Pa').find(held(rng_of(25), lambda rng: disc(rng, 1.0), 2)).unused) == {Unused.TOO_SMALL}
 
 
 def test_live_a_touch_counts_when_it_was_steady_and_lifted():
@@ -200,7 +200,8 @@ def test_the_command_refuses_what_is_not_good_enough_unless_it_is_accepted(recor
 
 
 def test_the_command_refuses_to_overwrite_an_input_before_any_touch_is_recorded(file, monkeypatch):
-    monkeypatch.setattr('tactile_node.cli.teach.live_touches', lambda *given: pytest.fail('touches were recorded'))
+    monkeypatch.setattr('tactile_node.cli.touch_sources.live_touches',
+                        lambda *given: pytest.fail('touches were recorded'))
     assert main(['teach', '--name', 'coin', '--model', str(file), '--output', str(file)]) == 2
 
 

@@ -53,6 +53,7 @@ RULES = (
     Rule(r'^python -m can.logconvert', Kind.TESTED, 'test/test_logs.py'),
     Rule(r'^tactile report', Kind.TESTED, 'test/test_report_page.py'),
     Rule(r'^tactile teach', Kind.TESTED, 'test/test_teach.py'),
+    Rule(r'^tactile assess', Kind.TESTED, 'test/test_assess.py'),
     Rule(r'^tactile view', Kind.TESTED, 'test/test_view_sources.py'),
     Rule(r'^fast-discovery-server -i', Kind.TESTED, 'test/hosts_bench.py'),
     Rule(r'^tactile completion', Kind.TESTED, 'test/test_completion.py'),

@@ -9,11 +9,10 @@ from scipy import ndimage
 
 from tactile_node.contact.neighbours import EIGHT_CONNECTED
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.learning.skin_measures import OFTEN, by_place, fixed_part, residual
 from tactile_node.shape.patch import joined
 
 LEAST = 9    #: taxels of a contact
-AROUND, NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]]), 5  #: of a taxel; so many of them in the contact
-OFTEN = 8    #: frames in which a taxel or line must be inside a contact
 PAIRS = 200  #: of taxels for a correlation
 LONG = 3.0   #: length to width of a bar, by its second moments
 AWAY = 3     #: taxels from a contact from which on what reads is cross-talk
@@ -25,32 +24,6 @@ class Group(NamedTuple):
 
     frames: list[np.ndarray]
     largest: float  #: reading at the end of the range
-
-
-def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
-    """Return the log of each reading in a contact less that of its neighbours in it; NaN where they are too few."""
-    valid = mask & (frame > 0) & (frame < largest)
-    logs = np.where(valid, np.log(np.maximum(frame, 1e-9)), 0.0)
-    count, total = (ndimage.convolve(of.astype(float), AROUND, mode='constant') for of in (valid, logs))
-    of_whole = valid & (count >= NEIGHBOURS)
-    count = np.maximum(count, 1)
-    return np.where(of_whole, (logs - total / count) / np.sqrt(1 + 1 / count), np.nan)
-
-
-def fixed_part(residuals: Iterable[np.ndarray]) -> tuple[float, float]:
-    """Return the standard deviations of what stays from frame to frame, and of what changes; by one-way variances."""
-    own = [one for one in residuals if len(one) >= OFTEN]
-    if len(own) < 2:
-        return np.nan, np.nan
-    within = np.mean([one.var(ddof=1) for one in own])
-    between = np.var([one.mean() for one in own], ddof=1) - within * np.mean([1 / len(one) for one in own])
-    return float(np.sqrt(max(between, 0))), float(np.sqrt(within))
-
-
-def by_place(residuals: list[np.ndarray]) -> list[np.ndarray]:
-    """The valid values of each taxel or line, over the frames."""
-    stacked = np.reshape(residuals, (len(residuals), -1)).T if residuals else np.zeros((0, 0))
-    return [of[np.isfinite(of)] for of in stacked]
 
 
 def alike(residuals: list[np.ndarray], distance: int) -> float:

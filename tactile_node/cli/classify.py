@@ -13,7 +13,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--method', choices=list(METHOD_FILES), default=DEFAULT_METHOD,
                         help='learned: network on pattern and pressures; volf: the paper; default %(default)s')
     parser.add_argument('--model', '--weights', dest='weights', default='', metavar='FILE',
-                        help='of --method learned, such as one of `tactile teach`, '
+                        help='of --method learned, such as one of `tactile teach` or `tactile assess`, '
                         f'default config/{METHOD_FILES[LEARNED]}')
     parser.add_argument('--curves', default='', metavar='FILE',
                         help=f'of --method volf, default config/{METHOD_FILES[VOLF]}')

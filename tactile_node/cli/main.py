@@ -31,6 +31,7 @@ COMMANDS = (
     ('features', 'every quantity of the paper, of frames in files: JSON lines or CSV'),
     ('calibrate', "learn a skin's response from presses of a known disc"),
     ('teach', 'teach the recogniser your own shapes'),
+    ('assess', 'how reliable recognition is on your own skin, and an adaptation to it'),
     ('sdo', 'read or write one object of a device'),
     ('completion', 'print what makes your shell complete `tactile`'),
 )

@@ -138,7 +138,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
 
 def add_model_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--model', default='', metavar='FILE', help='weights of the recogniser, such as one of '
-                        '`tactile teach` (default: those of the package)')
+                        '`tactile teach` or `tactile assess` (default: those of the package)')
 
 
 def recogniser_of(args: argparse.Namespace) -> 'VisibilityGuard':

@@ -10,11 +10,11 @@ The file holds the networks of --model and your shapes. Give it to the classifie
 import argparse
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
+from tactile_node.cli.figure_file import check_figure, write_figure
 from tactile_node.cli.options import (
     add_any_device_option,
     add_bus_options,
@@ -23,7 +23,7 @@ from tactile_node.cli.options import (
     add_skin_options,
 )
 from tactile_node.cli.progress import count_progress
-from tactile_node.cli.touch_sources import live_touches, touches_in
+from tactile_node.cli.touch_sources import OfLastName, touches_of
 from tactile_node.errors import InputError
 from tactile_node.learning.head_fit import load_background
 from tactile_node.learning.taught_file import NO_EXAMPLES, Examples, check_name, examples_in, examples_of, write_taught
@@ -39,6 +39,7 @@ from tactile_node.learning.teach import (
 )
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.package_files import config_path
+from tactile_node.shape.adaptation import is_of_skin
 from tactile_node.shape.recogniser import KINDS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, TaughtShape
 
@@ -47,19 +48,10 @@ VARIANT_SEED = 0  #: seed of the variants of touches
 REFUSED_CODE = 1
 
 
-class _OfLastName(argparse.Action):
-    """--from belongs to the --name before it."""
-
-    def __call__(self, parser, namespace, values, option_string=None):
-        if not namespace.name:
-            parser.error('--from: name the shape first: --name NAME --from FILE')
-        namespace.sources.setdefault(namespace.name[-1], []).extend(values)
-
-
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--name', action='append', required=True, help='of the shape; repeat it, with its own --from, '
                         'for several shapes in one file')
-    parser.add_argument('--from', nargs='+', action=_OfLastName, dest='from_', metavar='FILE',
+    parser.add_argument('--from', nargs='+', action=OfLastName, dest='from_', metavar='FILE',
                         help='touches of the shape named before: CAN logs, or .npz and .npy files of frames in time '
                         '(docs/command_line.md); the object is lifted between two touches. Without: live from the bus')
     add_output_option(parser, required=True, metavar='FILE', help='.npz to write')
@@ -85,8 +77,10 @@ def run(args: argparse.Namespace) -> int:
     for name in args.name:
         check_name(name, names)
         names.append(name)
+    if any(map(is_of_skin, base)):
+        print('tactile: the adaptation of --model to a skin is left out: assess the new file.', file=sys.stderr)
     if args.picture:
-        import_module('matplotlib')  # before the touches are recorded, not after it
+        check_figure(args.picture)
     inputs = [model, *sum(args.sources.values(), [])]
     for path in (args.output, *_pictures(args.picture)):
         check_writable(path, inputs, force=args.force)
@@ -113,13 +107,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _record(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
     """The kind of frames, and the examples of one shape."""
-    files = args.sources.get(name)
-    if files:
-        touches = touches_in(files, args)
-    else:
-        log = str(Path(args.output).with_name(f'{name}_touches.log'))
-        touches = live_touches(name, args.touches, args, log)
-    print(f'{name}: {touches}')
+    touches = touches_of(name, args)
     if len(touches.touches) < LEAST_TOUCHES:
         raise InputError(f'touches of {name}', expected=f'{LEAST_TOUCHES} or more, {DEFAULT_TOUCHES} as a rule',
                          got=str(len(touches.touches)), remedy='Record more; lift the object in between.')
@@ -159,10 +147,4 @@ def _draw(path: str | None, held_out: HeldOut, names: Sequence[str], kind: str) 
     target = Path(path)
     if kind:
         target = target.with_stem(f'{target.stem}_{kind}')
-    picture = confusion_picture(held_out, names)
-    try:
-        with output_file(target) as stream:
-            picture.savefig(stream, format=target.suffix[1:] or 'png', dpi=110)
-    except ValueError as error:
-        raise InputError(f'picture {path!r}', expected='a format that matplotlib writes, such as .png',
-                         got=str(error).splitlines()[0], remedy='Give another suffix.') from None
+    write_figure(target, confusion_picture(held_out, names))

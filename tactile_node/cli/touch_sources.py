@@ -1,4 +1,4 @@
-"""Where `tactile teach` has touches from: .npz and .npy files, CAN logs, or a live bus, on which it guides the user."""
+"""Sources of the touches for `tactile teach` and `tactile assess`: .npz and .npy files, CAN logs, or a live bus."""
 
 import argparse
 import sys
@@ -17,7 +17,7 @@ from tactile_node.cli.played_log import play_log
 from tactile_node.errors import BusError
 from tactile_node.interruption import interruption
 from tactile_node.learning.presses import subtract_zero
-from tactile_node.learning.touches import Touch, Touches, TouchFinder, find_touches
+from tactile_node.learning.touches import Touch, Touches, TouchFinder
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import with_dictionaries
 from tactile_node.taxel_frame import ON_OFF_UNIT
@@ -26,13 +26,34 @@ ARRAY_SUFFIXES = ('.npy', '.npz')
 REST_FRAMES = 25        #: frames that the zero of a live skin is found from
 STEADY_FRAMES = 10         #: frames
 FRAME_TIMEOUT = 10.0   #: s without a frame
-WHAT_TO_DO = ('Touch the skin with {name} {count} times: hold it still until it counts, lift it, rotate it, touch at '
-              'another place. Keep it off the edges of the pad.')
+WHAT_TO_DO = ('Touch the skin {count} times with: {name}. Hold the object still until the touch counts, lift it, '
+              'rotate it, touch at another place. Keep it off the edges of the pad.')
 
 
-def touches_in(files: list[str], args: argparse.Namespace) -> Touches:
-    """Return the touches in arrays and logs, each file in its order."""
-    return _join([_in_array(path) if Path(path).suffix in ARRAY_SUFFIXES else _in_log(path, args) for path in files])
+class OfLastName(argparse.Action):
+    """Collects the files of --from in ``sources``, by the --name before them."""
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        if not namespace.name:
+            parser.error('--from: give its name first: --name NAME --from FILE')
+        namespace.sources.setdefault(namespace.name[-1], []).extend(values)
+
+
+def touches_of(name: str, args: argparse.Namespace, finder_type: type[TouchFinder] = TouchFinder) -> Touches:
+    """Return the touches of ``name`` from its files, or live if it has none, and print how many there are.
+
+    ``finder_type`` decides which touches are of use. ``args`` holds --touches, --output, the options of skin and bus,
+    and the ``sources`` that `OfLastName` collects. Live touches are recorded beside --output, or in the working folder.
+    """
+    files = args.sources.get(name)
+    if files:
+        touches = _join([_in_array(path, finder_type) if Path(path).suffix in ARRAY_SUFFIXES
+                         else _in_log(path, finder_type, args) for path in files])
+    else:
+        folder = Path(args.output).parent if args.output else Path()
+        touches = live_touches(name, args.touches, args, str(folder / f'{name}_touches.log'), finder_type)
+    print(f'{name}: {touches}')
+    return touches
 
 
 def _join(found: list[Touches]) -> Touches:
@@ -42,30 +63,31 @@ def _join(found: list[Touches]) -> Touches:
     return Touches([touch for each in found for touch in each.touches], unused)
 
 
-def _in_array(path: str) -> Touches:
+def _in_array(path: str, finder_type: type[TouchFinder]) -> Touches:
     frames = read_frames(path)
     values = frames.values if frames.unit in (None, ON_OFF_UNIT) else subtract_zero(frames.values)
-    return find_touches(values, frames.unit)
+    return finder_type(frames.unit).find(values)
 
 
-def _in_log(path: str, args: argparse.Namespace) -> Touches:
+def _in_log(path: str, finder_type: type[TouchFinder], args: argparse.Namespace) -> Touches:
     pads = pads_of(args)
     played = play_log(path, pads, channel=args.channel or '', any_device=args.any_device, must_be_used=True)
     found = []
     for pad in pads:
         frames = np.array([frame.values for frame in played.frames[pad.name]])
         unit = pad.layout.value.unit
-        found.append(find_touches(frames if unit == ON_OFF_UNIT else subtract_zero(frames), unit))
+        found.append(finder_type(unit).find(frames if unit == ON_OFF_UNIT else subtract_zero(frames)))
     return _join(found)
 
 
-def live_touches(name: str, count: int, args: argparse.Namespace, record: str) -> Touches:
+def live_touches(name: str, count: int, args: argparse.Namespace, record: str,
+                 finder_type: type[TouchFinder] = TouchFinder) -> Touches:
     """Guide the user through ``count`` touches of ``name`` on a live bus, which is recorded to the log ``record``.
 
     Where that log exists, the recording is a file beside it; its path is reported, however the touches end.
     Raises KeyboardInterrupt where the user ends it, and what a bus and its devices raise.
     """
-    pad = single_pad_of(args, 'Teach on one pad; the other one recognises the shape, too.')
+    pad = single_pad_of(args, 'Touch one pad; what is found holds for the other one, too.')
     frames: SimpleQueue[np.ndarray] = SimpleQueue()
     failures: list[Failure] = []
     pads = with_dictionaries((pad,), eds_of(args))
@@ -75,16 +97,17 @@ def live_touches(name: str, count: int, args: argparse.Namespace, record: str) -
         bus.open()
         bus.configure()
         bus.start()
-        return _guide(name, count, pad.layout, frames, failures)
+        return _guide(name, count, pad.layout, frames, failures, finder_type)
     finally:
         recorded = bus.recorded_to
         bus.close()
         if recorded is not None:
-            _say(f'The bus was recorded to {recorded}: --from {recorded} teaches from it again.')
+            _say(f'The bus was recorded to {recorded}: --from {recorded} takes the touches from it again.')
 
 
-def _guide(name: str, count: int, layout: SkinLayout, frames: SimpleQueue, failures: list[Failure]) -> Touches:
-    finder, zero = TouchFinder(layout.value.unit), np.zeros((layout.rows, layout.cols))
+def _guide(name: str, count: int, layout: SkinLayout, frames: SimpleQueue, failures: list[Failure],
+           finder_type: type[TouchFinder] = TouchFinder) -> Touches:
+    finder, zero = finder_type(layout.value.unit), np.zeros((layout.rows, layout.cols))
     touches: list[Touch] = []
     was_steady, last = False, None
     with interruption() as stop_requested:

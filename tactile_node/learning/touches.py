@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.contact.neighbours import touches_edge
+from tactile_node.contact.pattern import ContactPattern
 from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_shapeless
@@ -37,8 +38,19 @@ class Unused(IntEnum):
 class TouchFrame(NamedTuple):
     """One frame of a touch."""
 
-    values: np.ndarray  #: (rows, cols), float, NaN = no valid value
-    mask: np.ndarray    #: bool, the contact with the pieces near it
+    mask: np.ndarray         #: bool (rows, cols), the contact with the pieces near it
+    pattern: ContactPattern  #: the contact as a recogniser takes it, without those pieces
+    reading: np.ndarray      #: (rows, cols), the frame as it was fed
+
+    @classmethod
+    def of(cls, values: np.ndarray, mask: np.ndarray) -> 'TouchFrame':
+        """Return the frame of ``values`` in which ``mask`` alone is pressed."""
+        return cls(mask, ContactPattern.of(mask, values), values)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Values of the taxels, (rows, cols), NaN where there is no valid one."""
+        return self.pattern.values
 
     @property
     def strength(self) -> float:
@@ -93,10 +105,11 @@ class TouchFinder:
         self.reason = None
         if not found.pattern.contacts:
             return self.end() if found.visibility.pad_seen else []
-        found = found.of_pattern(join_pieces(found.pattern))
+        alone = found.pattern
+        found = found.of_pattern(join_pieces(alone))
         self.reason = self._why_unusable(found)
         if self.reason is None:
-            self._held.append(TouchFrame(found.pattern.values, found.pattern.mask))
+            self._held.append(TouchFrame(found.pattern.mask, alone, values))
         else:
             self.unused[self.reason] = self.unused.get(self.reason, 0) + 1
         return []
@@ -148,6 +161,8 @@ def choose_frames(frames: Sequence[TouchFrame], most: int) -> Touch:
     return Touch(tuple(frames[k] for k in which))
 
 
-def find_touches(frames: Iterable[np.ndarray], unit: str | None) -> Touches:
-    """Return the touches in successive frames of one pad."""
-    return TouchFinder(unit).find(frames)
+class AnyTouchFinder(TouchFinder):
+    """Finds every touch that a recogniser answers, however unclear, but leaves out those that the pad's edge cuts."""
+
+    def _why_unusable(self, found: FoundContact) -> Unused | None:
+        return Unused.AT_EDGE if touches_edge(found.pattern.mask) else None

@@ -229,7 +229,8 @@ class Recogniser:
     method : str
         'learned', or 'volf' for the three planes of the paper.
     file : str, Path or None
-        File with other weights or curves, such as a file from `tactile teach`; None for the package's own.
+        File with other weights or curves, such as a file from `tactile teach` or `tactile assess`. None for the
+        package's own file.
 
     Raises
     ------

@@ -3,7 +3,8 @@
 One network is for on/off taxels, one for pressures. Each gives five logits, one a class, which are divided by a
 temperature found on validation patterns, and one that the contact is none of them, which has a bias.
 The weights are data (config/recogniser.npz), written by training/train.py. A file of `tactile teach` has the same
-arrays and, after them, the heads of taught shapes (taught.py).
+arrays and, after them, the heads of taught shapes (taught.py); one of `tactile assess` has the adaptation to a skin
+(adaptation.py).
 """
 
 import zlib
@@ -17,6 +18,7 @@ import numpy as np
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
+from tactile_node.shape.adaptation import Adaptation, read_adaptations
 from tactile_node.shape.convexity import is_convex
 from tactile_node.shape.invariants import COUNT, LOG_TAXELS, OVERLAPS, describe_all
 from tactile_node.shape.network import TAPS, Network
@@ -58,11 +60,14 @@ class ShapeRecogniser:
     """Recognises the shape of a contact from on/off taxels or, better, from pressures.
 
     ``heads``: by kind of frames, of the ``taught`` shapes; a kind without one knows none of them.
+    ``adaptations``: by kind of frames, to one skin; a kind without one is answered as on any skin.
     """
 
     def __init__(self, networks: dict[str, Network], calibrations: dict[str, Calibration],
-                 taught: tuple[TaughtShape, ...] = (), heads: Mapping[str, Head] = MappingProxyType({})):
+                 taught: tuple[TaughtShape, ...] = (), heads: Mapping[str, Head] = MappingProxyType({}),
+                 adaptations: Mapping[str, Adaptation] = MappingProxyType({})):
         self._networks, self._calibrations, self._heads = networks, calibrations, heads
+        self._taught, self._adaptations = taught, adaptations
         self.outputs: tuple[ShapeClass, ...] = (*OUTPUTS, *taught)  #: what the columns of `probabilities` stand for
         self.classes: tuple[ShapeClass, ...] = (*Shape, *taught)    #: every class that a recognition may name
 
@@ -72,8 +77,10 @@ class ShapeRecogniser:
         try:
             data = read_arrays(path)
             networks = {kind: _network(data, kind) for kind in KINDS}
-            return cls(networks, {kind: _calibration(data, kind) for kind in KINDS},
-                       *read_taught(data, {kind: network.width for kind, network in networks.items()}))
+            widths = {kind: network.width for kind, network in networks.items()}
+            taught, heads = read_taught(data, widths)
+            return cls(networks, {kind: _calibration(data, kind) for kind in KINDS}, taught, heads,
+                       read_adaptations(data, len(OUTPUTS) + len(taught), widths))
         except OSError as error:
             raise _unusable(path, error.strerror or str(error)) from None
         except KeyError as error:
@@ -81,6 +88,10 @@ class ShapeRecogniser:
         except (ValueError, TypeError, EOFError, AttributeError, MemoryError, OverflowError, BadZipFile,
                 NotImplementedError, RuntimeError, zlib.error) as error:  # numpy lets zipfile's and zlib's through
             raise _unusable(path, ' '.join(str(error).split())) from None
+
+    def adapted(self, adaptations: Mapping[str, Adaptation]) -> 'ShapeRecogniser':
+        """Return the same recogniser with other adaptations."""
+        return ShapeRecogniser(self._networks, self._calibrations, self._taught, self._heads, adaptations)
 
     def recognise(self, pattern: ContactPattern) -> Recognition:
         """Return the most probable shape; NONE for an empty pattern, UNKNOWN below FEWEST_TAXELS taxels.
@@ -134,30 +145,35 @@ class ShapeRecogniser:
                 patches[patch.graded].append((k, patch))
         for alike in patches.values():
             if alike:
-                # on/off taxels show a rim torn by silent lines as pieces, pressures show what is between them
-                convex = np.array([not patch.graded or is_convex(*contacts[k]) for k, patch in alike])
-                embedding, geometry = self.embedding([patch for _, patch in alike])
-                probabilities = self.probabilities(KINDS[alike[0][1].graded], embedding, geometry, convex).tolist()
-                for (k, patch), of_outputs, numbers in zip(alike, probabilities, geometry):
+                probabilities, _, geometry = self.probabilities([patch for _, patch in alike],
+                                                                [contacts[k] for k, _ in alike])
+                for (k, patch), of_outputs, numbers in zip(alike, probabilities.tolist(), geometry):
                     found[k] = Recognition.of(dict(zip(self.outputs, of_outputs)))
                     if patch.graded:
                         found[k] = as_far_as_it_fits(found[k], int(np.count_nonzero(contacts[k][1])),
                                                      numbers[OVERLAPS])
         return found
 
-    def probabilities(self, kind: str, embedding: np.ndarray, geometry: np.ndarray, convex: np.ndarray) -> np.ndarray:
-        """Return the probabilities of ``outputs`` for patches of one kind, (K, len(outputs)).
+    def probabilities(self, patches: Sequence[Patch],
+                      contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the probabilities of ``outputs``, (K, len(outputs)), and what `embedding` returns.
 
-        ``convex``: bool (K,), `is_convex` of their contacts; the five shapes are, what is taught need not be.
+        ``patches`` are those of ``contacts``, pairs of values and mask. All of them are graded, or none is.
         """
-        log_taxels = geometry[:, LOG_TAXELS]
-        known = self.known(kind, embedding, log_taxels)
-        known[~convex] = _as_foreign(known[~convex])
-        if len(self.outputs) == len(OUTPUTS):
-            return known
-        if kind not in self._heads:
-            return np.pad(known, ((0, 0), (0, len(self.outputs) - len(OUTPUTS))))
-        return join(known, self._heads[kind].evidence(embedding, log_taxels))
+        kind = KINDS[patches[0].graded]
+        embedding, geometry = self.embedding(patches)
+        found = self.known(kind, embedding, geometry[:, LOG_TAXELS])
+        # The five shapes are convex; taught ones need not be. Silent lines tear the rim of on/off contacts into pieces,
+        # which would not look convex, so only pressures are checked.
+        convex = np.array([not patch.graded or is_convex(*contact) for patch, contact in zip(patches, contacts)])
+        found[~convex] = _as_foreign(found[~convex])
+        if kind in self._heads:
+            found = join(found, self._heads[kind].evidence(embedding, geometry[:, LOG_TAXELS]))
+        else:
+            found = np.pad(found, ((0, 0), (0, len(self._taught))))
+        if kind in self._adaptations:
+            found = self._adaptations[kind].applied(found, embedding)
+        return found, embedding, geometry
 
     def embedding(self, patches: Sequence[Patch]) -> tuple[np.ndarray, np.ndarray]:
         """Return what the heads of taught shapes see of patches all graded or all not, and the patches' numbers."""
@@ -224,5 +240,5 @@ def _calibration(data: Mapping[str, np.ndarray], kind: str) -> Calibration:
 
 def _unusable(path: str | Path, got: str) -> ConfigurationError:
     return ConfigurationError(f'weights of the recogniser, {path}', got=got,
-                              expected='a file written by training/train.py or `tactile teach`',
-                              remedy='Use config/recogniser.npz, or run `tactile teach` or `make train` again.')
+                              expected='a file written by training/train.py, `tactile teach` or `tactile assess`',
+                              remedy='Use config/recogniser.npz, or write the file again with one of them.')

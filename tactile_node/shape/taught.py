@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.shape.adaptation import is_of_skin
 from tactile_node.shape.recognition import Shape, TaughtShape
 
 HEAD_VERSION = 1      #: version of the arrays below; embeddings of other code are other numbers
@@ -103,8 +104,8 @@ def digest_of(data: Mapping[str, np.ndarray]) -> str:
 
 
 def is_own(name: str) -> bool:
-    """Return whether an array is of the taught shapes, not of the base."""
-    return name.startswith('taught_') or any(part in name for part in OWN_PARTS)
+    """Return whether an array is of the user's shapes or skin, not of the base."""
+    return name.startswith('taught_') or is_of_skin(name) or any(part in name for part in OWN_PARTS)
 
 
 def _head(data: Mapping[str, np.ndarray], kind: str, count: int, width: int) -> Head:

@@ -1,0 +1,141 @@
+"""`tactile assess`: how reliable recognition is on your own skin, from about 8 touches of each object.
+
+    tactile assess --name circle --name bar --name unknown --output my_skin.npz            # guides you, live
+    tactile assess --name circle --from discs.log --name unknown --from keys.log mug.npy   # from recordings: a report
+
+Give each object one of these names: one of the five shapes, bar (a rectangle), ball (a circle), a taught shape of
+--model, or unknown for an object that is none of these. The command adapts --model to your skin if that improves the
+answers to touches that the adaptation was not fitted to, and writes it to --output. Give that file to the classifier
+node (model:=), to `tactile classify` (--model) or to the library (Recogniser(file=...)).
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from tactile_node.cli.figure_file import check_figure, write_figure
+from tactile_node.cli.options import (
+    add_any_device_option,
+    add_bus_options,
+    add_number,
+    add_output_option,
+    add_skin_options,
+)
+from tactile_node.cli.touch_sources import OfLastName, touches_of
+from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.learning.assess import (
+    LEAST_CLASSES,
+    LEAST_TOUCHES,
+    Answers,
+    Assessment,
+    LabelledTouch,
+    assess,
+    reliability_picture,
+)
+from tactile_node.learning.skin_measures import measure_skin
+from tactile_node.learning.teach import Rate
+from tactile_node.learning.touches import AnyTouchFinder, TouchFrame
+from tactile_node.output_file import check_writable, output_file
+from tactile_node.package_files import config_path
+from tactile_node.shape.adaptation import arrays_of, is_of_skin
+from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
+from tactile_node.shape.recognition import LEARNED, METHOD_FILES, ShapeClass
+
+DEFAULT_TOUCHES = 8
+ALIASES = {'bar': 'rectangle', 'ball': 'circle'}
+REFUSED_CODE = 1
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--name', action='append', required=True,
+                        help='of the object; repeat it, with its own --from, for several objects')
+    parser.add_argument('--from', nargs='+', action=OfLastName, dest='from_', metavar='FILE',
+                        help='touches of the object named before: CAN logs, or .npz and .npy files of frames in time '
+                        '(docs/command_line.md), one frame at least; the object is lifted between two touches. '
+                        'Without: live from the bus')
+    add_output_option(parser, metavar='FILE', help='.npz to write if the adaptation helps (default: only report)')
+    parser.add_argument('--model', default=METHOD_FILES[LEARNED], metavar='FILE',
+                        help='to assess, such as one of `tactile teach` (default: config/%(default)s)')
+    add_number(parser, '--touches', int, limits={'least': 1}, default=DEFAULT_TOUCHES, metavar='N',
+               help='to record of each object, live (default: %(default)s)')
+    parser.add_argument('--picture', metavar='FILE', help='draw how often answers of similar confidence are right')
+    add_skin_options(parser)
+    add_bus_options(parser, is_set=False)
+    add_any_device_option(parser)
+    parser.set_defaults(sources={})
+
+
+def run(args: argparse.Namespace) -> int:
+    """Report, and write the file if an adaptation is kept. Return 1 if --output was given and nothing is written."""
+    model = config_path(args.model)
+    recogniser, base = ShapeRecogniser.from_file(model), read_arrays(model)
+    labels = {name: _class_of(name, recogniser.outputs) for name in args.name}
+    if args.picture:
+        check_figure(args.picture)
+    inputs = [model, *sum(args.sources.values(), [])]
+    for path in filter(None, (args.output, args.picture)):
+        check_writable(path, inputs, force=args.force)
+    touches = [(label, touch.middle) for name, label in labels.items()
+               for touch in touches_of(name, args, AnyTouchFinder).touches]
+    frames = [frame for _, frame in touches]
+    _check(frames)
+    found = assess(recogniser, [LabelledTouch(label, frame.pattern) for label, frame in touches])
+    print('\n'.join(_report(found)))
+    print(f'This skin: {measure_skin(frames)}.')
+    if args.picture:
+        write_figure(args.picture, reliability_picture(found))
+    if not args.output:
+        return 0
+    if found.adaptation is None:
+        print(f'tactile: {args.output} is not written: use the model as it is.', file=sys.stderr)
+        return REFUSED_CODE
+    arrays = {name: array for name, array in base.items() if not is_of_skin(name)}
+    arrays |= arrays_of(found.kind, found.adaptation)
+    with output_file(args.output, inputs=inputs) as stream:
+        np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+    print(f'written to {args.output}. Give it to the classifier node (model:=) or to tactile classify (--model).')
+    return 0
+
+
+def _class_of(name: str, outputs: Sequence[ShapeClass]) -> ShapeClass:
+    by_name = {shape.value: shape for shape in outputs}
+    found = by_name.get(name) or by_name.get(ALIASES.get(name, ''))
+    if found is None:
+        raise ConfigurationError('--name', expected=f'one of {", ".join((*by_name, *ALIASES))}', got=repr(name),
+                                 remedy='Name an object that is none of these unknown, or teach it first '
+                                 '(`tactile teach`) and assess that file (--model).')
+    return found
+
+
+def _check(frames: Sequence[TouchFrame]) -> None:
+    if not frames:
+        raise InputError('touches', expected='one or more', got='none',
+                         remedy='Press away from the edges, and lift the object in between.')
+    if len(shapes := {frame.mask.shape for frame in frames}) > 1:
+        sizes = ' and '.join(f'{rows}x{cols}' for rows, cols in sorted(shapes))
+        raise InputError('touches', expected='those of one skin', got=f'frames of {sizes} taxels',
+                         remedy='Assess each skin on its own.')
+
+
+def _report(found: Assessment) -> Iterator[str]:
+    yield 'As the model is, with 95 % intervals:'
+    yield from _table(found.before)
+    if found.gain is None or found.after is None:
+        yield f'No adaptation was tried: it takes {LEAST_TOUCHES} touches or more, and {LEAST_CLASSES} names or more.'
+        return
+    yield 'Adapted, each touch answered by an adaptation that was fitted without it:'
+    yield from _table(found.after)
+    kept = (f'kept, with temperature {found.adaptation.temperature:.2f}' if found.adaptation
+            else 'not kept, because the gain is too small or too uncertain')
+    yield f'The adaptation improves the Brier score by {found.gain}: {kept}.'
+
+
+def _table(answers: Answers) -> Iterator[str]:
+    yield f'  {"":<20}{"touches":>7}  {"right":<21}{"no name":>7}{"sure":>6}{"sure and wrong":>16}'
+    for label in (*dict.fromkeys(answers.labels), None):
+        of = answers.counts(label)
+        yield (f'  {label.value if label else "all":<20}{of.total:>7}  {Rate(of.right, of.total)!s:<21}{of.no_name:>7}'
+               f'{of.sure:>6}{of.sure_and_wrong:>16}')
+    yield f'  Brier score {answers.scores().mean():.3f}'
