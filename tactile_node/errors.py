@@ -33,7 +33,7 @@ class TactileError(Exception):
 
 
 class ConfigurationError(TactileError):
-    """A configuration file or a parameter is wrong: EDS, skin layout, YAML, launch argument."""
+    """A configuration file or a parameter is wrong: EDS, skin layout, YAML or launch argument."""
 
 
 class BusError(TactileError):
@@ -45,7 +45,7 @@ class InterruptedSetupError(BusError):
 
 
 class DeviceError(TactileError):
-    """The CANopen device is absent, is another one, or refuses a request."""
+    """The CANopen device is absent, is not the expected one, or refuses a request."""
 
 
 class DeviceAbsentError(DeviceError):

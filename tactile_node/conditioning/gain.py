@@ -47,7 +47,7 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
         raise ConfigurationError(where, expected=f'{rows} rows of {cols} gains, one for each taxel of the pad',
                                  got=f'shape {gains.shape}', remedy='Give the gains of this pad.')
     low, high = 0.01, 100.0  # other gains are typing errors or belong to dead taxels
-    wrong = ~((gains >= low) & (gains <= high))  # NaN too
+    wrong = ~((gains >= low) & (gains <= high))  # also true for NaN
     if wrong.any():
         row, col = np.argwhere(wrong)[0]
         raise ConfigurationError(where, expected=f'gains {low:g}..{high:g}',

@@ -218,7 +218,7 @@ def _find_surrounded(mask: np.ndarray) -> np.ndarray:
 
 FILE_CONTENT = 'a file of faulty taxels'
 FILE_HEAD = '''# Faulty taxels, [row, col], as the skin driver found them. They are NaN from the first frame on.
-# Remove one to have it evaluated again; add one that you know to be faulty.
+# Remove a taxel to have it evaluated again. Add a taxel that you know to be faulty.
 '''
 FAULT_KINDS = tuple(kind for kind in TaxelFault if kind)
 

@@ -163,7 +163,7 @@ class Gripper:
         return read_only(np.array((x, np.cross(self.closing, x))))
 
 
-Point = tuple[float, float]  # of a pad, in its own frame [m]
+Point = tuple[float, float]  # (x, y) on a pad, in the frame of the pad [m]
 
 
 class Line(NamedTuple):

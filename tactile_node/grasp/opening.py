@@ -50,7 +50,7 @@ class LinearGap:
     0.005
     """
 
-    offset: float = 0.0  #: [m]
+    offset: float = 0.0  #: opening at a reading of 0 [m]
     scale: float = 1.0   #: opening per metre or per radian of the reading
 
     def __post_init__(self) -> None:

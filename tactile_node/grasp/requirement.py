@@ -63,10 +63,10 @@ class Requirement:
     shapes: frozenset[str] = frozenset()  #: names of classes; both sides must report one of them; empty for any
     min_confidence: float = 0.0           #: smallest confidence of either side
     min_held: float = 0.0                 #: smallest time for which the grasp has held [s]
-    min_width: float = 0.0                #: [m]
-    max_width: float = 0.0                #: [m]
-    max_offset: float = 0.0               #: [m]
-    max_misalignment: float = 0.0         #: [rad]
+    min_width: float = 0.0                #: smallest distance between the contacts [m]
+    max_width: float = 0.0                #: largest distance between the contacts [m]
+    max_offset: float = 0.0               #: largest offset of the contacts across the closing direction [m]
+    max_misalignment: float = 0.0         #: largest angle between the line and the closing direction [rad]
     accepts_bound: bool = False           #: True to accept a contact that may extend beyond the seen area
 
     def __post_init__(self) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 FINE = 5                       #: Number of fine steps per pitch.
 ANGLES = np.arange(0, 181, 4)  #: The 46 angles [degrees].
 ANGLES.flags.writeable = False
-TIE_TOLERANCE = 1e-9  #: [fine steps]
+TIE_TOLERANCE = 1e-9  #: Distance from a half-way point up to which a coordinate is rounded up [fine steps].
 #: Number of sites, over all angles, that are processed together; it limits the memory for large patterns.
 CHUNK_SITES = 200_000
 
@@ -80,7 +80,7 @@ def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     """
     rows, cols = np.nonzero(mask)
     centre = FINE * np.array([cols.sum(), rows.sum()]) / len(rows)
-    # Fictive points lie between real ones; rounding moves a point by less than 1.
+    # Fictive points lie between real points, so they are not farther away. Rounding moves a point by less than 1.
     radius = FINE * math.sqrt(((cols - centre[0] / FINE) ** 2 + (rows - centre[1] / FINE) ** 2).max()) + 1.0
     sites, first = _sites_within(centre, radius)
     col, row = sites // FINE - first[:, np.newaxis] + 1

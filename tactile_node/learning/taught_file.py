@@ -40,7 +40,7 @@ class Examples(NamedTuple):
 
 
 def examples_of(touches: Sequence[Touch], rng: np.random.Generator) -> Examples:
-    """Return the patches of each touch: those of its frames, and TOUCH_VARIANTS more."""
+    """Return the patches of each touch: the patches of its frames, and TOUCH_VARIANTS variants."""
     patches: list[Patch] = []
     numbers: list[int] = []
     recorded: list[bool] = []

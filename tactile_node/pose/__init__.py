@@ -1,1 +1,1 @@
-"""Pose and size of a contact whose shape is known, with covariance; and what needs no shape."""
+"""Pose and size of a contact with a known shape, with covariance; and quantities that do not depend on the shape."""

@@ -36,7 +36,7 @@ def moments_of(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> Moments:
     centre = complex(weights @ place)
     offsets = place - centre
     xx, yy, xy = weights @ offsets.real**2, weights @ offsets.imag**2, weights @ (offsets.real * offsets.imag)
-    least = 0.05  # a line of taxels still has some width
+    least = 0.05  # even a line of taxels has a width
     covariance = np.array(((max(xx - 1 / 12, least), xy), (xy, max(yy - 1 / 12, least))))
     return Moments(centre, covariance, weights, offsets)
 

@@ -16,8 +16,8 @@ class Problem(NamedTuple):
     """The sum to minimise: sum weights (values - model)² + sum precision (parameters - expected)²."""
 
     model: Model
-    values: np.ndarray     #: (taxels,)
-    weights: np.ndarray    #: (taxels,), 1 / variance
+    values: np.ndarray     #: (taxels,), values to fit
+    weights: np.ndarray    #: (taxels,), 1 / variance of each value
     expected: np.ndarray   #: (parameters,), mean of the prior
     precision: np.ndarray  #: (parameters,), 1 / variance of the prior; values > 0 give even a single taxel a solution
 
@@ -27,7 +27,7 @@ class Solution(NamedTuple):
 
     parameters: np.ndarray
     prediction: Prediction
-    information: np.ndarray  #: inverse of the covariance
+    information: np.ndarray  #: inverse of the covariance of the parameters
     misfit: float            #: sum weights (values - model)²
     cost: float              #: the misfit plus the contribution of the prior: the quantity that is minimised
 
@@ -126,7 +126,7 @@ LEAST_SEEN = 0.5   #: Share of the taxels of a block that must be valid; with fe
 
 
 class Blocks(NamedTuple):
-    """A frame and its contact in blocks."""
+    """A frame and its contact as blocks of taxels."""
 
     values: np.ndarray  #: float (rows, cols), NaN where too few taxels of a block are seen
     mask: np.ndarray    #: bool

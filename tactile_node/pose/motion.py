@@ -64,7 +64,7 @@ class MotionFollower:
 
     def restart(self) -> None:
         """Forget everything."""
-        self._stamp = -math.inf  # of the last frame in which the pad was seen
+        self._stamp = -math.inf  # stamp of the last frame in which the pad was seen
         self._was_empty = False  # True if the pad was empty in that frame
         self._contact: _Followed | None = None
         self._last_event: Event | None = None
@@ -125,7 +125,7 @@ class _Followed:
 
     def goes_on(self, mask: np.ndarray) -> bool:
         """Return True if ``mask`` is the same contact: it overlaps with the contact and has a similar size."""
-        if mask.shape != self._mask.shape:  # another pad
+        if mask.shape != self._mask.shape:  # the frames come from another pad
             return False
         before, now = np.count_nonzero(self._mask), np.count_nonzero(mask)
         return bool(max(before, now) <= OTHER_SIZE * min(before, now) + 2 and np.count_nonzero(self._mask & mask))

@@ -156,7 +156,7 @@ class ContactPipeline:
                  fusion: FusionSettings | None = DEFAULT_FUSION, fits: bool = True):
         self._recogniser = recogniser
         self._thresholds, self._smallest_contact, self._curve = thresholds, smallest_contact, curve
-        self._extractors: dict[str | None, PatternExtractor] = {}  # by the unit of the values
+        self._extractors: dict[str | None, PatternExtractor] = {}  # one for each unit of values
         self._fusion = None if fusion is None else RecognitionFusion(fusion)
         self._correlation_time = 0.0 if fusion is None else fusion.correlation_time
         self._answer: _Answer | None = None  # latest answer of the recogniser

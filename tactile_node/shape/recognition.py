@@ -36,7 +36,7 @@ ShapeClass: TypeAlias = Shape | TaughtShape
 
 
 class UnknownReason(IntEnum):
-    """Why a shape is UNKNOWN (ContactShape.msg mirrors these numbers)."""
+    """Reason why a shape is UNKNOWN (ContactShape.msg mirrors these numbers)."""
 
     NOT_KNOWN = 0
     NOT_UNKNOWN = 1    #: the shape is not UNKNOWN

@@ -94,7 +94,7 @@ def is_shapeless(pattern: ContactPattern) -> bool:
     """
     together = joined(pattern)
     if np.count_nonzero(together) < GROUPS[0]:
-        return False  # too small for a shape anyway
+        return False  # the recogniser rejects a contact of this size in any case
     if (_is_line(together) or _is_across(pattern.mask) or _is_string(pattern.mask, together)
             or _is_rise(pattern, together) or _is_hum(pattern)):
         return True
