@@ -3,8 +3,8 @@ One contact, from taxel values to a shape with covariance
 =========================================================
 
 Compute the quantities of the paper of Volf, Dvořák and Vlček for a tactile pattern, find its place in the paper's
-three planes, recognise its shape with the learned recogniser, and fit pose and size with their covariance. This needs NumPy
-and Matplotlib, but neither ROS nor CAN: ``pip install '.[picture]'``.
+three planes, recognise its shape with the learned recogniser, and fit pose and size with their covariance. This needs
+NumPy and Matplotlib, but neither ROS nor CAN: ``pip install '.[picture]'``.
 """
 
 # %%

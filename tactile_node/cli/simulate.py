@@ -126,8 +126,8 @@ def _add_wire_options(parser: argparse.ArgumentParser) -> None:
                help='time from the end of a SYNC until the device has its TPDOs ready [s] (default: %(default)s)')
     add_number(parser, '--jitter', limits=limits, default=default.jitter, metavar='S',
                help='largest random time that is added to --delay [s] (default: %(default)s)')
-    add_number(parser, '--batch', limits=limits, default=default.batch, metavar='S', help='time for which a received '
-               'frame is held back, to be delivered together with the next ones as by a USB adapter [s] (default: '
+    add_number(parser, '--batch', limits=limits, default=default.batch, metavar='S', help='longest time for which a '
+               'frame is held back, to be delivered together with the next frames as by a USB adapter [s] (default: '
                '%(default)s)')
     parser.add_argument('--report', metavar='FILE',
                         help='append each report to this file as a line of JSON, instead of printing it')

@@ -97,7 +97,7 @@ def _asc(can_id: str, byte: str) -> TextFormat:
     way = r'\s+(?:Rx|Tx|TxRq)\s+'
     return TextFormat(
         partial(can.ASCReader, relative_timestamp=False),
-        # No point may follow the frame. Two lines that have run together have a second stamp, and so a point.
+        # No decimal point may follow the frame: two lines that have run together have a second stamp with a point.
         _pattern(rf'\s*\d+\.\d+\s+(?:\d+\s+{can_id}x?{way}(?:r|d\s+(?:{classic}))|CANFD\s+\d+{way}'
                  rf'{can_id}x?\s+(?:\S+\s+)?[01]\s+[01]\s+(?:{fd}))\s[^.]*|'
                  rf'\s*\d+\.\d+\s+(?:CANFD\s+)?\d+(?:{way}|\s+)ErrorFrame\s.*\n?|begin\s+triggerblock\s+\S.*\n'),

@@ -67,14 +67,14 @@ def _is_largely_hidden(message: ContactShape) -> bool:
 
 
 def _of_fit(message: ContactShape) -> tuple[float, bool]:
-    """Return the resolution of the fitted centre [m], and True if it holds only for the visible part."""
+    """Return the resolution of the fitted centre [m], and True if the fit covers only the visible part."""
     of_values = PATTERN_RESOLUTION if math.isnan(message.force) else FIT_RESOLUTION
     uncertain = 2 * max(message.standard_deviations[:2], default=0.0)
     return max(of_values * _pitch(message), uncertain), message.size_is_bound
 
 
 def _of_pressure(message: ContactShape) -> tuple[float, bool]:
-    """Return the same for the centre of pressure. Saturated taxels, and hidden taxels at the rim, shift this centre."""
+    """Return the resolution of the centre of pressure [m], and True if hidden or saturated taxels may have shifted it."""
     of_values = PATTERN_RESOLUTION if math.isnan(message.force) else PRESSURE_RESOLUTION
     return of_values * _pitch(message), message.centre_of_pressure_is_bound
 

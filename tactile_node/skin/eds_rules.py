@@ -165,7 +165,7 @@ def _check_mapping(dictionary: ObjectDictionary, tpdo: TpdoLayout, where: str, t
 
 
 def _check_elements(dictionary: ObjectDictionary, mapped: MappedObject, text: EdsText) -> None:
-    """Check the elements of an ARRAY that the EDS does not list: canopen makes up those from sub 1, or none."""
+    """Check the unlisted elements of an ARRAY. canopen makes them up from sub 1; without sub 1, it makes up none."""
     title, sub = f'{mapped.index:04X}', mapped.subindex
     entry = dictionary[mapped.index] if mapped.index in dictionary else None
     if not isinstance(entry, ODArray) or text.entry(title) is None or text.entry(f'{title}sub{sub:X}') is not None:

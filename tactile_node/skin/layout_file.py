@@ -1,4 +1,4 @@
-"""Read a skin layout from YAML. ``config/sim16x16.yaml`` explains every key."""
+"""Read a skin layout from YAML. Comments in ``config/sim16x16.yaml`` and the other layouts explain the keys."""
 
 from dataclasses import replace
 from functools import partial

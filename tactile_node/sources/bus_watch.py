@@ -166,7 +166,8 @@ class BusWatch:
         self._planned_load = planned_load((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._bitrate = settings.bitrate
         self._window: tuple[float, int] | None = None  # begin of the load's window, number of bits until then
-        #: load from 0 to 1 in the last complete window, with the worst case of bit stuffing; about a fifth too high
+        #: load from 0 to 1 in the last complete window, with the worst case of bit stuffing; the real load is about a
+        #: fifth lower
         self.load = 0.0
         self.sync = SyncWatch(settings.produce_sync, settings.sync_period)
         self.overload = OverloadWatch(put, data_timeout / 2)

@@ -15,7 +15,7 @@ from tactile_node.sources.node_traffic import BusSeen, NodeTraffic
 from tactile_node.sources.outage import Attempts, OutageClock
 from tactile_node.taxel_frame import TaxelFrame
 
-OVERLOAD_PATIENCE = 10  #: factor on the time that a node may be silent while this process is overloaded
+OVERLOAD_PATIENCE = 10  #: factor by which a node may be silent longer while this process is overloaded
 
 
 class Setup(NamedTuple):

@@ -73,7 +73,7 @@ class Supervisor:
         self._backoff = Backoff()
         self._reminder = Reminder()
         self._received_then = 0  # number of CAN frames when the bus was opened again
-        self._silent_since: float | None = None  # time since when no SYNC, and no sequence number, was sent
+        self._silent_since: float | None = None  # time of the disconnection; since then no SYNC was sent
         self._is_configured = False
         self._is_active = False
         self._thread: threading.Thread | None = None

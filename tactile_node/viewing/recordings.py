@@ -87,7 +87,7 @@ class Timeline:
         return -1 if track is None else bisect_right(track.places, time) - 1
 
     def moment(self, pad: str, index: int) -> Moment:
-        """Return the frame with an index from `index`."""
+        """Return the frame at an index that `index` has returned."""
         track = self._tracks[pad]
         _, pitch, unit = track.geometry
         return Moment(index, track.frame(index), pitch, unit)
