@@ -16,9 +16,9 @@ MOST_ENTRIES = 4096      #: number of entries kept; they cover at least 4 s of p
 
 
 class RecordedPace:
-    """Waits until the recorded time of a message has come, but at most LONGEST_WAIT.
+    """Waits until the recorded time of a message has come.
 
-    The clock starts with the first message.
+    The clock starts with the first message. A gap longer than LONGEST_WAIT is skipped without a wait.
 
     Parameters
     ----------

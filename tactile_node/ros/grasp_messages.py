@@ -74,7 +74,7 @@ def _of_fit(message: ContactShape) -> tuple[float, bool]:
 
 
 def _of_pressure(message: ContactShape) -> tuple[float, bool]:
-    """Return the resolution of the centre of pressure [m], and True if hidden or saturated taxels may have shifted it."""
+    """Return the resolution of the centre of pressure [m], and True if hidden or saturated taxels may shift it."""
     of_values = PATTERN_RESOLUTION if math.isnan(message.force) else PRESSURE_RESOLUTION
     return of_values * _pitch(message), message.centre_of_pressure_is_bound
 
