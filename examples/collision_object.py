@@ -1,12 +1,13 @@
-"""A contact or a grasp as a MoveIt collision object, so that a motion planner keeps clear of what the gripper holds.
+"""Make a MoveIt collision object from a contact or a grasp, so that a motion planner takes a held object into account.
 
-    collision_object(shape, 'held')          # with parameter solid_height: of the height that it gives
-    collision_object(shape, 'held', 0.05)    # of this height [m]
-    held_object(grasp, sides, 'held')        # of `grasp` and `grasp_sides`, as long as the contacts are apart: needs
-                                             # the gripper's opening
+    collision_object(shape, 'held')          # height from the message, which needs the parameter solid_height
+    collision_object(shape, 'held', 0.05)    # given height [m]
+    held_object(grasp, sides, 'held')        # from `grasp` and `grasp_sides`, with the distance of the contacts as
+                                             # height; needs the opening of the gripper
 
-The object is what the pad sees of it, in the pad's frame: the contact's outline, extended along the pad's normal.
-What reaches beyond the contact is not seen; let MoveIt pad it. Nothing is made of what is not known: see Refusal.
+The object is the visible part in the frame of the pad: the outline of the contact, extended along the pad's normal.
+Parts beyond the contact are not visible; let MoveIt add padding for them. No object is made from unknown facts, see
+Refusal.
 """
 
 from enum import IntEnum
@@ -18,17 +19,17 @@ from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 
 
 class Refusal(IntEnum):
-    """Why there is no collision object."""
+    """Reasons why no collision object was made."""
 
     NOT_KNOWN = 0
-    NO_SHAPE = 1        # none, unknown, or without a fit
-    SIZE_IS_BOUND = 2   # it may reach beyond what is seen
-    NO_HEIGHT = 3       # neither given nor in the message
-    NOT_HELD = 4        # not fresh, not two-sided or not stable
+    NO_SHAPE = 1        # the shape is none or unknown, or it has no fit
+    SIZE_IS_BOUND = 2   # the object may extend beyond the visible part
+    NO_HEIGHT = 3       # the height is neither given nor in the message
+    NOT_HELD = 4        # the grasp is not fresh, not two-sided or not stable
     WIDTH_NOT_KNOWN = 5  # the gripper's opening is not known
-    OTHER_SHAPES = 6    # the sides report different shapes: it is no prism
-    HOLLOW = 7          # a ring or a frame: whether its inside is solid is not known
-    OTHER_TIME = 8      # the sides are those of another grasp
+    OTHER_SHAPES = 6    # the sides report different shapes, so the object is not a prism
+    HOLLOW = 7          # the contact is a ring or a frame, and its inside may be solid or not
+    OTHER_TIME = 8      # the sides belong to another grasp
 
 
 class NoObjectError(ValueError):
@@ -40,9 +41,21 @@ class NoObjectError(ValueError):
 
 
 def collision_object(shape, object_id: str, height: float | None = None) -> CollisionObject:
-    """Return the object that touches a pad as ``shape`` (ContactShape), ``height`` [m] high; None: as in its solid.
+    """Return the object that touches a pad. Its pose is that of the contact, on the skin.
 
-    Its pose is that of the contact, on the skin. Raises NoObjectError.
+    Parameters
+    ----------
+    shape
+        ContactShape message.
+    object_id
+        Id of the collision object.
+    height
+        Height of the object [m]; None for the height of the solid in the message.
+
+    Raises
+    ------
+    NoObjectError
+        If the message does not describe a complete object.
     """
     codes = type(shape)
     if not shape.fit_valid or shape.shape in (codes.NOT_KNOWN, codes.NONE, codes.UNKNOWN):
@@ -66,9 +79,21 @@ def collision_object(shape, object_id: str, height: float | None = None) -> Coll
 
 
 def held_object(grasp, sides, object_id: str) -> CollisionObject:
-    """Return what both pads hold, from the left pad to the right one; ``sides``: the GraspSides of ``grasp``.
+    """Return the object between both pads; it extends from the left pad to the right one.
 
-    Raises NoObjectError.
+    Parameters
+    ----------
+    grasp
+        Grasp message.
+    sides
+        GraspSides message of this grasp.
+    object_id
+        Id of the collision object.
+
+    Raises
+    ------
+    NoObjectError
+        If the messages do not describe a complete object.
     """
     if sides.header.stamp != grasp.header.stamp:
         raise NoObjectError(Refusal.OTHER_TIME)
@@ -84,7 +109,7 @@ def held_object(grasp, sides, object_id: str) -> CollisionObject:
 
 
 def _height_of(shape) -> float:
-    """Of the solid or the mesh in the message; NaN without one."""
+    """Return the height of the solid or the mesh in the message, or NaN if there is none."""
     if len(shape.solid.dimensions):
         is_box = shape.solid.type == SolidPrimitive.BOX
         return shape.solid.dimensions[SolidPrimitive.BOX_Z if is_box else SolidPrimitive.CYLINDER_HEIGHT]
@@ -92,14 +117,14 @@ def _height_of(shape) -> float:
 
 
 def _add_primitive(found: CollisionObject, kind: int, dimensions: tuple[float, ...]) -> None:
-    """Primitives are about their middle: half the height above the skin."""
+    """Add a primitive. A primitive is centred, so its centre is half its height above the skin."""
     height = dimensions[0] if kind == SolidPrimitive.CYLINDER else dimensions[2]
     found.primitives.append(SolidPrimitive(type=kind, dimensions=dimensions))
     found.primitive_poses.append(Pose(position=Point(z=height / 2)))
 
 
 def _add_prism(found: CollisionObject, corners: list[tuple[float, float]], height: float) -> None:
-    """A closed mesh; the triangles' corners run counter-clockwise seen from outside."""
+    """Add a closed mesh. The corners of each triangle run counter-clockwise as seen from outside."""
     n = len(corners)
     if n < 3:
         raise NoObjectError(Refusal.NO_SHAPE)
@@ -113,7 +138,7 @@ def _add_prism(found: CollisionObject, corners: list[tuple[float, float]], heigh
 
 
 def _in_frame(pose: Pose, point) -> tuple[float, float]:
-    """A point of the pad in the frame of ``pose``, which is turned about z only."""
+    """Return a point of the pad in the frame of ``pose``, which is rotated about z only."""
     z, w = pose.orientation.z, pose.orientation.w
     cos, sin = w * w - z * z, 2 * w * z
     x, y = point.x - pose.position.x, point.y - pose.position.y

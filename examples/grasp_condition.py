@@ -1,12 +1,12 @@
-"""Conditions for a py_trees behaviour tree: is the grasp stable, now?
+"""Conditions for a py_trees behaviour tree that succeed while the grasp is stable.
 
     node = rclpy.create_node('tree')
     watch = GraspWatch(node, 'grasp')
     root = py_trees.composites.Sequence('lift', memory=False, children=[
         IsGraspStable('is it held', watch, shapes=('square',), min_confidence=0.8), Lift()])
 
-The condition fails as soon as the latest grasp is too old, also when a node has ended or hangs: it never
-succeeds by an old message. Tick the tree in a timer of the same node, or in the thread that spins it.
+A condition fails as soon as the latest grasp is too old, for example because a node has ended or hangs. It never
+succeeds because of an old message. Tick the tree in a timer of the same node, or in the thread that spins the node.
 """
 
 import time
@@ -23,20 +23,20 @@ from tactile_skin.msg import ContactShape, Grasp
 
 
 class GraspWatch:
-    """Keeps the latest usable grasp of a topic with its age; several conditions may share it."""
+    """Keeps the latest usable grasp of a topic and its age. Several conditions may share it."""
 
     def __init__(self, node, topic: str = 'grasp', steady: Callable[[], float] = time.monotonic):
         self._steady = steady
         self._ages = InputAge(steady=steady)
         self._latest: tuple[Grasp, Arrival] | None = None
-        node.create_subscription(Grasp, topic, self.receive, QoSProfile(depth=1))  # only the latest
+        node.create_subscription(Grasp, topic, self.receive, QoSProfile(depth=1))  # keeps only the latest grasp
 
     def receive(self, grasp: Grasp) -> None:
-        if check_grasp(grasp) is None:  # a malformed message is no information
+        if check_grasp(grasp) is None:  # a malformed message is ignored
             self._latest = grasp, self._ages.arrived(grasp)
 
     def current(self) -> Grasp | None:
-        """Return the latest grasp; None when there is none, or it is too old to act on."""
+        """Return the latest grasp, or None if there is none or if it is too old to act on."""
         if self._latest is None:
             return None
         grasp, arrival = self._latest
@@ -46,9 +46,18 @@ class GraspWatch:
 
 
 class IsGraspStable(py_trees.behaviour.Behaviour):
-    """SUCCESS while an object of ``shapes`` (names; none: whatever is held) is held stably, else FAILURE.
+    """SUCCESS while an object is held stably, else FAILURE.
 
-    ``min_confidence``, of both faces together, is of a known shape: above 0, an unknown one fails.
+    Parameters
+    ----------
+    name
+        Name of the behaviour.
+    watch
+        Source of the latest grasp.
+    shapes
+        Names of accepted shapes; empty for any object.
+    min_confidence
+        Smallest confidence in a known shape, from both faces together. Above 0, an unknown shape fails.
     """
 
     def __init__(self, name: str, watch: GraspWatch, shapes: Collection[str] = (), min_confidence: float = 0.0):
@@ -60,11 +69,11 @@ class IsGraspStable(py_trees.behaviour.Behaviour):
         return py_trees.common.Status.FAILURE if self.feedback_message else py_trees.common.Status.SUCCESS
 
     def _missing(self) -> str:
-        """What is missing first; empty: nothing."""
+        """Return the first condition that is not met, or '' if all are met."""
         grasp = self._watch.current()
         if grasp is None:
             return 'not known'
-        if (found := doubt(grasp, silence=0.0, max_age=inf)) is not Doubt.NONE:  # `current` has looked at the times
+        if (found := doubt(grasp, silence=0.0, max_age=inf)) is not Doubt.NONE:  # `current` has checked the times
             return found.value
         if self._shapes and grasp.class_name not in self._shapes:
             return 'another shape'

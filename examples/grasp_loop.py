@@ -1,36 +1,36 @@
-"""The loop around examples/planner_client.py: close lightly, ask, move, until the contacts oppose or it gives up.
+"""The loop around examples/planner_client.py: close lightly, ask, move, until the contacts oppose or the loop gives up.
 
-It reads decisions only; what moves the gripper is yours:
+The loop only reads decisions. Your program moves the gripper:
 
     loop = GraspLoop()
-    loop.closed(now)                                  # at a light force, 2 N
+    loop.closed(now)                                  # after closing with a light force, 2 N
     order = loop.next(planner.decide(now), now)       # as often as you like
     'wait': ask again; 'move': open, move by order.correction, close, loop.closed(now); 'done': squeeze and lift;
-    'give_up': do not squeeze, order.reason says why
+    'give_up': do not squeeze; order.reason names the reason
 """
 
 from enum import IntEnum
 from typing import NamedTuple
 
-SETTLE = 0.4      # s after closing; more than MAX_AGE of the planner: what it decides on was acquired after closing
-PATIENCE = 5.0    # s without a decision, since the gripper has closed
-MAX_MOVES = 12
+SETTLE = 0.4      # time after closing without a decision [s]; longer than MAX_AGE, so only data after closing count
+PATIENCE = 5.0    # time after closing in which a decision must come [s]
+MAX_MOVES = 12    # number of moves after which the loop gives up
 MOVES = ('shift', 'rotate', 'tilt', 'regrasp')
 
 
 class Reason(IntEnum):
-    """Why it gave up."""
+    """Reasons why the loop gave up."""
 
     NOT_KNOWN = 0
     NOT_GIVEN_UP = 1
-    NOT_SEEN = 2     # nothing was known of what the gripper holds
-    NO_DECISION = 3  # a contact is missing, never stable, or cut at one pad alone
-    EMPTY = 4        # both pads are seen and empty
+    NOT_SEEN = 2     # nothing was known about the object in the gripper
+    NO_DECISION = 3  # a contact was missing, never stable, or cut by the edge of only one pad
+    EMPTY = 4        # both pads were seen and empty
     TOO_MANY_MOVES = 5
 
 
 class Order(NamedTuple):
-    """What to do now."""
+    """The next step for the gripper."""
 
     kind: str                # 'wait', 'move', 'done', 'give_up'
     correction: object = None
@@ -47,11 +47,11 @@ class GraspLoop:
         self.moves = 0
 
     def closed(self, now: float) -> None:
-        """The gripper has closed at a light force."""
+        """Note that the gripper has closed with a light force."""
         self._closed_at = now
 
     def next(self, correction, now: float) -> Order:
-        """Decide by what the planner decided at ``now``."""
+        """Return the next step, from the planner's ``correction`` at the time ``now``."""
         since = now - self._closed_at
         if since < SETTLE:
             return Order('wait')
@@ -61,7 +61,7 @@ class GraspLoop:
             if self.moves >= self._max_moves:
                 return Order('give_up', reason=Reason.TOO_MANY_MOVES)
             self.moves += 1
-            self._closed_at = float('inf')  # no decision counts until it has closed again
+            self._closed_at = float('inf')  # so that no decision counts until the gripper has closed again
             return Order('move', correction)
         if since < self._patience:
             return Order('wait')

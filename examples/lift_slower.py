@@ -1,10 +1,10 @@
-"""Lift more slowly after an event: a speed for the arm, by the events of both pads and the latest grasp.
+"""Lift more slowly after an event. The speed of the arm follows from the events of both pads and the latest grasp.
 
     limit = LiftSpeed(node, ('left', 'right'))
     arm.lift(limit.speed())        # as often as you like [m/s]
 
-No event never means that nothing slips (docs/events.md): it starts at half of the full speed where a slide along the
-pad's y axis would not show, and stops where the grasp is not current or a pad has lost its contact.
+The absence of events does not mean that nothing slips (docs/events.md). The lift starts at half of the full speed if a
+slide along the pads' y axis could not be observed. It stops if the grasp is not current or a pad has lost its contact.
 """
 
 import time
@@ -18,13 +18,14 @@ from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.motion_messages import check_contact_event, is_moving
 from tactile_skin.msg import ContactEvent, ContactMotion, Grasp
 
-FULL, LEAST = 0.1, 0.01  # m/s
-CALM = 2.0               # s without an event, after which it is twice as fast again
+FULL = 0.1    # full speed [m/s]
+LEAST = 0.01  # lowest speed after events [m/s]
+CALM = 2.0    # time without an event after which the speed is doubled [s]
 SLOWS = (ContactEvent.SLIDING, ContactEvent.TURNING, ContactEvent.LIGHTER)
 
 
 class LiftSpeed:
-    """Halves the speed at each event, and doubles it again in each CALM."""
+    """Halves the speed at each event, and doubles it after each time CALM without one."""
 
     def __init__(self, node, pads: tuple[str, str], steady: Callable[[], float] = time.monotonic):
         self._steady, self._speed, self._since = steady, FULL, steady()
@@ -34,18 +35,18 @@ class LiftSpeed:
             node.create_subscription(ContactEvent, f'{pad}/events', self.on_event, QoSProfile(depth=10))
 
     def on_event(self, event: ContactEvent) -> None:
-        """Slow down, however old the event is: that is the safe side."""
+        """Slow down, however old the event is, because this is the safe choice."""
         if check_contact_event(event) is None and event.kind in SLOWS:
             self._speed, self._since = max(self._speed / 2, LEAST), self._steady()
 
     def on_grasp(self, grasp: Grasp) -> None:
-        if check_grasp(grasp) is None:  # a malformed message is no information
+        if check_grasp(grasp) is None:  # a malformed message is ignored
             self._grasp, self._arrival = grasp, self._ages.arrived(grasp)
-            if any(map(is_moving, grasp.motions)):  # also where its event was lost on the way
+            if any(map(is_moving, grasp.motions)):  # needed if the event itself was lost
                 self._speed, self._since = min(self._speed, FULL / 2), self._steady()
 
     def speed(self) -> float:
-        """Return how fast to lift now [m/s]; 0: do not."""
+        """Return the speed at which to lift now [m/s]; 0 means stop."""
         now = self._steady()
         if self._arrival is None or self._arrival.age(now) > MAX_AGE or self._grasp.contact != Grasp.TWO_SIDED:
             return 0.0

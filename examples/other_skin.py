@@ -1,11 +1,11 @@
-"""Publishes a skin that is not on CANopen as TaxelArray: recognition, view, teaching and grasp work with it.
+"""Publish a skin without CANopen as TaxelArray, so that recognition, view, teaching and grasp work with it.
 
     python examples/other_skin.py --ros-args -r __ns:=/left -p source:=array -p rows:=12 -p cols:=8 -p pitch:=0.004
     tactile bringup --side perception --pads left
 
-Sources: `array` (Float32MultiArray), `image` (Image, 32FC1), `robotiq` (robotiq_tsf/StaticData) and `xela`
-(xela_server_ros2/SensStream) on the topic `raw`; `serial`: a line of numbers a frame. Touch nothing until it has its
-zero.
+Sources on the topic `raw` are `array` (Float32MultiArray), `image` (Image, 32FC1), `robotiq` (robotiq_tsf/StaticData)
+and `xela` (xela_server_ros2/SensStream). The source `serial` reads one line of numbers per frame from a serial port. Do
+not touch the skin until the node has determined the zero.
 """
 
 import sys
@@ -24,13 +24,14 @@ from rclpy.qos import qos_profile_sensor_data
 from tactile_node.errors import ConfigurationError, DeviceError, TactileError
 from tactile_skin.msg import TaxelArray
 
-ZERO_FRAMES = 20
-#: source -> package and message, and what it holds of a pad, in any order that `rows` and `cols` make a grid of
+ZERO_FRAMES = 20  #: number of frames that are averaged for the zero
+#: source -> package, message, and a function that returns the numbers of a pad, in any order that fits `rows` and
+#: `cols`
 SOURCES: Mapping[str, tuple[str, str, Callable[[Any, int], Any]]] = MappingProxyType({
     'array': ('std_msgs', 'Float32MultiArray', lambda message, pad: message.data),
     'image': ('sensor_msgs', 'Image', lambda message, pad: pixels(message)),
     'robotiq': ('robotiq_tsf', 'StaticData', lambda message, pad: message.taxels[pad].values),
-    # A sensor that is missing leaves no place in the list: only sensor_pos, from 1, says which one it is.
+    # A missing sensor leaves no gap in the list; only sensor_pos, counted from 1, identifies a sensor.
     'xela': ('xela_server_ros2', 'SensStream', lambda message, pad: [
         each.z for sensor in message.sensors if sensor.sensor_pos == pad + 1 for each in sensor.forces])})
 PARAMETERS = {'source': 'array', 'pad': 0, 'rows': 12, 'cols': 8, 'pitch': 0.004, 'unit': 'Pa', 'scale': 1.0,
@@ -38,7 +39,7 @@ PARAMETERS = {'source': 'array', 'pad': 0, 'rows': 12, 'cols': 8, 'pitch': 0.004
 
 
 def pixels(image: Any) -> np.ndarray:
-    """Return the pixels (height, width) of a 32FC1 image, (0,) of another."""
+    """Return the pixels of a 32FC1 image, shape (height, width), or an empty array for any other image."""
     if image.encoding != '32FC1':
         return np.empty(0)
     return np.ndarray((image.height, image.width), '>f4' if image.is_bigendian else '<f4', bytes(image.data),
@@ -46,7 +47,10 @@ def pixels(image: Any) -> np.ndarray:
 
 
 class OtherSkin(Node):
-    """One pad; ``scale``: pascal, newton (``unit``) for a number of the source, below 0 where pressing lowers it."""
+    """One pad.
+
+    The parameter ``scale`` converts the numbers of the source to ``unit``. It is negative if pressing lowers them.
+    """
 
     def __init__(self, **options: Any) -> None:
         super().__init__('other_skin', **options)
@@ -57,7 +61,7 @@ class OtherSkin(Node):
         source = self.settings['source']
         if source not in (*SOURCES, 'serial'):
             raise ConfigurationError('parameter source', expected=f'one of {", ".join(SOURCES)}, serial',
-                                     got=repr(source), remedy='Name one of them.')
+                                     got=repr(source), remedy='Use one of these.')
         if source != 'serial':
             package, name, self._numbers = SOURCES[source]
             self.create_subscription(_message_type(package, name), 'raw', self._on_message, qos_profile_sensor_data)
@@ -66,9 +70,9 @@ class OtherSkin(Node):
         self.take(self._numbers(message, self.settings['pad']))
 
     def take(self, numbers: Any) -> None:
-        """Publish a frame; a number that is NaN is a taxel without a value."""
+        """Publish a frame; NaN means that a taxel has no value."""
         now, rows, cols = self.get_clock().now(), self.settings['rows'], self.settings['cols']
-        self._sequence += 1  # a frame that cannot be used leaves a gap, which is counted as a loss
+        self._sequence += 1  # also for an unusable frame, so that the gap is counted as a loss
         raw = np.asarray(numbers, float)
         if raw.shape not in ((rows * cols,), (rows, cols)):
             self.get_logger().error(f'frame dropped: expected {rows} * {cols} numbers, got {raw.shape}',
@@ -88,7 +92,7 @@ class OtherSkin(Node):
         self._publisher.publish(message)
 
     def read_serial(self) -> None:
-        """Read lines until the node ends: numbers separated by blanks or commas. Raises a TactileError."""
+        """Read lines of numbers, separated by blanks or commas, until the node ends. Raises a TactileError."""
         try:
             from serial import Serial
         except ModuleNotFoundError:
@@ -116,7 +120,7 @@ def _message_type(package: str, name: str) -> Any:
         return getattr(import_module(f'{package}.msg'), name)
     except ModuleNotFoundError:
         raise ConfigurationError('parameter source', expected=f'the messages of {package}', got='no such package',
-                                 remedy='Source the workspace that holds it.') from None
+                                 remedy='Source the workspace that contains it.') from None
 
 
 def _number(word: bytes) -> float:
@@ -127,7 +131,7 @@ def _number(word: bytes) -> float:
 
 
 def main() -> int:
-    """Publish until Ctrl-C; 2 where a parameter or the device cannot be used."""
+    """Publish until Ctrl-C; return 2 if a parameter or the device cannot be used."""
     try:
         rclpy.init()
         node = OtherSkin()

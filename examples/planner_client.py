@@ -1,12 +1,13 @@
-"""A grasp planner's client: takes each grasp of two tactile pads and reports how to correct it.
+"""A client for a grasp planner: it takes each grasp of two tactile pads and reports how to correct the grasp.
 
     python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp
 
-`shift`, `rotate`, `tilt` and `regrasp` are for an open gripper: open, move, close again (examples/grasp_loop.py).
+The actions `shift`, `rotate`, `tilt` and `regrasp` need an open gripper: open, move, close again
+(examples/grasp_loop.py).
 
-It acts on what is current and seen, and on nothing else: `hold` means that nothing is known, keep still. A grasp is
-current while its age, with the time since it arrived, is below MAX_AGE, and grasps have not stopped for MAX_SILENCE:
-a watchdog decides again when none comes.
+The client acts only on current facts. The action `hold` means that the state is not known and the gripper must keep
+still. A grasp is current while its age, including the time since it arrived, is below MAX_AGE, and while the last grasp
+arrived less than MAX_SILENCE ago. A watchdog decides again if no grasp arrives.
 """
 
 import time
@@ -15,41 +16,49 @@ from typing import NamedTuple
 
 from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE
 
-MIN_CONFIDENCE = 0.8         # probability of the class of what is seen whole; below: let go and try elsewhere
-MAX_OFFSET = 0.002           # of the two contacts' centres across the closing direction [m]
-MAX_ANGLE = 5 * pi / 180     # of the object's edges against the pad's [rad]
-MAX_MISALIGNMENT = 3 * pi / 180  # angle of faces, or of the contacts' line, to the closing direction [rad]
+MIN_CONFIDENCE = 0.8         # smallest probability of the class of a fully visible object; below it, try elsewhere
+MAX_OFFSET = 0.002           # largest offset of the contacts' centres across the closing direction [m]
+MAX_ANGLE = 5 * pi / 180     # largest angle between the object's edges and the pad's [rad]
+MAX_MISALIGNMENT = 3 * pi / 180  # largest angle of faces, or of the contacts' line, to the closing direction [rad]
 TAUGHT = 8                   # ContactShape.OTHER
-STILL, SLIDES = 1, 3         # ContactMotion: STILL; ALONG_X and ALONG_Y
-STIFFNESS = 25e6             # pressure by depth of the skin: too high turns too little, too low too far [Pa/m]
-FLUSH = 0.015                # least angle whose direction is known [rad]
-WATCHDOG_PERIOD = 0.02       # [s]
-REPORT_PERIOD = 0.5          # of an action that stays the same [s]
+STILL = 1                    # ContactMotion.STILL
+SLIDES = 3                   # ContactMotion.ALONG_X and ALONG_Y
+STIFFNESS = 25e6             # pressure per depth of the skin [Pa/m]; a value too high tilts too little, too low too far
+FLUSH = 0.015                # smallest angle whose direction is known [rad]
+WATCHDOG_PERIOD = 0.02       # period of the watchdog [s]
+REPORT_PERIOD = 0.5          # period of reports while the action stays the same [s]
 
 
 class Correction(NamedTuple):
-    """What to do next; moves and rotations are the gripper's, in the left pad's frame."""
+    """The next step. Moves and rotations are those of the gripper, in the frame of the left pad."""
 
     action: str                         # 'hold', 'wait', 'open', 'regrasp', 'shift', 'rotate', 'tilt' or 'lift'
     shift: tuple[float, float] = (0.0, 0.0)  # [m]
-    angle: float = 0.0                  # about the pad's z [rad]
+    angle: float = 0.0                  # rotation about the pad's z [rad]
     tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rotation vector [rad]; both frames have the same axes
-    is_part: bool = False               # lift: of something longer than the pads, held anywhere along it
+    is_part: bool = False               # for 'lift': the object is longer than the pads and held anywhere along it
 
 
-HOLD, WAIT = Correction('hold'), Correction('wait')  # hold: what the gripper holds is not known, keep still
+HOLD, WAIT = Correction('hold'), Correction('wait')  # 'hold': keep still, since the content of the gripper is unknown
 
 
 def asked_for(grasp, aim: tuple[float, float]) -> Correction:
-    """What a Grasp asks for while it is current; ``aim``: where on the left pad the object's centre should be [m].
+    """Return the correction that a current grasp needs.
 
-    The worst flaw comes first. Contacts that do not oppose come before all others: on oblique faces neither shape nor
-    place can be relied on.
+    The worst flaw comes first. Contacts that do not oppose come before all other flaws, because neither shape nor place
+    is reliable on oblique faces.
+
+    Parameters
+    ----------
+    grasp
+        Grasp message.
+    aim
+        Place on the left pad where the centre of the object should be [m].
     """
     codes = type(grasp)
     if not grasp.fresh or grasp.contact in (codes.NOT_KNOWN, codes.UNSEEN):
         return HOLD
-    if grasp.contact == codes.NO_CONTACT:  # both pads are seen and empty: nothing is held
+    if grasp.contact == codes.NO_CONTACT:  # both pads are seen and empty, so nothing is held
         return Correction('open')
     if grasp.contact != codes.TWO_SIDED:
         return WAIT
@@ -57,12 +66,12 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
     if grasp.line_is_bound:
         return from_the_edge(grasp, shift)
     if not isfinite(grasp.offset) or grasp.class_name == 'unknown' and any(grasp.hidden_taxels):
-        return WAIT  # where or what the object is, is known in part only
+        return WAIT  # the place or the shape of the object is only partly known
     tilt = opposing(grasp)
     if grasp.offset > MAX_OFFSET or grasp.misalignment > MAX_MISALIGNMENT or hypot(*tilt) > MAX_MISALIGNMENT:
         return Correction('tilt', tilt=tilt) if all(map(isfinite, tilt)) else Correction('regrasp')
     if not is_sure(grasp):
-        return Correction('regrasp') if grasp.stable else WAIT  # more frames may still decide, unless nothing moves
+        return Correction('regrasp') if grasp.stable else WAIT  # while the contact still moves, more frames may decide
     if hypot(*shift) > MAX_OFFSET:
         return Correction('shift', shift)
     angle = nearest_edge(grasp.yaw, grasp.symmetry)
@@ -72,26 +81,29 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
 
 
 def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
-    """Follow a contact that the edge of a pad cuts: the rest of it is farther out on the same side.
+    """Follow a contact that the edge of a pad cuts. The rest of the contact is farther out on the same side.
 
-    One that is cut still, at both pads, with the middle of what they see on theirs is longer than they are, as a bar or
-    a bottle. It is lifted once no slide is seen and one would show, whatever it is: where along it the gripper holds
-    is not known. What is hidden by taxels without a value may be anywhere.
+    A contact may still be cut at both pads when the centre of its visible part is at the aim. The object is then longer
+    than the pads, like a bar or a bottle. It is lifted, whatever it is, once no slide is seen and a slide would be
+    seen. The place along the object is not known. If taxels have no value, the hidden part may be anywhere.
     """
     if not any(grasp.at_edge) or not all(grasp.pads_seen) or any(grasp.hidden_taxels):
         return WAIT
     if hypot(*shift) > MAX_OFFSET:
         return Correction('shift', shift)
-    is_oblique = grasp.misalignment > MAX_MISALIGNMENT or any(  # NaN: not known
+    is_oblique = grasp.misalignment > MAX_MISALIGNMENT or any(  # NaN means not known
         abs(lean) > MAX_MISALIGNMENT * STIFFNESS for lean in grasp.lean)
     rests = all(motion.moving == STILL and motion.observable & SLIDES for motion in grasp.motions)
     is_held = (all(grasp.at_edge) and grasp.offset <= MAX_OFFSET and not is_oblique
-               and not any(grasp.saturated_taxels))  # which leave the centre a bound each way
+               and not any(grasp.saturated_taxels))  # saturated taxels leave the centre uncertain in every direction
     return Correction('lift', is_part=True) if is_held and rests else WAIT
 
 
 def opposing(grasp) -> tuple[float, float, float]:
-    """Return the gripper's rotation, about the midpoint, onto faces that lean, else along the line; NaN: not known."""
+    """Return the rotation of the gripper about the midpoint [rad] after which the contacts oppose; NaN if not known.
+
+    The gripper turns onto the faces if they lean, else along the line of the contacts.
+    """
     about_x, about_y = (lean / STIFFNESS for lean in grasp.lean)
     if hypot(about_x, about_y) <= FLUSH:  # else the line is a diagonal: friction holds such faces at opposite edges
         sine = hypot(grasp.axis.x, grasp.axis.y) or 1.0
@@ -100,19 +112,19 @@ def opposing(grasp) -> tuple[float, float, float]:
 
 
 def is_sure(grasp) -> bool:
-    """Whether the object can be relied on: with a size and an angle, but of a shape that was taught, which has none."""
+    """Return True if the shape is reliable. Except for a taught shape, it must have a size and an angle."""
     has_fit = len(grasp.dimensions) and not (grasp.symmetry and not isfinite(grasp.yaw))
     return grasp.confidence >= MIN_CONFIDENCE and (has_fit or grasp.shape == TAUGHT)
 
 
 def nearest_edge(angle: float, symmetry: int) -> float:
     """Return the smallest rotation of the gripper that brings an edge along one of the left pad's axes."""
-    edges = (angle + k * 2 * pi / symmetry for k in range(symmetry))  # all that look the same
+    edges = (angle + k * 2 * pi / symmetry for k in range(symmetry))  # all edges that look the same
     return min((remainder(edge, pi / 2) for edge in edges), key=abs, default=0.0)
 
 
 class Planner:
-    """Decides on the latest grasp as long as it is current. Times are of a steady clock [s]."""
+    """Decides on the latest grasp while it is current. Times are of a steady clock [s]."""
 
     def __init__(self) -> None:
         self._correction = HOLD
@@ -120,13 +132,13 @@ class Planner:
         self._age_on_arrival = inf
 
     def receive(self, correction: Correction, arrival: float, age: float) -> None:
-        """Take what a grasp asks for, which arrived at ``arrival`` with an ``age`` [s]; inf: not known."""
+        """Take the correction for a grasp that arrived at ``arrival`` with an ``age`` [s]; inf if not known."""
         self._correction = correction
         self._arrival = arrival
         self._age_on_arrival = age
 
     def decide(self, now: float) -> Correction:
-        """Return what to do at ``now``."""
+        """Return the step to take at the time ``now``."""
         since = now - self._arrival
         return self._correction if since <= MAX_SILENCE and self._age_on_arrival + since <= MAX_AGE else HOLD
 
@@ -142,17 +154,17 @@ def main() -> None:
     from tactile_skin.msg import Grasp
 
     def on_grasp(grasp: Grasp) -> None:
-        reason = check_grasp(grasp)  # a malformed message is no information
+        reason = check_grasp(grasp)  # a malformed message is ignored
         if reason is not None:
             node.get_logger().warning(f'grasp dropped: {reason.key}', throttle_duration_sec=10.0)
             return
-        arrival = ages.arrived(grasp)  # its age counts what held it back on the way here
+        arrival = ages.arrived(grasp)  # the age includes the delay on the way here
         aim = tuple(node.get_parameter('aim').value)
         planner.receive(asked_for(grasp, aim), arrival.steady, arrival.age_on_arrival)
         act()
 
     def act() -> None:
-        """Report the decision: at once when it changes, so that nothing acts on what is over."""
+        """Report the decision, at once if it has changed, so that nobody acts on an old one."""
         nonlocal reported, reported_at
         now = time.monotonic()
         correction = planner.decide(now)

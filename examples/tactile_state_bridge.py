@@ -1,14 +1,14 @@
-"""Taxel arrays as tactile_msgs/TactileState, for RViz's tactile displays and the tools of ubi-agni's tactile_toolbox.
+"""Publish taxel arrays as tactile_msgs/TactileState, for RViz's tactile displays and ubi-agni's tactile_toolbox.
 
     python examples/tactile_state_bridge.py --ros-args -p pads:="[left, right]"
 
-Publishes on `tactile_states` one message for each array, with one sensor: the name of its pad, as the channel in the
-URDF. Stamp and values are unchanged, row by row; the unit is that of the skin.
+For each array, the node publishes one message on `tactile_states`, with one sensor. The name of the sensor is the name
+of the pad, and must be the channel in the URDF. Stamp and values are unchanged, row by row, in the unit of the skin.
 
-A taxel without a valid value is NaN, never 0. RViz's displays paint NaN in a colour for errors; tactile_merger averages
-it into its contact, whose place becomes NaN, and a running mean that has taken a NaN stays NaN. For these,
-`nan:=leave_out` leaves a pad out of the topic while any of its taxels has no value. Places without a taxel are NaN in
-either case: no taxel of the URDF has their index.
+A taxel without a valid value is NaN, never 0. The displays of RViz paint NaN in an error colour. tactile_merger
+averages NaN into its contact, so the place of the contact becomes NaN, and a running mean stays NaN once it has
+received one. For such programs, use `nan:=leave_out`: a pad is then not published while any of its taxels has no value.
+Places without a taxel are NaN in both cases, because no taxel in the URDF has their index.
 """
 
 import sys
@@ -17,11 +17,12 @@ from sensor_msgs.msg import ChannelFloat32
 
 from tactile_skin.msg import TaxelArray
 
-KEEP, LEAVE_OUT = 'keep', 'leave_out'  # values of the parameter nan
+KEEP = 'keep'            # value of the parameter nan
+LEAVE_OUT = 'leave_out'  # value of the parameter nan
 
 
 def tactile_state(taxels: TaxelArray, name: str, nan: str = KEEP):
-    """Return the TactileState of ``taxels``; None where it is left out."""
+    """Return the TactileState for ``taxels``, or None if it must be left out."""
     from tactile_msgs.msg import TactileState
     codes = (TaxelArray.VALID, TaxelArray.SATURATED, TaxelArray.UNMAPPED)
     if nan == LEAVE_OUT and not all(code in codes for code in taxels.status):
@@ -40,7 +41,7 @@ def make_node(**options):
     from tactile_node.ros.message_checks import check_taxel_array
 
     def on_taxels(pad: str, taxels: TaxelArray) -> None:
-        reason = check_taxel_array(taxels)  # a malformed message is no information
+        reason = check_taxel_array(taxels)  # a malformed message is ignored
         if reason is not None:
             node.get_logger().warning(f'{pad}: taxels dropped: {reason.key}', throttle_duration_sec=10.0)
             return

@@ -1,4 +1,4 @@
-"""Waits for a grasp and prints what is held: the smallest program that uses the action `wait_for_grasp`.
+"""Wait for a grasp and print the held object: the smallest program that uses the action `wait_for_grasp`.
 
     python examples/wait_for_grasp.py
 """
@@ -13,8 +13,8 @@ from rclpy.node import Node
 from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import Grasp
 
-TIMEOUT = 20  # s
-LATE = 15.0  # s to find the node; s after the timeout: a node that ends does not answer
+TIMEOUT = 20  # time allowed for the grasp [s]
+LATE = 15.0  # time to find the node [s], and extra time for its answer, because a node that has ended never answers
 
 
 def wait_for_grasp(node: Node) -> tuple[Grasp | None, str]:
@@ -28,7 +28,8 @@ def wait_for_grasp(node: Node) -> tuple[Grasp | None, str]:
     rclpy.spin_until_future_complete(node, accepted, timeout_sec=LATE)
     if not accepted.done():
         return None, 'the node of the grasp has not answered' if rclpy.ok() else 'interrupted'
-    answered = accepted.result().get_result_async()  # at once: it is kept for 2 s
+    answered = accepted.result().get_result_async()  # requested at once, because the server discards it after 2 s
+
     rclpy.spin_until_future_complete(node, answered, timeout_sec=TIMEOUT + LATE)
     if not answered.done():
         return None, 'the node of the grasp has ended' if rclpy.ok() else 'interrupted'

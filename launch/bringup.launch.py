@@ -1,9 +1,9 @@
-"""Starts the nodes of one CAN bus in one process, or those of one side of it: `tactile bringup` with arguments.
+"""Start the nodes of one CAN bus, or of one side of it, in one process: `tactile bringup` with launch arguments.
 
-With `gripper_action` it starts the gripper node as a second process.
+With `gripper_action`, the gripper node is started as a second process.
 
-Each process checks the values: a wrong one is one error of its process, and the other nodes of the robot stay. Only the
-names are checked here, because launch takes any name without a word.
+Each process checks the values of its arguments. A wrong value is therefore an error of one process, and the other nodes
+of the robot keep running. This file checks only the names, because launch accepts any name without a message.
 """
 
 import os
@@ -23,8 +23,8 @@ from tactile_node.cli.bringup import ARGUMENTS, OPTIONS, OTHER_SPELLINGS
 from tactile_node.errors import ConfigurationError
 
 FILE = os.path.basename(__file__)
-RESPAWN_DELAY = 2.0  # s
-SIMILAR = 0.85  # ratio of two names that may be one, misspelt; 'ros_namespace', which launch_ros sets, is at 0.82
+RESPAWN_DELAY = 2.0  #: time before a process is started again [s]
+SIMILAR = 0.85  #: similarity from which a name may be misspelt; 'ros_namespace', which launch_ros sets, is at 0.82
 DECLARED = {*ARGUMENTS, *OTHER_SPELLINGS.values()}
 
 
@@ -38,9 +38,10 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def start(context: LaunchContext) -> list[Action]:
-    """Start the processes. Bringup names its nodes and puts them in namespaces: it takes that of the launch alone.
+    """Start the processes.
 
-    Only what was given becomes an option: the rest is left to the parameter file and the nodes' defaults.
+    Bringup itself names its nodes and puts them into namespaces, so only the namespace of the launch is passed. Only
+    the given arguments become options; the parameter file and the nodes' defaults decide about the others.
     """
     refuse_undeclared(sys.argv)
     given = {name: LaunchConfiguration(name).perform(context) for name in DECLARED}
@@ -50,14 +51,14 @@ def start(context: LaunchContext) -> list[Action]:
     if given['gripper_action']:
         words = [f'--end-with={os.getpid()}', '--ros-args']
         words += ['--params-file', given['params_file']] if given['params_file'] else []
-        for name in ('gripper_action', 'use_sim_time'):  # after the file: rcl takes the last one
+        for name in ('gripper_action', 'use_sim_time'):  # after the file, because rcl uses the last value
             words += ['-p', f'{name}:={given[name]}'] if given[name] else []
         processes.append(process('gripper_node', words, given))
     return [*warnings_of_misspelt(context.launch_configurations), *processes]
 
 
 def process(executable: str, arguments: Sequence[str], given: Mapping[str, str]) -> Node:
-    """Return the process of an ``executable``; ``given``: the launch arguments."""
+    """Return the process of an executable; ``given`` has the launch arguments."""
     return Node(package='tactile_skin', executable=executable, exec_name=executable,
                 namespace=given['namespace'] or None, output='screen', arguments=list(arguments),
                 respawn=given['on_exit'] == 'respawn', respawn_delay=RESPAWN_DELAY,
@@ -65,7 +66,7 @@ def process(executable: str, arguments: Sequence[str], given: Mapping[str, str])
 
 
 def refuse_undeclared(words: Sequence[str]) -> None:
-    """Raise ConfigurationError for a name that `ros2 launch`, called for this file with ``words``, passes in vain."""
+    """Raise ConfigurationError for an unknown argument, which `ros2 launch`, called with ``words``, would ignore."""
     paths = [word for word in words if os.path.basename(word) == FILE]
     is_this = ('tactile_skin', FILE) in zip(words, words[1:]) or any(
         os.path.exists(path) and os.path.samefile(path, __file__) for path in paths)
@@ -73,22 +74,23 @@ def refuse_undeclared(words: Sequence[str]) -> None:
     if is_this and unknown:
         similar = get_close_matches(unknown[0], ARGUMENTS, 1)
         raise ConfigurationError(f'launch argument {unknown[0]!r}', expected='an argument that this file declares',
-                                 got=', '.join(unknown), remedy=f'Is {similar[0]!r} meant?' if similar
-                                 else 'List them with --show-args.')
+                                 got=', '.join(unknown), remedy=f'Did you mean {similar[0]!r}?' if similar
+                                 else 'List the arguments with --show-args.')
 
 
 def warnings_of_misspelt(names: Collection[str]) -> list[Action]:
-    """Return a warning for each of ``names`` that looks like one of this file's arguments.
+    """Return a warning for each name that resembles one of this file's arguments.
 
-    Launch hands the arguments of an including file on to this one: those of other names are no mistake.
+    Launch also passes the arguments of an including file to this file, so any other name is not a mistake.
     """
     found = {name: get_close_matches(name, ARGUMENTS, 1, SIMILAR) for name in sorted({*names} - DECLARED)}
-    return [LogInfo(msg=f'[WARN] {name!r} is no argument of {FILE}: is {similar[0]!r} meant?')
+    return [LogInfo(msg=f'[WARN] {name!r} is not an argument of {FILE}. Did you mean {similar[0]!r}?')
             for name, similar in found.items() if similar]
 
 
 def end_launch(event: ProcessExited, context: LaunchContext) -> list[Action]:
-    """End the launch with its process; with exit code 1 where that has failed, for systemd."""
+    """End the launch when its process has ended; with exit code 1 if the process failed, for systemd."""
+
     if event.returncode and not context.is_shutdown:
         raise RuntimeError(f'{event.process_name} has failed, code {event.returncode}')
     return [Shutdown(reason=f'{event.process_name} has ended')]

@@ -91,15 +91,15 @@ def test_the_sides_at_which_the_finger_ends_are_named(tmp_path, capsys):
     path = written(tmp_path, SIM.replace('finger_ends: []', 'finger_ends: [last_col, first_row]'))
     _, out = check(capsys, path, CONFIG / 'sim16x16.eds', '--json')
     assert json.loads(out)['finger_ends'] == ['first_row', 'last_col']
-    assert 'ends with the skin at first_row, last_col;' in check(capsys, path, CONFIG / 'sim16x16.eds')[1]
-    assert 'ends with the skin at no side;' in check(capsys, 'sim16x16.yaml')[1]
+    assert 'ends together with the skin at: first_row, last_col;' in check(capsys, path, CONFIG / 'sim16x16.eds')[1]
+    assert 'ends together with the skin at: no side;' in check(capsys, 'sim16x16.yaml')[1]
 
 
 def test_what_is_mapped_nowhere_is_a_warning(tmp_path, capsys):
     text = SIM.replace('rows: 16', 'rows: 17', 1).replace('dead_taxels: []', 'dead_taxels: [[3, 1]]')
     path = written(tmp_path, text)
     code, out = check(capsys, path, CONFIG / 'sim16x16.eds')
-    assert code == 1 and '16 of 272 taxels are in no TPDO, the first is row 16, column 0' in out
+    assert code == 1 and '16 of 272 taxels are in no TPDO; the first is row 16, column 0' in out
     rows = [line for line in out.splitlines() if len(line) == 16 and set(line) <= set('#.x')]
     assert len(rows) == 17 and rows[16] == 16 * '.' and rows[3] == '#x' + 14 * '#' and rows[0] == 16 * '#'
 
@@ -157,7 +157,7 @@ def test_tpdos_that_are_not_in_ascending_order_are_a_warning(tmp_path, capsys, n
 def test_a_sweep_without_sync_must_fit_into_its_time(capsys):
     """At 125 kbit/s 12 frames of 135 bits take 13 ms of the 20 ms between two sweeps."""
     code, out = check(capsys, 'event12x8_8bit.yaml', '--bitrate', '125000')
-    assert code == 1 and 'takes 13.0 ms, and 9.0 ms are left' in out
+    assert code == 1 and 'takes 13.0 ms, but only 9.0 ms are left' in out
 
 
 @pytest.mark.parametrize('pads, period, load, warns', [

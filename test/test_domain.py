@@ -172,8 +172,8 @@ def test_fields_may_lie_across_any_bytes(tmp_path, order):
 @pytest.mark.parametrize(('change', 'says'), [
     (('bytes: 9', 'bytes: 8'), 'within its 64 bits'), (('bit_step: 8', 'bit_step: 7'), 'do not overlap'),
     (('sub: 1', 'sub: 1, blocks: 3'), 'domain.blocks'), (('bytes: 9', 'bytes: 0'), 'domain.bytes'),
-    (('domain:', 'nodes: 2\ndomain:'), 'one node'), (('domain:', 'tpdos: [{number: 1, cob_id: 0x181, '
-     'map: [[0x2000, 1, 8]], taxels: [[0, 0, 0]]}]\ndomain:'), 'no "tpdos" beside it')])
+    (('domain:', 'nodes: 2\ndomain:'), 'single node'), (('domain:', 'tpdos: [{number: 1, cob_id: 0x181, '
+     'map: [[0x2000, 1, 8]], taxels: [[0, 0, 0]]}]\ndomain:'), 'no "tpdos" beside the domain')])
 def test_bad_layouts(tmp_path, change, says):
     with pytest.raises(ConfigurationError, match=says):
         tiny_layout(tmp_path, TINY.replace(*change))

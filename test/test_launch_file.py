@@ -90,7 +90,7 @@ def called(monkeypatch, *words):
 
 
 @pytest.mark.parametrize('file', [['tactile_skin', 'bringup.launch.py'], [str(FILE)]], ids=['package', 'path'])
-@pytest.mark.parametrize(('word', 'remedy'), [('pad:=left,right', "'pads' meant"), ('speed:=3', '--show-args')])
+@pytest.mark.parametrize(('word', 'remedy'), [('pad:=left,right', "'pads'?"), ('speed:=3', '--show-args')])
 def test_an_argument_that_the_file_does_not_declare_is_refused(file, word, remedy, monkeypatch):
     with pytest.raises(ConfigurationError) as refused:
         called(monkeypatch, *file, 'node_ids:=32,64', word)

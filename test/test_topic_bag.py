@@ -219,7 +219,7 @@ def test_what_a_bag_holds_is_known_without_reading_it(tmp_path):
 @pytest.mark.parametrize('name', ['x.mcap', 'x.db3'])
 def test_a_file_that_is_no_bag_is_an_error(tmp_path, name):
     (tmp_path / name).write_bytes(b'no bag at all')
-    with pytest.raises(LogError, match='no topic'):
+    with pytest.raises(LogError, match='no readable topic'):
         TopicBagReader(tmp_path / name)
 
 

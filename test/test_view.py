@@ -296,7 +296,7 @@ def test_what_a_source_has_shown_is_forgotten_when_it_stops():
     store.put_grasp(HELD)
     store.clear()
     assert store.shown().grasp is None and store.shown().pads == {'left': None}
-    assert 'none comes' in macros().grasp(store.shown().grasp, NAN, NAN)
+    assert 'this source has none' in macros().grasp(store.shown().grasp, NAN, NAN)
 
 
 # --- the 3-D view

@@ -1,1 +1,1 @@
-"""`make demo`: a scripted gripper skin, watched from taxel to shape."""
+"""`make demo`: a simulated gripper skin is touched by a script, and the results are shown from taxel to shape."""

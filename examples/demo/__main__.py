@@ -1,4 +1,4 @@
-"""A simulated gripper skin with two pads is touched by all five shapes, and every stage is shown: `make demo`.
+"""Touch a simulated gripper skin with two pads by all five shapes, and show the result of every stage: `make demo`.
 
     python -m examples.demo [--output DIR] [--areas N ...] [--seed N]
 """
@@ -24,10 +24,10 @@ MADE = ('bag', 'can.log', 'touches.csv', *(PICTURE.format(pad=pad) for pad in PA
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='demo', description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_output_option(parser, type=Path, default=Path('demo_output'), help='folder for bag, log, pictures, table')
+    add_output_option(parser, type=Path, default=Path('demo_output'), help='folder for bag, log, pictures and table')
     parser.add_argument('--areas', type=float, nargs='+', default=(25.0, 40.0, 60.0), metavar='N',
-                        help='sizes of the touches [taxels]; every shape comes at each (default: 25 40 60)')
-    parser.add_argument('--seed', type=int, default=2026, help='of the touches')
+                        help='areas of the touches [taxels]; each shape touches with each area (default: 25 40 60)')
+    parser.add_argument('--seed', type=int, default=2026, help='seed of the touches (default: 2026)')
     try:
         return run(parser.parse_args(argv))
     except TactileError as error:
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _emptied(folder: Path) -> Path:
-    """Return ``folder`` without an earlier run's results; nothing else in it is touched."""
+    """Return ``folder`` without the results of an earlier run; other files in it are kept."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(folder / 'bag', ignore_errors=True)
@@ -68,7 +68,7 @@ def _emptied(folder: Path) -> Path:
 
 
 def _conclude(folder: Path, session: DemoSession, verdicts: list) -> int:
-    """Print what lies where; 0 only when every touch has a verdict and every result exists."""
+    """Print where the results are; return 0 only if every touch has a verdict and every result exists."""
     print(f'\n{report.score(verdicts)}\n{report.speed(session.performance)}\n'
           f'{session.watcher.incomplete} taxel frames incomplete.')
     missing = [name for name in MADE if not (folder / name).exists()]

@@ -1,7 +1,7 @@
-"""Writes topics into an MCAP bag that `ros2 bag` and Foxglove read, without rosbag2 being installed.
+"""Write topics into an MCAP bag that `ros2 bag` and Foxglove can read, without an installed rosbag2.
 
-The demo starts this module as a separate process, as `ros2 bag record` is one. The recorder prints a line when it has
-subscribed, records until its standard input ends, and then prints how many messages it has written.
+The demo starts this module as a separate process, like `ros2 bag record`. The recorder prints a line when it has
+subscribed. It records until its standard input ends, and then prints the number of messages written.
 
     python -m examples.demo.bag FOLDER PAD ...
 """
@@ -25,11 +25,23 @@ from tactile_node.ros.qos import frames_qos
 
 MESSAGES = ('TaxelArray', 'Contact', 'FeatureRange', 'ContactFeatures', 'ContactMotion', 'ContactEvent', 'ContactShape',
             'ContactShapes', 'Grasp')
-DEPTH = 1000  #: messages that may wait: a slow machine records late rather than incompletely
+DEPTH = 1000  #: number of messages that may wait, so that a slow machine records late rather than incompletely
 
 
 class BagRecorder:
-    """Records ``topics`` (name: type, 'package/msg/Name') that ``node`` receives, from construction to close."""
+    """Records the messages that ``node`` receives, from construction to `close`.
+
+    Parameters
+    ----------
+    node
+        Node that subscribes.
+    folder
+        Folder of the bag.
+    topics
+        Topic -> type in the form 'package/msg/Name'.
+    qos
+        QoS of the subscriptions.
+    """
 
     def __init__(self, node: Node, folder: Path, topics: Mapping[str, str], qos: QoSProfile):
         types = message_types(typesys, MESSAGES)

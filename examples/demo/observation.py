@@ -1,4 +1,4 @@
-"""What the demo's topics reported of each touch, beside what really touched."""
+"""Compare what the demo's topics reported about each touch with the true touch."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -8,23 +8,24 @@ import numpy as np
 from tactile_node.shape.recognition import UnknownReason
 from tactile_node.simulator.touches import SimulatedTouch
 
-SIZE_TOLERANCE = 0.25  #: pitches by which a length may be wrong
-MOST_SKIN_LATE = 0.01  #: lateness of the simulated skin's CAN frames (99 %) on a machine that is fast enough [s]
+SIZE_TOLERANCE = 0.25  #: allowed error of a length [pitches]
+MOST_SKIN_LATE = 0.01  #: lateness (99 %) of the simulated skin's CAN frames above which the machine is too slow [s]
 
 
 class Performance(NamedTuple):
-    """How fast shapes were received, and whether that is the speed of the package or of an overloaded machine.
+    """Speed at which shapes were received, and the speed of the machine.
 
-    The simulated skin needs little time and waits for nothing but a processor. So its lateness is that of the machine.
+    The simulated skin needs little processor time and waits for nothing else. Its lateness is therefore that of the
+    machine.
     """
 
     latency: Sequence[float]  #: time from SYNC to the arrival of each shape [s]
-    frames: int               #: that all pads acquired meanwhile
-    skin_late: float          #: 99 % of the skin's CAN frames were late by no more [s]
+    frames: int               #: number of frames that all pads acquired meanwhile
+    skin_late: float          #: lateness that 99 % of the skin's CAN frames did not exceed [s]
 
     @property
     def answered(self) -> float:
-        """Share of the frames that have a shape."""
+        """Fraction of the frames for which a shape was received."""
         return min(len(self.latency) / max(self.frames, 1), 1.0)
 
     @property
@@ -33,45 +34,45 @@ class Performance(NamedTuple):
 
 
 class SeenFit(NamedTuple):
-    """Pose and size as the shape topic reported them, in the pad frame [m, rad]."""
+    """Pose and size from the shape topic, in the frame of the pad [m, rad]."""
 
-    dimensions: Mapping[str, float]  #: by name, as ContactShape.dimension_names
+    dimensions: Mapping[str, float]  #: lengths by their names in ContactShape.dimension_names
     centre: tuple[float, float]
-    angle: float | None              #: None: of a circle
-    names: tuple[str, ...]           #: of the rows of ``covariance``
+    angle: float | None              #: None for a circle
+    names: tuple[str, ...]           #: names of the rows of ``covariance``
     covariance: np.ndarray
-    outline: np.ndarray              #: (n, 2)
+    outline: np.ndarray              #: corners, shape (n, 2)
 
     def sd(self, name: str) -> float:
-        """Standard deviation of one of ``names``."""
+        """Return the standard deviation of one of ``names``."""
         place = self.names.index(name)
         return float(np.sqrt(self.covariance[place, place]))
 
     @property
     def lengths(self) -> str:
-        """The dimensions in millimetres; a single one with its name."""
+        """Dimensions in millimetres; a single dimension has its name."""
         name = f'{next(iter(self.dimensions))} ' if len(self.dimensions) == 1 else ''
         return name + ' x '.join(f'{1000 * length:.1f}' for length in self.dimensions.values())
 
     @property
     def size(self) -> str:
-        """The dimensions and the largest of their standard deviations, in millimetres."""
+        """Dimensions and the largest of their standard deviations, in millimetres."""
         return f'{self.lengths} ± {1000 * max(map(self.sd, self.dimensions)):.2f} mm'
 
     @property
     def place(self) -> str:
-        """The centre and the larger standard deviation of its coordinates, in millimetres."""
+        """Centre and the larger standard deviation of its coordinates, in millimetres."""
         x, y = self.centre
         return f'{1000 * x:.1f}, {1000 * y:.1f} ± {1000 * max(self.sd("x"), self.sd("y")):.2f} mm'
 
     @property
     def turn(self) -> str:
-        """The angle and its standard deviation in degrees; nothing of a circle."""
+        """Angle and its standard deviation in degrees; '' for a circle."""
         return '' if self.angle is None else f'{np.degrees(self.angle):.1f} ± {np.degrees(self.sd("angle")):.1f}°'
 
 
 class Seen(NamedTuple):
-    """One recognised frame: time [s since operational], probabilities by shape name, taxels (rows, cols) [Pa]."""
+    """One recognised frame: time [s since operational], probabilities by shape, taxels (rows, cols) [Pa]."""
 
     time: float
     probabilities: Mapping[str, float]
@@ -81,21 +82,21 @@ class Seen(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The likeliest shape."""
+        """The most probable shape."""
         return max(self.probabilities, key=self.probabilities.__getitem__)
 
 
 class Verdict(NamedTuple):
-    """One touch of one pad and what was made of it over the frames in which it was held steadily."""
+    """One touch of one pad, and its recognition over the frames in which it was held steadily."""
 
     pad: str
     touch: SimulatedTouch
     recognised: str
     confidence: float  #: mean probability of ``recognised`` over the frames
     frames: int
-    taxels: np.ndarray  #: the middle frame [Pa]
-    fit: SeenFit | None  #: of the same frame
-    pitch: float  #: distance of two taxels of the pad [m]
+    taxels: np.ndarray  #: taxels in the middle frame [Pa]
+    fit: SeenFit | None  #: fit in the middle frame
+    pitch: float  #: distance between neighbouring taxels [m]
 
     @property
     def is_right_shape(self) -> bool:
@@ -103,12 +104,12 @@ class Verdict(NamedTuple):
 
     @property
     def true_lengths(self) -> tuple[float, ...]:
-        """The dimensions of what touched, in the order of those of its fit [m]."""
-        return tuple(self.pitch * length for length in self.touch.contact.dimensions[:2])  # no handedness
+        """Dimensions of the true contact, in the order of its fit's dimensions [m]."""
+        return tuple(self.pitch * length for length in self.touch.contact.dimensions[:2])  # leaves out the handedness
 
     @property
     def size_error(self) -> float:
-        """The largest error of a dimension [m]; NaN without a fit of the right shape."""
+        """Largest error of a dimension [m]; NaN without a fit of the right shape."""
         if self.fit is None or len(self.fit.dimensions) != len(self.true_lengths) or not self.is_right_shape:
             return np.nan
         return max(abs(found - true) for found, true in zip(self.fit.dimensions.values(), self.true_lengths))
@@ -119,7 +120,7 @@ class Verdict(NamedTuple):
 
 
 def verdicts_of(pad: str, touches: tuple[SimulatedTouch, ...], seen: list[Seen], pitch: float) -> list[Verdict]:
-    """Return a verdict for each touch; one that is in no frame has none. ``pitch`` of the pad [m]."""
+    """Return a verdict for each touch that was seen in a frame; ``pitch`` is that of the pad [m]."""
     held = ((touch, [frame for frame in seen if touch.is_steady(frame.time)]) for touch in touches)
     return [_verdict(pad, touch, frames, pitch) for touch, frames in held if frames]
 

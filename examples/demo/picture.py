@@ -1,4 +1,4 @@
-"""The demo's picture of a pad: every touch, what the taxels read, and the outline found beside the true one."""
+"""The demo's picture of a pad: every touch with its taxel values, the fitted outline and the true outline."""
 
 from pathlib import Path
 
@@ -12,22 +12,27 @@ from matplotlib.patches import Ellipse
 from examples.demo.observation import SeenFit, Verdict
 from tactile_node.simulator.world import CLASSES
 
-TITLE = ('Pad "{pad}": what presses, and what the shape topic reported of it (probability, size, centre, angle ± '
+TITLE = ('Pad "{pad}": true shapes, and the report of the shape topic (probability, size, centre, angle ± '
          'standard deviation)')
 KILO = 1e3
-FULL_SCALE = 100.0  #: of the colours [kPa]
-WIDTH, PANEL = 9.0, 1.52  #: of the picture, of a side of a panel [inch]
-LEFT, RIGHT, TOP, BOTTOM = 0.48, 0.75, 0.32, 0.72  #: around the panels
-GAP, WORDS = 0.05, 0.66  #: between panels, and above each for its words
+FULL_SCALE = 100.0  #: pressure with the brightest colour [kPa]
+WIDTH = 9.0    #: width of the picture [inch]
+PANEL = 1.52   #: side of a panel [inch]
+LEFT = 0.48    #: left margin [inch]
+RIGHT = 0.75   #: right margin [inch]
+TOP = 0.32     #: top margin [inch]
+BOTTOM = 0.72  #: bottom margin [inch]
+GAP = 0.05     #: space between panels [inch]
+WORDS = 0.66   #: space above each panel for its text [inch]
 DPI = 150
-TICK = 10  #: [mm]
-MAGNIFIED = 50  #: the ellipse of the centre, whose standard deviations are a few hundredths of a millimetre
-FITTED, TRUE = 'cyan', 'white'  #: apart also by their lines
+TICK = 10  #: distance of the ticks [mm]
+MAGNIFIED = 50  #: magnification of the centre's ellipse, whose axes are only some hundredths of a millimetre
+FITTED, TRUE = 'cyan', 'white'  #: colours of the outlines, which also differ in their lines
 RECOGNISED, WRONG = 'black', '#b30000'
 
 
 def draw_pad(verdicts: list[Verdict], pitch: float, path: Path) -> None:
-    """Draw the touches of one pad, a column a shape, a row a size; ``pitch`` [m]."""
+    """Draw the touches of one pad, with one column per shape and one row per size; ``pitch`` [m]."""
     areas = sorted({round(verdict.touch.contact.area) for verdict in verdicts})
     height = TOP + BOTTOM + (PANEL + WORDS) * len(areas)
     figure = Figure(figsize=(WIDTH, height))
@@ -53,7 +58,7 @@ def draw_pad(verdicts: list[Verdict], pitch: float, path: Path) -> None:
 
 
 def _draw_touch(axis: Axes, verdict: Verdict, pitch: float) -> AxesImage:
-    """Return the image, for the colour bar."""
+    """Draw one touch and return its image, which the colour bar needs."""
     millimetres = 1000 * pitch
     rows, cols = verdict.taxels.shape
     left, right, bottom, top = (millimetres * (edge - 0.5) for edge in (0, cols, 0, rows))

@@ -1,4 +1,4 @@
-"""The demo's results as a table, for the terminal and as CSV."""
+"""Results of the demo as a table, for the terminal and as CSV."""
 
 import csv
 from pathlib import Path
@@ -7,14 +7,14 @@ import numpy as np
 
 from examples.demo.observation import SIZE_TOLERANCE, Performance, SeenFit, Verdict
 
-SHOWN = ('pad', '[s]', 'true', 'prob', 'true size', 'size')  #: what fits into the 80 columns of a terminal
+SHOWN = ('pad', '[s]', 'true', 'prob', 'true size', 'size')  #: columns that fit into the 80 columns of a terminal
 TOUCHED = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confidence', 'frames',
            'size_error_mm')
 FOUND = ('size1_mm', 'size2_mm', 'size_sd_mm', 'x_mm', 'y_mm', 'centre_sd_mm', 'found_angle_deg', 'angle_sd_deg')
 
 
 def table(verdicts: list[Verdict]) -> str:
-    """Return the table as text, a line a touch, wrong ones marked."""
+    """Return the table as text with one line per touch; wrong results are marked."""
     cells = [_shown(verdict) for verdict in verdicts]
     widths = [max(map(len, column)) for column in zip(SHOWN, *cells)]
     marks = ['', *map(_mark, verdicts)]
@@ -29,24 +29,24 @@ def _mark(v: Verdict) -> str:
 
 
 def score(verdicts: list[Verdict]) -> str:
-    """Return a sentence on shapes and sizes."""
+    """Return a sentence about shapes and sizes."""
     return (f'{sum(v.is_right_shape for v in verdicts)} of {len(verdicts)} touches recognised, '
             f'{sum(v.is_right_size for v in verdicts)} of them with the right size '
             f'(within {SIZE_TOLERANCE:g} taxel pitches).')
 
 
 def speed(performance: Performance) -> str:
-    """Return what a planner sees of the latency, and a warning where the machine was too slow to judge it."""
+    """Return the latency that a planner sees, and a warning if the machine was too slow to judge it."""
     if not performance.latency:
         return 'No shape was received.'
     median, high = 1e3 * np.percentile(performance.latency, (50, 99))
-    text = (f'Latency from SYNC to the shape, as a planner in another process sees it: median {median:.0f} ms, '
+    text = (f'Latency from SYNC to the shape, as seen by a planner in another process: median {median:.0f} ms, '
             f'99 % within {high:.0f} ms.\n{performance.answered:.0%} of the taxel frames have a shape.')
     if performance.is_machine_too_slow:
         late = 1e3 * performance.skin_late
-        text += ('\nThis machine was too slow or too busy to judge the latency: the simulated skin alone, '
+        text += ('\nThis machine was too slow or too busy to judge the latency. The simulated skin alone, '
                  f'which needs a tenth of a core,\nsent 1 % of its CAN frames {late:.0f} ms late or later. '
-                 'Try it again when two cores are idle.')
+                 'Try again when two cores are idle.')
     return text
 
 

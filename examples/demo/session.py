@@ -1,6 +1,6 @@
-"""One run of the demo: skin, nodes and recorder are processes of their own, as on a robot.
+"""One run of the demo. Skin, nodes and recorder are separate processes, as on a robot.
 
-This process only listens, as a planner does, so it sees the latency that a planner sees.
+This process only listens, like a planner, so it sees the same latency as a planner.
 """
 
 import json
@@ -25,11 +25,11 @@ from tactile_node.viewing.terminal import draw, side_by_side
 
 ROOT = Path(__file__).resolve().parents[2]
 FULL_SCALE = 100e3  #: full scale of LAYOUT [Pa]
-SYNC_PERIOD = 0.05  #: 20 frames a second of each pad [s]
-DRAW_PERIOD = 0.1  #: [s]
-LEAD = 0.2  #: time between the decision to begin and the begin of the script [s]
+SYNC_PERIOD = 0.05  #: time between two SYNCs [s], which gives 20 frames per second from each pad
+DRAW_PERIOD = 0.1  #: time between two pictures [s]
+LEAD = 0.2  #: time from the decision to begin until the script begins [s]
 PATIENCE = 20.0  #: longest wait for the first shapes and for the last ones [s]
-END_TIMEOUT = 60.0  #: in which a process has to end [s]
+END_TIMEOUT = 60.0  #: time allowed for a process to end [s]
 
 
 class Part:
@@ -58,17 +58,17 @@ class Part:
         """Raise TactileError if the process has ended."""
         if self._process.poll() is not None:
             raise TactileError(self._module, expected='a process that runs to the end of the demo',
-                               got=f'exit code {self._process.returncode}', remedy='It has printed the reason above.')
+                               got=f'exit code {self._process.returncode}', remedy='See the reason printed above.')
 
     def end(self) -> str:
-        """Close the input of the process, which ends it, and return what it still prints."""
+        """Close the input of the process, which ends it, and return the rest of its output."""
         if self._process.stdin is None or self._process.stdin.closed:
             return ''
         return self._process.communicate(timeout=END_TIMEOUT)[0]
 
 
 class Nodes(Part):
-    """`tactile bringup`, which ends by a signal."""
+    """`tactile bringup`, which is ended by a signal."""
 
     def end(self) -> str:
         self._process.terminate()
@@ -76,16 +76,16 @@ class Nodes(Part):
 
 
 class DemoSession:
-    """A context: everything is up inside, and down again after it."""
+    """A context that starts all processes on entry and ends them on exit."""
 
     def __init__(self, folder: Path, seed: int, areas: Sequence[float]):
-        self.pitch = demo_pads()[0].layout.pitch  #: distance of two taxels, on both pads [m]
+        self.pitch = demo_pads()[0].layout.pitch  #: distance between neighbouring taxels on both pads [m]
         self._touches = scripts_of(seed, areas)
         self._skin_words = [str(seed), *map(str, areas)]
         self._folder = folder.resolve()
-        self._begin: float | None = None  # when the script begins [s, Unix epoch]
+        self._begin: float | None = None  # time at which the script begins [s, Unix epoch]
         self._height = 0
-        self.recorded = 0  #: messages in the bag
+        self.recorded = 0  #: number of messages in the bag
         self.performance = Performance((), frames=0, skin_late=0.0)
 
     def __enter__(self) -> 'DemoSession':
@@ -113,7 +113,7 @@ class DemoSession:
         self._stack.close()
 
     def play(self) -> None:
-        """Run the script of touches until both pads have answered its end, drawing what they see."""
+        """Run the script of touches until both pads have answered its end; draw their views meanwhile."""
         self._wait_until_ready()
         self._begin = time.time() + LEAD
         self._skin.write_line(repr(self._begin))
@@ -137,7 +137,7 @@ class DemoSession:
                                        skin_late=report['late_p99'])
 
     def verdicts(self) -> list[Verdict]:
-        """Return what was made of each touch."""
+        """Return the verdict about each touch."""
         return [verdict for pad, touches in self._touches.items()
                 for verdict in verdicts_of(pad, touches, self.watcher.seen[pad], self.pitch)]
 
@@ -146,7 +146,10 @@ class DemoSession:
         return sum(map(len, self._touches.values()))
 
     def _wait_until_ready(self) -> None:
-        """Return when both pads are seen to be empty, or after PATIENCE: an overloaded machine may never get there."""
+        """Wait until both pads are seen to be empty.
+
+        Wait at most PATIENCE, because on an overloaded machine this may never happen.
+        """
         give_up = time.monotonic() + PATIENCE
         while not self.watcher.is_empty and time.monotonic() < give_up:
             self._check()
@@ -160,5 +163,5 @@ class DemoSession:
             part.check()
 
     def _demo_time(self, stamp: float) -> float:
-        """Return the time of the script at an acquisition stamp [s]; before the script it is negative."""
+        """Return the script's time at an acquisition stamp [s]; it is negative before the script."""
         return stamp - self._begin if self._begin is not None else -LEAD

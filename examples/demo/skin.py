@@ -1,8 +1,7 @@
 """The simulated skin of the demo, a separate process as hardware would be: an slcan adapter on a pseudo-terminal.
 
-Prints the port. A line on its standard input gives the time at which the script of touches begins [s, Unix epoch]; the
-end of that input is its end. Then it prints the report of the wire as JSON.
-
+The process prints the port. It reads a line with the time at which the script of touches begins [s, Unix epoch]. When
+its standard input ends, it prints the report of the wire as JSON and ends.
     python -m examples.demo.skin SEED AREA ...
 """
 
@@ -19,9 +18,9 @@ from tactile_node.simulator.slcan_pty import SlcanPty
 
 
 class Script:
-    """The clock of the touches, which stands before them until ``begin`` is known [s, Unix epoch].
+    """The clock of the touches. It stands before the first touch until ``begin`` is known [s, Unix epoch].
 
-    The script goes on when the driver starts a device again. The device's own clock would start the script again.
+    The script continues when the driver restarts a device. With the clock of the device, the script would start again.
     """
 
     begin = math.inf
@@ -40,10 +39,10 @@ def main(words: list[str]) -> None:
     simulator = SkinSimulator(pads, sources, lambda error: print(f'skin: {error}', file=sys.stderr), WireSettings())
     simulator.start_on(adapter)
     print(adapter.port, flush=True)
-    gc.freeze()  # a full collection would delay a sweep by some 40 ms
+    gc.freeze()  # a full garbage collection would delay a sweep by about 40 ms
     for line in sys.stdin:
         script.begin = float(line)
-        simulator.report()  # the next one is of the touches alone
+        simulator.report()  # so that the next report covers only the touches
     report = simulator.report()
     simulator.stop()
     print(json.dumps(report._asdict() if report else {}))

@@ -1,4 +1,4 @@
-"""The script of the demo: which shape touches which pad when, and what the pad then measures."""
+"""The script of the demo: which shape touches which pad at which time, and the values that the pad then measures."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,11 +14,12 @@ from tactile_node.skin.pads import LivePad, make_pad
 PADS = 'left', 'right'
 NODE_IDS = 32, 64
 LAYOUT = 'sim16x16.yaml'
-LARGEST = 60.0  # taxels: what every shape finds room for on 16x16
-TOUCH, GAP = 0.8, 0.3  # how long an object is held, is away [s]
-PRESSURE = 0.6  # of full scale
+LARGEST = 60.0  #: largest area that has room on 16 x 16 taxels for every shape [taxels]
+TOUCH = 0.8     #: duration of a touch [s]
+GAP = 0.3       #: time between two touches [s]
+PRESSURE = 0.6  #: [fraction of full scale]
 SKIN = Skin(noise=0.01)
-MARGIN = 0.5  # pitches an object keeps from the pad's edge
+MARGIN = 0.5  #: distance that an object keeps from the pad's edge [pitches]
 
 
 def demo_pads() -> list[LivePad]:
@@ -26,19 +27,19 @@ def demo_pads() -> list[LivePad]:
 
 
 def scripts_of(seed: int, areas: Sequence[float]) -> dict[str, tuple[SimulatedTouch, ...]]:
-    """Return the touches of each pad by its name: other ones on each."""
+    """Return the touches by pad name; the pads have different touches."""
     return {pad.name: scripted_touches(seed + number, areas, pad.layout.rows, pad.layout.cols)
             for number, pad in enumerate(demo_pads())}
 
 
 def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) -> tuple[SimulatedTouch, ...]:
-    """Return every shape at every one of ``areas`` [taxels], in random order, rotated and placed at random.
+    """Return touches with every shape and every area, in random order, at random places and angles.
 
-    Raises ConfigurationError for an area that not every shape finds room for.
+    Raises ConfigurationError for an area that has no room on the pad for every shape.
     """
     if not all(0 < area <= LARGEST for area in areas):
         raise ConfigurationError('--areas', expected=f'areas > 0 and up to {LARGEST:.0f} taxels', got=str(areas),
-                                 remedy='The pad has no room for more. For example --areas 25 40 60.')
+                                 remedy='The pad has no room for larger areas. For example --areas 25 40 60.')
     rng = np.random.default_rng(seed)
     kinds = [(shape, area) for area in areas for shape in CLASSES]
     rng.shuffle(kinds)
@@ -49,7 +50,7 @@ def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) ->
 
 
 class TouchedPad:
-    """What a pad measures while ``touches`` happen: a TaxelSource for the simulated skin."""
+    """A TaxelSource for the simulated skin: the values that a pad measures during ``touches``."""
 
     def __init__(self, touches: tuple[SimulatedTouch, ...], rows: int, cols: int, seed: int):
         self._touches = touches
@@ -65,7 +66,7 @@ class TouchedPad:
 
 
 def _fitting(rng: np.random.Generator, shape: str, area: float, rows: int, cols: int) -> Contact:
-    """Draw until the contact fits on the pad, anywhere on it."""
+    """Draw contacts until one fits on the pad, and place it anywhere on the pad."""
     while True:
         contact = random_contact(rng, shape, area, rows=rows, cols=cols)
         low, high = contact.outline().min(0), contact.outline().max(0)

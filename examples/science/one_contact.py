@@ -2,28 +2,31 @@
 One contact, from taxel values to a shape with covariance
 =========================================================
 
-What the paper of Volf, Dvořák and Vlček computes of a tactile pattern, where the pattern lies in its three planes, what
-the learned recogniser says, and a fit of pose and size with its covariance. It needs NumPy and Matplotlib, neither ROS
-nor CAN: ``pip install '.[picture]'``.
+Compute the quantities of the paper of Volf, Dvořák and Vlček for a tactile pattern, find its place in the paper's
+three planes, recognise its shape with the learned recogniser, and fit pose and size with their covariance. This needs
+NumPy and Matplotlib, but neither ROS nor CAN: ``pip install '.[picture]'``.
 """
 
 # %%
 # A frame
 # -------
 #
-# A right triangle of 40 mm by 24 mm, turned by 25 degrees, on a pad of 16 x 16 taxels with a pitch of 4 mm. A taxel
-# reads 60 kPa times the part of it that is covered, with a noise of 300 Pa. One taxel is dead: NaN, not 0.
+# The object is a right triangle of 40 mm by 24 mm, turned by 25 degrees, on a pad of 16 x 16 taxels with a pitch of 4
+# mm. A taxel reads 60 kPa times the covered part of its area, with a noise of 300 Pa. One taxel is dead; it is NaN, not
+# 0.
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 import tactile_node as tn
 
-PITCH, SIDE, FINE = 0.004, 16, 10  # metres between taxels, taxels of a side, sample points along a taxel
+PITCH = 0.004  # distance between neighbouring taxels [m]
+SIDE = 16      # number of rows and of columns
+FINE = 10      # number of sample points along a taxel
 
 
 def covered(corners, degrees=0.0, middle=(0.030, 0.030)):
-    """The covered part of each taxel under a convex polygon, (n, 2) metres about its middle, counter-clockwise."""
+    """Return the covered part of each taxel under a convex polygon, (n, 2) [m] about its middle, counter-clockwise."""
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     corners = (corners - np.mean(corners, axis=0)) @ np.array([[cos, sin], [-sin, cos]]) + middle
     places = ((np.arange(SIDE * FINE) + 0.5) / FINE - 0.5) * PITCH
@@ -43,8 +46,8 @@ frame[6, 6] = np.nan
 # The contact
 # -----------
 #
-# What stands out of the noise, up to half of the contact's own level. A dead taxel that the contact encloses belongs to
-# it.
+# Taxels that stand out of the noise and read at least half of the contact's own level belong to the contact. A dead
+# taxel that the contact encloses belongs to it too.
 
 contact = tn.find_contact(frame, unit='Pa')
 print(int(contact.mask.sum()), 'taxels are pressed; the whole pad was seen:', contact.pad_seen)
@@ -53,9 +56,10 @@ print(int(contact.mask.sum()), 'taxels are pressed; the whole pad was seen:', co
 # The paper's quantities
 # ----------------------
 #
-# N taxels, of which P05 and P09 are border taxels; the smallest eigenvalues of the five- and the nine-point Laplacian
-# (section 3), the information measures (section 4), the centre of gravity of the matrix (section 5). ``rotated`` has
-# the least and the greatest value of each over 46 rotations of the pattern (section 6).
+# N is the number of pressed taxels; P05 and P09 count border taxels. The smallest eigenvalues of the five- and
+# nine-point Laplacian follow (section 3), the information measures (section 4) and the centre of gravity of the matrix
+# (section 5). ``rotated`` has the smallest and the largest value of each quantity over 46 rotations of the pattern
+# (section 6).
 
 features = tn.paper_features(contact)
 for name in ('N', 'P05', 'P09', 'lambda5', 'lambda9', 'info_norm5', 'V9', 'alpha9'):
@@ -67,10 +71,11 @@ print(f'alpha9 over the rotations: {over.min:.2f} at {over.min_angle}, {over.max
 # The three planes
 # ----------------
 #
-# Each plane has two quantities as its axes and one or two curves that separate classes (section 7, figures 6 to 8):
-# what lies above the line is called a rectangle, an isosceles triangle, a square; between line and dashed line, a right
-# triangle. Points: thirty patterns of each shape that the plane decides on, of random size and angle. Cross: this
-# contact. In the first plane, rectangles of 2 to 1 lie among the right triangles.
+# Each plane has two quantities as its axes, and one or two curves that separate classes (section 7, figures 6 to 8). In
+# the three planes, a pattern above the solid line is called a rectangle, an isosceles triangle and a square; between
+# the solid and the dashed line, it is called a right triangle. The points are thirty patterns of each shape that the
+# plane decides on, with random size and angle. The cross is this contact. In the first plane, rectangles with sides of
+# 2 to 1 lie among the right triangles.
 
 from tactile_node.package_files import config_path
 from tactile_node.shape.volf import VolfClassifier, plane_feature
@@ -83,7 +88,7 @@ SHAPES = {
 
 
 def pattern_of(shape):
-    """The features of one pattern of a shape, of 25 to 80 taxels."""
+    """Return the features of one pattern of a shape with an area of 25 to 80 taxels."""
     x, y = SHAPES[shape].T
     area = (x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
     corners = SHAPES[shape] * PITCH * np.sqrt(random.uniform(25, 80) / area)
@@ -113,8 +118,8 @@ for axes, names, shapes in zip(all_axes, curves, decided):
 all_axes[0].legend(fontsize=8)
 
 # %%
-# The paper's classifier reads the planes from left to right and stops where a curve is passed. It can be wrong: so near
-# to a curve, patterns of several shapes lie together.
+# The paper's classifier reads the planes from left to right and stops where the pattern is above a curve. It can be
+# wrong: near a curve, patterns of several shapes lie close together.
 
 print(tn.Recogniser('volf').recognise(contact).shape.value)
 
@@ -122,7 +127,7 @@ print(tn.Recogniser('volf').recognise(contact).shape.value)
 # The learned recogniser
 # ----------------------
 #
-# What the nodes use by default: a small network on the pattern and the pressures.
+# The nodes use this recogniser by default. It is a small network that reads the pattern and the pressures.
 
 found = tn.Recogniser().recognise(contact)
 for shape, probability in sorted(found.probabilities.items(), key=lambda pair: -pair[1]):
@@ -132,8 +137,9 @@ for shape, probability in sorted(found.probabilities.items(), key=lambda pair: -
 # Pose and size
 # -------------
 #
-# Outline and pressures fitted by least squares; the covariance is of all parameters together, here as standard
-# deviations. The true values: long leg 40 mm, short leg 24 mm, centre at 30 mm and 30 mm, 25 degrees.
+# The fit finds the outline by least squares from pattern and pressures. The covariance covers all parameters together;
+# here it is shown as standard deviations. The true values are: long leg 40 mm, short leg 24 mm, centre at 30 mm and 30
+# mm, angle 25 degrees.
 
 fit = tn.fit_shape(contact, found.shape, PITCH)
 deviations = np.sqrt(np.diag(fit.covariance))
@@ -142,7 +148,7 @@ for name, value, deviation in zip(fit.parameter_names, fit.parameters, deviation
     print(f'{name:10}{factor * value:8.2f} +- {factor * deviation:.2f} {unit}')
 
 # %%
-# The correlations of the parameters, from the covariance: a longer leg moves the centre along it.
+# The covariance also gives the correlations of the parameters: a longer leg moves the centre along this leg.
 
 with np.printoptions(precision=2, suppress=True):
     print(fit.parameter_names)
@@ -152,7 +158,7 @@ with np.printoptions(precision=2, suppress=True):
 # The picture
 # -----------
 #
-# The dead taxel is grey: the fit left it out.
+# The dead taxel is grey; the fit does not use it.
 
 figure, axes = plt.subplots(figsize=(5.5, 4.8), layout='constrained')
 tn.plot_frame(frame / 1e3, fit, PITCH, axes)

@@ -1,1 +1,1 @@
-"""A parallel gripper with two tactile pads in physics (MuJoCo), for those who write grasp planners without hardware."""
+"""A parallel gripper with two tactile pads, simulated in MuJoCo, to develop grasp planners without hardware."""

@@ -1,12 +1,12 @@
-"""A gripper with two tactile pads in physics, to try a grasp planner on without hardware.
+"""Simulate a gripper with two tactile pads, to try a grasp planner without hardware.
 
     python -m examples.simulated_gripper --item square --seed 1 --link /tmp/skin
     tactile bringup --interface slcan --channel /tmp/skin --pads left,right --node-ids 32,64 \\
         --gap-source joint_states --gap-joints hand_gap
 
-The item is off where the hand is sent by up to 8 mm and 15 degrees, as --seed draws it; without it, by nothing. The
-second command is that of a real skin. The gripper is commanded by the action hand/gripper_cmd (control_msgs), and the
-hand by what is typed here.
+With --seed, the item is displaced from the aim of the hand by up to 8 mm and 15 degrees; without it, the item is
+exactly there. The second command is the same as for a real skin. The gripper is commanded by the action
+hand/gripper_cmd (control_msgs), and the hand by lines that you type here.
 """
 
 import argparse
@@ -25,10 +25,10 @@ from tactile_node.interruption import ignore_interruptions, interruption
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='simulated_gripper', description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--item', default='square', help=f'{", ".join(ITEMS)} (default: %(default)s)')
-    parser.add_argument('--seed', type=int, help='of where the item is')
-    parser.add_argument('--link', default='', metavar='PATH', help="a symbolic link to the skin's adapter")
-    parser.add_argument('--picture', type=Path, metavar='FILE', help='draw a grasp at once, and end')
+    parser.add_argument('--item', default='square', help=f'item to grasp: {", ".join(ITEMS)} (default: %(default)s)')
+    parser.add_argument('--seed', type=int, help="seed of the item's displacement (default: no displacement)")
+    parser.add_argument('--link', default='', metavar='PATH', help="symbolic link to the skin's adapter")
+    parser.add_argument('--picture', type=Path, metavar='FILE', help='only draw a grasp to this file, and end')
     args = parser.parse_args(argv)
     try:
         world = World(item_of(args.item), AIM if args.seed is None else random_place(args.seed))
@@ -54,7 +54,7 @@ def _serve(world: World, args: argparse.Namespace) -> int:
         print(f'Simulated gripper with {args.item}, skin at {bench.port}, joint states at /joint_states, '
               + ('action /hand/gripper_cmd' if HAS_ACTION else 'no action: control_msgs is not installed')
               + f'\n{HELP}', flush=True)
-        gc.freeze()  # a full collection would delay a sweep
+        gc.freeze()  # a full garbage collection would delay a sweep
         threading.Thread(target=_read, args=(world,), name='console', daemon=True).start()
         while not stop_requested.wait(0.2) and not bench.failures:
             pass

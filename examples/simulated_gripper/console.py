@@ -1,4 +1,4 @@
-"""What a person types at the bench, one order a line: see ORDERS."""
+"""Orders that a person types, one per line: see ORDERS."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -17,7 +17,7 @@ def _close(world: World, words: list[str]) -> None:
     world.command(Command(0.0, **({'effort': float(words[0])} if words else {})))
 
 
-#: order -> what it takes, and what it does
+#: order -> its arguments as text, and the function that executes it
 ORDERS: Mapping[str, tuple[str, Callable[[World, list[str]], None]]] = MappingProxyType({
     'close': (f'[N, up to {MAX_EFFORT:g}]', _close),
     'open': ('', lambda world, words: world.command(Command(MAX_GAP))),
@@ -30,7 +30,7 @@ HELP = '; '.join(f'{name} {takes}'.strip() for name, (takes, _) in ORDERS.items(
 
 
 def obey(world: World, line: str) -> str:
-    """Do what a line orders; how the bench is then, or what is wrong with the line."""
+    """Execute the order in a line; return the state of the bench, or the error in the line."""
     name, *words = line.split() or ['']
     try:
         if name:
@@ -46,4 +46,5 @@ def _order(world: World, name: str, words: list[str]) -> None:
     try:
         ORDERS[name][1](world, words)
     except (KeyError, ValueError, IndexError):
-        raise InputError('order', expected=HELP, got=repr(' '.join((name, *words))), remedy='Type one.') from None
+        raise InputError('order', expected=HELP, got=repr(' '.join((name, *words))),
+                         remedy='Type one of these orders.') from None

@@ -1,4 +1,4 @@
-"""The action of the simulated gripper, control_msgs/action/ParallelGripperCommand, as a real gripper has it."""
+"""Action of the simulated gripper, control_msgs/action/ParallelGripperCommand, as on a real gripper."""
 
 import threading
 import time
@@ -15,11 +15,14 @@ from examples.simulated_gripper.world import World
 from tactile_node.errors import InputError
 
 ACTION = 'hand/gripper_cmd'
-LOOK_PERIOD = 0.02  #: s, between two looks at the gripper, each of which is a feedback
+LOOK_PERIOD = 0.02  #: period at which the state of the gripper is checked and published as feedback [s]
 
 
 def command_of(goal: ParallelGripperCommand.Goal) -> Command:
-    """Return the command: a gap [m]; where they are given and not 0, speed [m/s] and effort [N]. Raises InputError."""
+    """Return the command in a goal. Raises InputError.
+
+    The position is the gap [m]. Speed [m/s] and effort [N] are used if they are given and not 0.
+    """
     asked = goal.command
     if len(asked.position) != 1 or list(asked.name) not in ([], [JOINT]):
         raise InputError('gripper command', expected=f'the position of {JOINT}', got=f'{list(asked.name)}, '
@@ -30,15 +33,15 @@ def command_of(goal: ParallelGripperCommand.Goal) -> Command:
 
 
 class GripperServer:
-    """A new goal ends the one before (aborted); a cancelled one stops the gripper, which holds where it is.
+    """Action server. A new goal aborts the previous one; a cancelled goal stops the gripper, which keeps its place.
 
-    It waits in callbacks: for an executor of several threads.
+    Callbacks wait, so the node needs an executor with several threads.
     """
 
     def __init__(self, node: Node, world: World):
         self._node, self._world = node, world
         self._latest: ServerGoalHandle | None = None
-        self._lock = threading.Lock()  # of the latest goal and the command that is its own
+        self._lock = threading.Lock()  # for the latest goal and its command
         self._server = ActionServer(
             node, ParallelGripperCommand, ACTION, self._execute, goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted, cancel_callback=lambda handle: CancelResponse.ACCEPT,
@@ -74,7 +77,7 @@ class GripperServer:
             if is_latest:
                 self._world.stop_gripper()
         if is_latest:
-            time.sleep(DELAY + 2 * SETTLED)  # until it has stopped
+            time.sleep(DELAY + 2 * SETTLED)  # until the gripper has stopped
         if handle.is_cancel_requested:
             handle.canceled()
         else:

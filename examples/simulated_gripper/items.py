@@ -1,4 +1,4 @@
-"""What stands on the table: the five shapes as prisms, a ball, a bottle, a bar, a fragile and a slippery block."""
+"""Items on the table: the five shapes as prisms, a ball, a bottle, a bar, a fragile block and a slippery block."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,38 +12,37 @@ from tactile_node.errors import InputError
 from tactile_node.grasp.gripper import Transform
 from tactile_node.simulator.world import Contact
 
-PAD_HEIGHT = 0.05  #: of the pads' middle above the table when the hand is down [m]
+PAD_HEIGHT = 0.05  #: height of the pads' middle above the table when the hand is down [m]
 
 
 @dataclass(frozen=True)
 class Item:
     """A rigid object in its own frame: a prism between two equal faces at z = ±length/2, or a ball.
 
-    ``face``: about the origin, in metres; of a ball its silhouette. It lies with z along the closing direction and y
-    down, or stands ``upright``.
+    The item lies with z along the closing direction and y down, or stands ``upright``.
     """
 
-    face: Contact
-    length: float = 0.05          #: [m]; 0: a ball
-    mass: float = 0.05            #: kg
-    friction: float = 0.5         #: coefficient, against skin and table
-    strength: float = inf         #: force of a pad at which it breaks [N]
+    face: Contact                 #: face about the origin [m]; for a ball, its silhouette
+    length: float = 0.05          #: [m]; 0 for a ball
+    mass: float = 0.05            #: [kg]
+    friction: float = 0.5         #: friction coefficient, on the skin and on the table
+    strength: float = inf         #: force of a pad at which the item breaks [N]
     upright: bool = False
 
     @cached_property
     def rest(self) -> Transform:
-        """Pose in the world before anyone has touched it: its centre between the pads of a hand that is down."""
+        """Initial pose in the world: the centre is between the pads of a hand that is down."""
         lying = np.array(((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
         return Transform(np.eye(3) if self.upright else lying, np.array((0.0, 0.0, PAD_HEIGHT)))
 
     @property
     def below(self) -> float:
-        """How far it reaches below its centre at rest [m]."""
+        """Distance by which the item extends below its centre at rest [m]."""
         return self.length / 2 if self.upright else float(self.face.outline()[:, 1].max())
 
     @cached_property
     def planes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Normals (n, 3), outward, and distances (n,) from the origin [m] of a prism's sides and faces."""
+        """Outward normals (n, 3) of a prism's sides and faces, and their distances (n,) from the origin [m]."""
         corners = self.face.outline()
         edges = np.roll(corners, -1, 0) - corners
         outward = np.column_stack((edges[:, 1], -edges[:, 0])) / np.hypot(*edges.T)[:, np.newaxis]
@@ -53,13 +52,13 @@ class Item:
 
 
 def _lying(shape: str, *lengths: float) -> Contact:
-    """A face whose base is down."""
+    """Return a face with its base at the bottom."""
     return Contact(shape, lengths, x=0.0, y=0.0, angle=pi)
 
 
 _BLOCK = _lying('square', 0.016)
 
-#: by name
+#: name -> item
 ITEMS: Mapping[str, Item] = MappingProxyType({
     'circle': Item(_lying('circle', 0.0085)),
     'square': Item(_BLOCK),
@@ -74,7 +73,7 @@ ITEMS: Mapping[str, Item] = MappingProxyType({
 
 
 def item_of(name: str) -> Item:
-    """Return the item of that name. Raises InputError for another."""
+    """Return the item with this name. Raises InputError for an unknown name."""
     if name not in ITEMS:
-        raise InputError('item', expected=f'one of {", ".join(ITEMS)}', got=repr(name), remedy='Name one of them.')
+        raise InputError('item', expected=f'one of {", ".join(ITEMS)}', got=repr(name), remedy='Use one of these.')
     return ITEMS[name]

@@ -1,20 +1,22 @@
-"""The MuJoCo model: a table with a stand and an item on it, a hand that moves and turns, two fingers with pads.
+"""The MuJoCo model: a table with a stand and an item on it, a hand that moves and turns, and two fingers with pads.
 
-World frame: z up, y along the closing direction of a hand that is not turned, the origin on the table below the hand.
-Each pad's surface is the taxels' area; `left_pad` and `right_pad` are sites with the frames of the pads.
+In the world frame, z points up and y along the closing direction of an unturned hand. The origin is on the table below
+the hand. The surface of each pad is the area of its taxels. The sites `left_pad` and `right_pad` have the frames of the
+pads.
 """
 
 from bench.planner_world import PITCH, ROWS
 from examples.simulated_gripper.items import PAD_HEIGHT, Item
 from tactile_node.errors import InputError
 
-MAX_GAP = 0.09          #: m
-STEP = 0.001            #: s
+MAX_GAP = 0.09          #: largest gap [m]
+STEP = 0.001            #: time step of the physics [s]
 HALF_PAD = ROWS * PITCH / 2
-HALF_STAND = 0.0095     #: half the width of the stand [m]: an item displaced by 8 mm does not tip over
-#: The skins give way by some tenths of a millimetre, as 4 mm of silicone would
+HALF_STAND = 0.0095     #: half of the stand's width [m]; an item that is displaced by 8 mm does not tip over
+#: contact parameters with which the skins yield by some tenths of a millimetre, like 4 mm of silicone
 SKIN = 'solref="0.009 1" solimp="0.8 0.8 0.001"'
-#: Under MuJoCo's sensor, which feels how deep: 0.3 mm where 2 N press a block of 16 mm, as on our foundation
+#: contact parameters for MuJoCo's sensor, which measures depth: 0.3 mm where 2 N press a block of 16 mm, as in
+#: pressures.py
 DEEP_SKIN = 'solref="0.012 1" solimp="0.8 0.8 0.001"'
 
 _HAND = """
@@ -69,9 +71,19 @@ _MODEL = """
 
 
 def model_of(item: Item, has_sensors: bool = False) -> str:
-    """Return the model (MJCF) of the bench with this item on it; ``has_sensors``: MuJoCo's own, `left` and `right`.
+    """Return the model (MJCF) of the bench with an item on it.
 
-    They feel spheres, cylinders and boxes alone. Raises InputError for another item with them.
+    Parameters
+    ----------
+    item
+        Item on the bench.
+    has_sensors
+        True to add MuJoCo's own tactile sensors `left` and `right`, which detect only spheres, cylinders and boxes.
+
+    Raises
+    ------
+    InputError
+        If the sensors cannot detect the item.
     """
     top = PAD_HEIGHT - item.below
     stand = '' if item.upright else (f'<geom name="stand" type="box" size="{HALF_STAND} {HALF_STAND} {top / 2}" '
@@ -89,14 +101,17 @@ def model_of(item: Item, has_sensors: bool = False) -> str:
 
 
 def _finger(name: str, way: int, skin: str, has_sensors: bool) -> str:
-    """One finger, ``way`` along y from the item; the rows of the left pad go down, those of the right one up."""
+    """Return one finger; ``way`` is its direction from the item along y.
+
+    The rows of the left pad go down, those of the right pad go up.
+    """
     pad = {'name': name, 'edge': HALF_PAD - PITCH / 2, 'top': -way * (HALF_PAD - PITCH / 2), 'down': way}
     return _FINGER.format(way=way, range=MAX_GAP / 2, half=HALF_PAD, behind=0.009 * way, surface=0.002 * way,
                           skin=skin, taxels=_TAXELS.format(**pad) if has_sensors else '', **pad)
 
 
 def _taxel_mesh() -> str:
-    """Return a mesh with a vertex at each taxel, row by row, in a pad's frame."""
+    """Return a mesh with a vertex at each taxel, row by row, in the frame of a pad."""
     corners = [row * ROWS + column for row in range(ROWS - 1) for column in range(ROWS - 1)]
     faces = [f'{k} {k + 1} {k + ROWS} {k + 1} {k + ROWS + 1} {k + ROWS}' for k in corners]
     points = [f'{column * PITCH} {row * PITCH} 0' for row in range(ROWS) for column in range(ROWS)]
@@ -104,7 +119,7 @@ def _taxel_mesh() -> str:
 
 
 def _geom(item: Item) -> tuple[str, str]:
-    """Return what the assets and the geom need of an item's form."""
+    """Return the asset and the geom for the form of an item."""
     if not item.length or item.face.shape == 'circle':
         return '', _solid(item)
     corners = [f'{x} {y} {z}' for z in (-item.length / 2, item.length / 2) for x, y in item.face.outline()]
@@ -112,7 +127,7 @@ def _geom(item: Item) -> tuple[str, str]:
 
 
 def _solid(item: Item) -> str:
-    """Return the geom of a form that MuJoCo knows."""
+    """Return the geom for a primitive form of MuJoCo."""
     if not item.length:
         return f'type="sphere" size="{item.face.reach}"'
     if item.face.shape == 'circle':

@@ -1,4 +1,4 @@
-"""A picture of the bench, and beside it what the taxels of both pads feel."""
+"""Draw a picture of the bench, with the taxel values of both pads beside it."""
 
 from pathlib import Path
 
@@ -11,13 +11,13 @@ from examples.simulated_gripper.drive import Command
 from examples.simulated_gripper.world import SIDES, World
 from tactile_node.errors import ConfigurationError
 
-SIZE = 720, 960  #: rows and columns of the scene
-LIFT = 0.05      #: m
+SIZE = 720, 960  #: number of rows and columns of the scene [pixels]
+LIFT = 0.05      #: height of the lift [m]
 DPI = 110
 
 
 def draw_grasp(world: World, file: Path) -> None:
-    """Close the gripper, lift, and draw. Raises ConfigurationError where nothing can be rendered."""
+    """Close the gripper, lift, and draw. Raises ConfigurationError if nothing can be rendered."""
     world.command(Command(0.0))
     world.step(2.0)
     world.move(lift=LIFT)
@@ -26,7 +26,7 @@ def draw_grasp(world: World, file: Path) -> None:
 
 
 def draw(world: World, file: Path) -> None:
-    """Draw the bench as it is now. Raises ConfigurationError where nothing can be rendered."""
+    """Draw the present state of the bench. Raises ConfigurationError if nothing can be rendered."""
     scene = render(world)
     figure = Figure(figsize=(13, 4.2), layout='constrained')
     axes = figure.subplot_mosaic([['scene', *SIDES]], width_ratios=(1.33, 1, 1))
@@ -40,7 +40,7 @@ def draw(world: World, file: Path) -> None:
         image = axes[side].imshow(values, cmap='inferno', vmin=0, vmax=most, extent=(low, high, high, low))
         axes[side].set_title(f'{side} pad, {world.forces[side]:.2f} N')
         axes[side].set_xlabel('x [mm]')
-    axes['right'].invert_yaxis()  # its rows go up: now up is up in both
+    axes['right'].invert_yaxis()  # the rows of the right pad go up; now up is the same in both pictures
     axes['left'].set_ylabel('y [mm]')
     figure.colorbar(image, ax=list(axes.values())[1:], shrink=0.75).set_label('pressure [kPa]')
     figure.savefig(file, dpi=DPI)
@@ -50,9 +50,9 @@ def render(world: World) -> np.ndarray:
     """Return the scene, uint8, shape (*SIZE, 3)."""
     try:
         renderer = mujoco.Renderer(world.model, *SIZE)
-    except (mujoco.FatalError, AttributeError, ImportError, RuntimeError) as error:  # as its back ends fail
+    except (mujoco.FatalError, AttributeError, ImportError, RuntimeError) as error:  # raised by its various back ends
         raise ConfigurationError('picture', expected='OpenGL', got=' '.join(str(error).split())[:120],
-                                 remedy='Without a screen set MUJOCO_GL=egl (or osmesa).') from None
+                                 remedy='Without a screen, set MUJOCO_GL=egl (or osmesa).') from None
     with renderer, world.lock:
         renderer.update_scene(world.data, camera='front')
         scene: np.ndarray = renderer.render().copy()

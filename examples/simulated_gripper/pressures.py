@@ -1,8 +1,8 @@
-"""What the taxels of a pad feel of an item that is pressed on it: an elastic foundation, as in bench/planner_world.py.
+"""Pressures on the taxels of a pad from a pressed item, by an elastic foundation as in bench/planner_world.py.
 
-The physics gives force and pose; how the force spreads over the taxels follows from geometry. The physics presses an
-oblique face at its edge alone: there the centre of these pressures is some millimetres farther in. Frame of a pad as
-everywhere: origin at the centre of taxel (0, 0), x along columns, y along rows, z out of the skin.
+The physics gives force and pose. The distribution of the force over the taxels follows from the geometry. The physics
+presses an oblique face only at its edge, whereas the centre of these pressures is some millimetres farther in. The
+frame of a pad is as everywhere: origin at the centre of taxel (0, 0), x along columns, y along rows, z out of the skin.
 """
 
 import numpy as np
@@ -13,9 +13,21 @@ from tactile_node.grasp.gripper import Transform
 
 
 def pressures(item: Item, pose: Transform, force: float) -> np.ndarray:
-    """Return taxel values [Pa], shape (rows, cols), of an item at ``pose`` in the pad's frame.
+    """Return the taxel values that an item causes.
 
-    ``force``: normal to the pad [N]; 0, or an item that is not before the pad: nothing is felt.
+    Parameters
+    ----------
+    item
+        Item.
+    pose
+        Pose of the item in the frame of the pad.
+    force
+        Force normal to the pad [N].
+
+    Returns
+    -------
+    numpy.ndarray
+        Values [Pa], shape (rows, cols); all 0 without a force, or if the item is not in front of the pad.
     """
     if force > 0 and np.isfinite(depth := -surface(item, pose)).any():
         return foundation(depth, force)[0]
@@ -23,13 +35,13 @@ def pressures(item: Item, pose: Transform, force: float) -> np.ndarray:
 
 
 def by_depth(depth: np.ndarray, force: float) -> np.ndarray:
-    """Return taxel values [Pa] in proportion to how deep the item is in each of them, whose sum gives the ``force``."""
+    """Return taxel values [Pa] in proportion to the depth of the item in each taxel; their sum gives the ``force``."""
     total = float(depth.sum())
     return depth * (force / total / PITCH**2) if total > 0 else np.zeros(depth.shape)
 
 
 def surface(item: Item, pose: Transform) -> np.ndarray:
-    """Return z [m] of the item's side towards the pad over points of the skin, FINE a taxel both ways; inf: none."""
+    """Return z [m] of the item's near side over points of the skin, FINE per taxel both ways; inf without the item."""
     steps = ((np.arange(ROWS * FINE) + 0.5) / FINE - 0.5) * PITCH
     x, y = np.meshgrid(steps, steps)
     return _ball(item, pose, x, y) if not item.length else _prism(item, pose, x, y)
@@ -42,7 +54,7 @@ def _ball(item: Item, pose: Transform, x: np.ndarray, y: np.ndarray) -> np.ndarr
 
 
 def _prism(item: Item, pose: Transform, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Where lines along z enter a convex body: behind the last of the planes that face the pad."""
+    """Return where lines along z enter a convex body: at the last of the planes that face the pad."""
     normals, distances = item.planes
     normals = normals @ pose.rotation.T
     distances = distances + normals @ pose.translation

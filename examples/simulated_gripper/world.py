@@ -1,4 +1,4 @@
-"""The bench in physics: a hand, a gripper and an item on a table, stepped by hand or by a thread in real time."""
+"""The simulated bench: a hand, a gripper and an item on a table, stepped by calls or by a thread in real time."""
 
 import threading
 import time
@@ -18,33 +18,34 @@ from tactile_node.grasp.gripper import Transform
 
 try:
     import mujoco
-except ImportError:  # no dependency of the package
+except ImportError:  # optional, because the package does not depend on MuJoCo
     mujoco = None
 
 SIDES = ('left', 'right')
-MAX_SHIFT, MAX_TURN = 0.008, radians(15)  #: of an item from where the hand is sent [m, rad]
-SPEEDS = {'x': 0.05, 'y': 0.05, 'lift': 0.05, 'yaw': 0.5}  #: of the hand [m/s, rad/s]
+MAX_SHIFT = 0.008         #: largest displacement of an item from the aim of the hand [m]
+MAX_TURN = radians(15)    #: largest rotation of an item from the aim of the hand [rad]
+SPEEDS = {'x': 0.05, 'y': 0.05, 'lift': 0.05, 'yaw': 0.5}  #: speeds of the hand [m/s, rad/s]
 AXES = tuple(SPEEDS)
-LIFTED = 0.01             #: above where the hand was when the item was last on the table: it has been taken along [m]
-GRAVITY = 9.81
-SHAKE_FREQUENCY = 6.0     #: Hz
-LOOP_PERIOD = 0.004       #: of the thread [s]
-PULL_STIFFNESS = 2000.0   #: N/m
-MOST_BEHIND = 0.1         #: of the thread: what is more is left out [s]
+LIFTED = 0.01             #: a held item counts as dropped if it touches the table after a lift of more than this [m]
+GRAVITY = 9.81            #: [m/s²]
+SHAKE_FREQUENCY = 6.0     #: [Hz]
+LOOP_PERIOD = 0.004       #: period of the thread [s]
+PULL_STIFFNESS = 2000.0   #: [N/m]
+MOST_BEHIND = 0.1         #: largest delay of the thread [s]; more is left out
 
 
 class Outcome(Enum):
-    """What has become of the item."""
+    """State of the item."""
 
-    FREE = 'free'          #: the pads do not both touch it, and it has not been dropped
-    GRIPPED = 'gripped'    #: both pads touch it, and so does the table or the stand
-    HELD = 'held'          #: both pads touch it, and nothing else does
-    DROPPED = 'dropped'    #: it was held, and now it is lost, until it is placed again
-    BROKEN = 'broken'      #: a pad has pressed more than its strength, until it is placed again
+    FREE = 'free'          #: at most one pad touches the item, and it was not dropped
+    GRIPPED = 'gripped'    #: both pads touch the item, and so does the table or the stand
+    HELD = 'held'          #: only the two pads touch the item
+    DROPPED = 'dropped'    #: the item was held and then lost; it stays dropped until it is placed again
+    BROKEN = 'broken'      #: a pad pressed more than its strength; the item stays broken until it is placed again
 
 
 class Place(NamedTuple):
-    """Place of an item, from where the hand is sent [m, rad]."""
+    """Place of an item relative to the aim of the hand [m, rad]."""
 
     x: float = 0.0
     y: float = 0.0
@@ -55,17 +56,30 @@ AIM = Place()
 
 
 def random_place(seed: int) -> Place:
-    """Draw a place up to MAX_SHIFT away, in any direction, turned by up to MAX_TURN."""
+    """Draw a place up to MAX_SHIFT away in any direction, turned by up to MAX_TURN."""
     rng = np.random.default_rng(seed)
     distance, way = MAX_SHIFT * np.sqrt(rng.random()), rng.uniform(0, 2 * pi)
     return Place(float(distance * np.cos(way)), float(distance * np.sin(way)), float(rng.uniform(-MAX_TURN, MAX_TURN)))
 
 
 class World:
-    """One item on the bench. Every method is for any thread; raises ConfigurationError without MuJoCo.
+    """One item on the bench. All methods are thread-safe.
 
-    In the left pad's frame the hand's x is x, its lift is -y, its y is z: a yaw turns it about -y. ``has_sensors``:
-    pressures are those of MuJoCo's tactile sensor, which feels no triangles.
+    In the frame of the left pad, the hand's x is x, its lift is -y and its y is z. A yaw turns the hand about -y.
+
+    Parameters
+    ----------
+    item
+        Item on the bench.
+    place
+        Place of the item.
+    has_sensors
+        True to use the pressures of MuJoCo's tactile sensor, which cannot detect triangles.
+
+    Raises
+    ------
+    ConfigurationError
+        If MuJoCo is not installed.
     """
 
     def __init__(self, item: Item, place: Place = AIM, has_sensors: bool = False):
@@ -80,13 +94,13 @@ class World:
         self._skins = {self.model.geom(f'{side}_skin').id: side for side in SIDES}
         self._running: threading.Thread | None = None
         self._stopping = threading.Event()
-        self.left_out = 0.0            #: of real time, by a thread that the machine was too slow for [s]
+        self.left_out = 0.0            #: real time that the thread left out because the machine was too slow [s]
         self.place(place)
 
     def place(self, place: Place = AIM) -> None:
-        """Put the item, whole again, on its stand at ``place``; the hand goes back, open and down, at once."""
+        """Put the item, intact again, on its stand at ``place``; the hand returns at once, open and down."""
         with self.lock:
-            now = self.now  # which goes on
+            now = self.now  # kept, because the time of the physics must continue
             mujoco.mj_resetData(self.model, self.data)
             self.data.time = now
             cos, sin = np.cos(place.yaw), np.sin(place.yaw)
@@ -97,33 +111,33 @@ class World:
             for side in SIDES:
                 self.data.joint(side).qpos = MAX_GAP / 2
             self.drive, self._goals, self._setpoints = Drive(), dict.fromkeys(AXES, 0.0), dict.fromkeys(AXES, 0.0)
-            self._shake = (0.0, 0.0)  # acceleration [m/s²], until [s]
-            self._pull = (0.0, 0.0, 0.0, 0.0)  # speed [m/s], force [N], first height [m] and time [s] of what pulls
+            self._shake = (0.0, 0.0)  # (acceleration [m/s²], time of its end [s])
+            self._pull = (0.0, 0.0, 0.0, 0.0)  # speed [m/s], force [N], initial height [m] and time [s] of the pull
             self.outcome, self._level, self.most_force = Outcome.FREE, 0.0, 0.0
             mujoco.mj_forward(self.model, self.data)
             self._observe()
 
     def command(self, command: Command) -> None:
-        """Let the gripper go, DELAY later."""
+        """Give the gripper a command, which it executes after DELAY."""
         with self.lock:
             self.drive.put(self.now, command)
 
     def stop_gripper(self) -> None:
-        """Let the gripper stay where it is, DELAY later, with the force that it has."""
+        """Stop the gripper after DELAY; it keeps its place and its force."""
         with self.lock:
             self.drive.put(self.now, None)
 
     def move(self, **goals: float) -> None:
-        """Send the hand to ``x``, ``y``, ``lift`` [m], ``yaw`` [rad] at its SPEEDS. Raises InputError for others."""
+        """Move the hand to ``x``, ``y``, ``lift`` [m] and ``yaw`` [rad] at its SPEEDS. Raises InputError otherwise."""
         if not goals.keys() <= SPEEDS.keys() or not np.isfinite([*goals.values()]).all():
             raise InputError('move of the hand', expected=f'finite {", ".join(AXES)}', got=f'{goals}',
-                             remedy='Name these.')
+                             remedy='Use these names.')
         with self.lock:
             self._goals |= goals
 
     def shake(self, times_gravity: float = 2.0, seconds: float = 1.0) -> None:
         """Shake the hand up and back, with an acceleration of up to ``times_gravity``."""
-        periods = max(1, round(seconds * SHAKE_FREQUENCY))  # whole ones: it ends where it began, at rest
+        periods = max(1, round(seconds * SHAKE_FREQUENCY))  # whole periods, so that the motion ends at rest
         with self.lock:
             self._shake = (times_gravity * GRAVITY, self.now + periods / SHAKE_FREQUENCY)
 
@@ -134,7 +148,7 @@ class World:
 
     @property
     def is_moving(self) -> bool:
-        """Whether the hand is under way, or shaken."""
+        """True if the hand moves or is shaken."""
         return self._goals != self._setpoints or self.now < self._shake[1]
 
     @property
@@ -144,7 +158,7 @@ class World:
 
     @property
     def gap(self) -> float:
-        """Distance of the skins [m]."""
+        """Distance between the skins [m]."""
         return float(sum(self.data.joint(side).qpos[0] for side in SIDES))
 
     @property
@@ -153,25 +167,25 @@ class World:
 
     @property
     def effort(self) -> float:
-        """With which the motor closes, of each pad [N]."""
+        """Closing force of the motor on each pad [N]."""
         with self.lock:
             return -float(sum(self.data.actuator(side).force[0] for side in SIDES)) / 2
 
     @property
     def forces(self) -> dict[str, float]:
-        """With which each pad presses the item, by side [N]."""
+        """Force with which each pad presses the item, by side [N]."""
         with self.lock:
             return dict(self._forces)
 
     def item_in(self, side: str) -> Transform:
-        """Pose of the item in a pad's frame."""
+        """Return the pose of the item in the frame of a pad."""
         with self.lock:
             site, body = self.data.site(f'{side}_pad'), self.data.body('item')
             pad = Transform(site.xmat.reshape(3, 3).copy(), site.xpos.copy())
             return pad.inverse @ Transform(body.xmat.reshape(3, 3).copy(), body.xpos.copy())
 
     def off_hand(self) -> Place:
-        """Where the item is from the middle between the pads, along the hand's axes: what is to be corrected."""
+        """Return the place of the item relative to the middle between the pads, along the hand's axes."""
         with self.lock:
             hand, body = self.data.body('hand'), self.data.body('item')
             x, y, _ = hand.xmat.reshape(3, 3).T @ (body.xpos - hand.xpos)
@@ -179,7 +193,7 @@ class World:
         return Place(float(x), float(y), float(np.arctan2(turn[1, 0], turn[0, 0])))
 
     def pressures(self, side: str) -> np.ndarray:
-        """What the taxels of the left or right pad feel [Pa], shape (rows, cols)."""
+        """Return the taxel values of the left or the right pad [Pa], shape (rows, cols)."""
         with self.lock:
             pose, force = self.item_in(side), self._forces[side]
             if self._has_sensors:
@@ -187,13 +201,13 @@ class World:
         return pressures(self.item, pose, force)
 
     def step(self, seconds: float) -> None:
-        """Let so much time of the physics pass, as fast as it can be computed."""
+        """Advance the physics by ``seconds``, as fast as possible."""
         with self.lock:
             for _ in range(round(seconds / STEP)):
                 self._step()
 
     def start(self) -> None:
-        """Step in a thread, in real time, until ``stop``."""
+        """Step in a thread in real time until `stop`."""
         self._stopping.clear()
         self._running = threading.Thread(target=self._run, name='physics', daemon=True)
         self._running.start()
@@ -230,7 +244,7 @@ class World:
         self._observe()
 
     def _shaken(self) -> float:
-        """How far the hand is to be from where it rests [m]."""
+        """Return the present distance of the hand from its rest position due to shaking [m]."""
         acceleration, until = self._shake
         if self.now >= until:
             return 0.0
@@ -238,13 +252,13 @@ class World:
         return acceleration / rate**2 * (1 - float(np.cos(rate * (until - self.now))))
 
     def _pulled(self) -> float:
-        """Return the force that pulls the item down now [N]."""
+        """Return the force that pulls the item down at present [N]."""
         speed, most, height, begin = self._pull
         stretched = float(self.data.body('item').xpos[2]) - height + speed * (self.now - begin)
         return min(max(PULL_STIFFNESS * stretched, 0.0), most)
 
     def _observe(self) -> None:
-        """Sum the normal forces of the contacts, and judge what has become of the item."""
+        """Sum the normal forces of the contacts, and update the outcome."""
         self._forces, is_on_table, wrench = dict.fromkeys(SIDES, 0.0), False, np.zeros(6)
         for number in range(self.data.ncon):
             geoms = set(self.data.contact[number].geom.tolist())
@@ -254,7 +268,8 @@ class World:
             other = (geoms - {self._geom}).pop()
             if other in self._skins:
                 self._forces[self._skins[other]] += float(wrench[0])
-            elif not self.model.geom_bodyid[other]:  # of the world, which does not move
+            elif not self.model.geom_bodyid[other]:  # body 0 is the world, which does not move
+
                 is_on_table |= bool(wrench[0] > 0)
         self.most_force = max(self.most_force, *self._forces.values())
         self.outcome = self._judged(is_on_table)

@@ -1,9 +1,9 @@
-"""EMCY (CiA 301, 7.2.7): a device reports its own errors. Decoded into words, the last one kept."""
+"""EMCY (CiA 301, 7.2.7), with which a device reports its own errors: decode the messages and keep the last one."""
 
 import time
 from typing import NamedTuple
 
-#: CiA 301, "Emergency error codes". The longest prefix that is known names the error: code, high byte, class
+#: CiA 301, "Emergency error codes". The most specific known entry names an error: its code, its high byte or its class
 _CODES = {
     0x8110: 'CAN overrun, frames lost', 0x8120: 'CAN in error passive mode', 0x8130: 'life guard or heartbeat error',
     0x8140: 'recovered from bus-off', 0x8150: 'CAN-ID collision', 0x8210: 'PDO not processed, wrong length',
@@ -19,22 +19,22 @@ _CLASSES = {
     0x1: 'generic error', 0x2: 'current', 0x3: 'voltage', 0x4: 'temperature', 0x5: 'device hardware',
     0x6: 'device software', 0x7: 'additional modules', 0x8: 'monitoring', 0x9: 'external error',
     0xF: 'additional or specific to the device'}
-#: CiA 301, object 0x1001, from bit 0 on
+#: meaning of the bits of object 0x1001 (CiA 301), from bit 0 on
 _REGISTER = ('generic', 'current', 'voltage', 'temperature', 'communication', 'device profile', 'reserved',
              'manufacturer')
 
 
 class Emergency(NamedTuple):
-    """One EMCY; fields that a too short message lacks are None."""
+    """One EMCY. A field that a short message lacks is None."""
 
-    stamp: float  #: when it was received [s, Unix epoch]
+    stamp: float  #: time of reception [s, Unix epoch]
     code: int | None
     register: int | None  #: object 0x1001
     manufacturer: bytes
 
     @property
     def is_reset(self) -> bool:
-        """Whether it reports "error reset" or "no error"."""
+        """True if the EMCY reports "error reset" or "no error"."""
         return self.code is not None and self.code >> 8 == 0
 
     def __str__(self) -> str:
@@ -56,13 +56,13 @@ def decode_emergency(data: bytes, stamp: float) -> Emergency:
 
 
 class DeviceErrors(NamedTuple):
-    """What a device lists when it is asked by SDO; None or empty where it does not answer or lists nothing."""
+    """Errors that a device reports when it is asked by SDO; None or empty without an answer."""
 
     register: int | None  #: object 0x1001
-    field: tuple[int, ...] = ()  #: object 0x1003, newest first: code in the lower 16 bits, the maker's above
+    field: tuple[int, ...] = ()  #: object 0x1003, newest first: error code in the lower 16 bits, maker's code above
 
     def __str__(self) -> str:
-        """Name them.
+        """Return the errors as text.
 
         >>> str(DeviceErrors(0x09, (0x0005_4210,))), str(DeviceErrors(None))
         ('error register: generic, temperature; error field: 0x4210 (device temperature)', 'no error register')
@@ -76,15 +76,18 @@ class DeviceErrors(NamedTuple):
 
 
 class EmergencyLog:
-    """The last EMCY of one node, and how many there were."""
+    """Keeps the last EMCY of one node and counts all of them."""
 
     def __init__(self) -> None:
         self.count = 0
         self.last: Emergency | None = None
-        self.active: Emergency | None = None  #: the last error that was not reset
+        self.active: Emergency | None = None  #: last error that was not reset
 
     def feed(self, _can_id: int, data: bytes) -> None:
-        """Take an EMCY. Error reset with errors left in its register: one is gone, others stay (CiA 301, 7.2.7.1)."""
+        """Process an EMCY.
+
+        If the error register still shows errors at an error reset, the error stays active (CiA 301, 7.2.7.1).
+        """
         emergency = decode_emergency(data, time.time())
         self.last = emergency
         self.count += 1
@@ -94,7 +97,7 @@ class EmergencyLog:
             self.active = None
 
     def booted(self) -> None:
-        """A device starts without errors, and reports those that it finds."""
+        """Note a boot-up: a device starts without errors and reports the ones that it finds."""
         self.active = None
 
 

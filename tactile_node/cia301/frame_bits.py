@@ -1,15 +1,15 @@
-"""How many bits a CAN frame takes on the wire at most (ISO 11898-1, classical frames; Bosch CAN 2.0)."""
+"""Largest number of bits that a CAN frame takes on the wire (ISO 11898-1, classical frames; Bosch CAN 2.0)."""
 
 from functools import lru_cache
 from typing import NamedTuple
 
 CRC_BITS = 15
-#: CRC delimiter, ACK slot and its delimiter, end of frame, and the three bits between two frames: never stuffed
+#: bits that are never stuffed: CRC delimiter, ACK slot and delimiter, end of frame, 3 bits of interframe space
 UNSTUFFED_BITS = 1 + 2 + 7 + 3
 
 
 class Frame(NamedTuple):
-    """A classical CAN frame. A remote one has no data and asks for ``requested`` bytes."""
+    """A classical CAN frame. A remote frame has no data and requests ``requested`` bytes."""
 
     can_id: int
     data: bytes = b''
@@ -23,9 +23,10 @@ class Frame(NamedTuple):
 
 
 def arbitration(frame: Frame) -> int:
-    """The arbitration field as a number: the lowest wins.
+    """Return the arbitration field as a number; the frame with the lowest number wins.
 
-    A standard frame wins over an extended one of the same eleven first bits, a data frame over its remote one.
+    A standard frame wins over an extended frame with the same first eleven bits. A data frame wins over the remote
+    frame with the same identifier.
 
     >>> frames = [Frame(0x100 << 18, is_extended=True), Frame(0x100, is_remote=True), Frame(0x101), Frame(0x100)]
     >>> [frames.index(frame) for frame in sorted(frames, key=arbitration)]
@@ -38,7 +39,7 @@ def arbitration(frame: Frame) -> int:
 
 
 def worst_case_bits(frame: Frame) -> int:
-    """Return the most bits that a frame of this length can take, stuff bits included.
+    """Return the largest number of bits that a frame of this length can take, including stuff bits.
 
     >>> worst_case_bits(Frame(0x080)), worst_case_bits(Frame(0x1A0, bytes(8)))
     (55, 135)
@@ -49,8 +50,15 @@ def worst_case_bits(frame: Frame) -> int:
 
 @lru_cache(maxsize=256)
 def load_bits(size: int, is_extended: bool = False, is_remote: bool = False) -> int:
-    """Return the bits that a frame of ``size`` bytes adds to the load of its bus.
+    """Return the number of bits that a frame adds to the load of its bus.
 
-    A classical controller has 8 bytes at most, but an adapter may report more.
+    Parameters
+    ----------
+    size
+        Number of data bytes. A classical frame has at most 8, but an adapter may report more.
+    is_extended
+        True for a 29-bit identifier.
+    is_remote
+        True for a remote frame, which has no data.
     """
     return worst_case_bits(Frame(0, b'' if is_remote else bytes(min(size, 8)), is_extended))

@@ -1,4 +1,4 @@
-"""Heartbeats of the nodes (CiA 301, NMT error control): what was last received of each node."""
+"""Heartbeats of the nodes (CiA 301, NMT error control), and the state that each node reported last."""
 
 import threading
 import time
@@ -7,43 +7,44 @@ from dataclasses import dataclass
 
 from tactile_node.cia301.objects import HEARTBEAT, NmtState
 
-TOGGLE = 0x80  # bit 7 toggles in answers to node guarding
+TOGGLE = 0x80  #: bit 7, which toggles in answers to node guarding
 
 
 def nmt_state(data: bytes) -> int | None:
-    """Return the NMT state in a heartbeat, a boot-up message or an answer to node guarding; None if it has no byte.
+    """Return the NMT state in a heartbeat, a boot-up message or an answer to node guarding; None if it is empty.
 
-    CiA 301 gives these frames one byte. Some devices send more: their first byte is the state.
+    CiA 301 defines one byte for these frames. Some devices send more; the first byte is the state.
     """
     return data[0] & ~TOGGLE if data else None
 
 
 @dataclass
 class HeardNode:
-    """What was received of one node. Times are of the monotonic clock [s]."""
+    """Heartbeats received from one node. Times are from the monotonic clock [s]."""
 
-    state: int | None = None  #: NMT state last heard; None: never heard
-    heard: float | None = None  #: when
-    boots: int = 0  #: boot-up messages
-    heartbeats: int = 0  #: without boot-ups
-    guarded: int = 0  #: heartbeats with a toggle bit: answers to node guarding
-    intervals: tuple[float, float] | None = None  #: the last two; a change of state adds one, and a short one
+    state: int | None = None  #: NMT state last reported; None if the node was never heard
+    heard: float | None = None  #: time of the last heartbeat
+    boots: int = 0  #: number of boot-up messages
+    heartbeats: int = 0  #: number of heartbeats without boot-up messages
+    guarded: int = 0  #: number of heartbeats with a toggle bit, which are answers to node guarding
+    #: the last two intervals between heartbeats; a change of state adds an interval, which may be short
+    intervals: tuple[float, float] | None = None
 
 
 class Heartbeats:
-    """What was last received of each node; thread-safe."""
+    """Keeps the last heartbeat of each node. It is thread-safe."""
 
     def __init__(self) -> None:
         self._nodes: defaultdict[int, HeardNode] = defaultdict(HeardNode)
         self._changed = threading.Condition()
 
     def of(self, node_id: int) -> HeardNode:
-        """Return what was received of a node, now and later."""
+        """Return the record of a node, which is updated with each heartbeat."""
         with self._changed:
             return self._nodes[node_id]
 
     def feed(self, can_id: int, data: bytes) -> bool:
-        """Take a frame on 0x700 + node-ID; True for a boot-up or a new state. An empty frame is ignored."""
+        """Process a frame on 0x700 + node-ID; return True for a boot-up or a new state. An empty frame is ignored."""
         state, now = nmt_state(data), time.monotonic()
         if state is None:
             return False
@@ -61,19 +62,26 @@ class Heartbeats:
         return is_news
 
     def forget(self) -> None:
-        """Forget all states, since the bus was opened again; the counts stay."""
+        """Forget all states because the bus was opened again; the counts remain."""
         with self._changed:
             for node in self._nodes.values():
                 node.state = node.heard = node.intervals = None
 
     @property
     def nodes(self) -> list[int]:
-        """The nodes that were heard, in order."""
+        """Node-IDs of the nodes that were heard, sorted."""
         with self._changed:
             return sorted(node_id for node_id, node in self._nodes.items() if node.state is not None)
 
     def wait_for(self, node_id: int, state: NmtState, since: float, timeout: float) -> bool:
-        """Wait until the node has reported ``state`` after ``since``, for ``timeout`` [s] at most."""
+        """Wait at most ``timeout`` [s] for the node to report ``state`` after the time ``since``.
+
+        Returns
+        -------
+        bool
+            True if the node reported the state in time.
+        """
+
         node = self.of(node_id)
         with self._changed:
             return self._changed.wait_for(lambda: node.state == state and (node.heard or 0.0) >= since, timeout)

@@ -1,4 +1,4 @@
-"""Facts of CiA 301 and 306: node-IDs, COB-IDs, objects, PDO and NMT."""
+"""Facts from CiA 301 and 306: node-IDs, COB-IDs, objects, PDO and NMT."""
 
 import re
 from dataclasses import dataclass
@@ -7,22 +7,22 @@ from typing import NamedTuple
 
 MIN_NODE_ID = 1
 MAX_NODE_ID = 127
-ALL_NODES = 0  #: in an NMT command
-#: [bit/s], of CiA 301 (5.4); its earlier versions have 100,000 too
+ALL_NODES = 0  #: node-ID in an NMT command that addresses all nodes
+#: bit rates of CiA 301 (5.4) [bit/s]; its earlier versions also have 100,000
 BIT_RATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 
 
-DISABLED = 1 << 31  #: "PDO does not exist" in sub 1 of the PDO communication record (CiA 301)
-NO_RTR = 1 << 30  #: "no remote request allowed", same place
-PRODUCES_SYNC = 1 << 30  #: in 0x1005: the device produces SYNC
-SYNC_ID_MASK = (1 << 30) - 1  #: in 0x1005: the identifier and bit 29, which says that it has 29 bits
-ID_MASK = 0x7FF  #: the identifier, also its greatest value: 11 bits
+DISABLED = 1 << 31  #: bit "PDO does not exist" in sub 1 of the PDO communication record (CiA 301)
+NO_RTR = 1 << 30  #: bit "no remote request allowed" in the same entry
+PRODUCES_SYNC = 1 << 30  #: bit in 0x1005: the device produces SYNC
+SYNC_ID_MASK = (1 << 30) - 1  #: mask in 0x1005 of the identifier and of bit 29, which marks a 29-bit identifier
+ID_MASK = 0x7FF  #: mask of an 11-bit identifier, and its largest value
 
 _OCTAL = re.compile(r'(?<![\w.])0+([0-7]+)(?![\w.])')
 
 
 def read_octal(written: str) -> str:
-    """Return a number, or a sum of them, with the octal ones of CiA 306 (a leading 0, as in C) as Python writes them.
+    """Return a number, or a sum, in Python's notation; an octal number of CiA 306 has a leading 0, as in C.
 
     >>> read_octal('$NODEID+0600'), read_octal('0x080'), read_octal('0')
     ('$NODEID+0o600', '0x080', '0')
@@ -37,7 +37,7 @@ class CobId(NamedTuple):
     """An 11-bit COB-ID, given as a number or as '$NODEID+0x180' (CiA 306)."""
 
     base: int
-    relative: bool  #: the node-ID is added
+    relative: bool  #: True if the node-ID is added to ``base``
 
     def of(self, node_id: int) -> int:
         return self.base + (node_id if self.relative else 0)
@@ -47,7 +47,7 @@ class CobId(NamedTuple):
 
 
 def parse_cob_id(written: int | str) -> CobId:
-    """Return the COB-ID of a number, '0x1A0', '$NODEID+0x180' or '0x180 + $NodeID'; ValueError otherwise.
+    """Read a COB-ID: a number, '0x1A0', '$NODEID+0x180' or '0x180 + $NodeID'. Raises ValueError for anything else.
 
     >>> parse_cob_id('$NODEID+0x180').of(32) == 0x1A0
     True
@@ -65,18 +65,18 @@ def parse_cob_id(written: int | str) -> CobId:
 
 DEVICE_TYPE = 0x1000
 ERROR_REGISTER = 0x1001
-ERROR_FIELD = 0x1003  #: sub 0 number of errors, sub 1 the newest
+ERROR_FIELD = 0x1003  #: sub 0: number of errors; sub 1: newest error
 COB_ID_SYNC = 0x1005
 DEVICE_NAME = 0x1008
 HARDWARE_VERSION = 0x1009
 SOFTWARE_VERSION = 0x100A
-STORE_PARAMETERS = 0x1010  #: sub 1 all, 2 communication, 3 application
-RESTORE_PARAMETERS = 0x1011  #: sub 1 all, 2 communication, 3 application
+STORE_PARAMETERS = 0x1010  #: sub 1: all, sub 2: communication, sub 3: application
+RESTORE_PARAMETERS = 0x1011  #: sub 1: all, sub 2: communication, sub 3: application
 PRODUCER_HEARTBEAT_TIME = 0x1017
-IDENTITY = 0x1018  #: sub 1 vendor, 2 product, 3 revision, 4 serial number
-TPDO_COMMUNICATION = 0x1800  #: TPDO 1; sub 1 COB-ID, 2 transmission type
-TPDO_MAPPING = 0x1A00  #: TPDO 1; sub 0 number of mapped objects, then index, sub-index and bits of each
-MAX_TPDOS = 512  #: that one node has
+IDENTITY = 0x1018  #: sub 1: vendor, sub 2: product, sub 3: revision, sub 4: serial number
+TPDO_COMMUNICATION = 0x1800  #: record of TPDO 1; sub 1: COB-ID, sub 2: transmission type
+TPDO_MAPPING = 0x1A00  #: record of TPDO 1; sub 0: number of mapped objects, then index, sub-index and bits of each
+MAX_TPDOS = 512  #: largest number of TPDOs of one node
 COMMUNICATION_RECORDS = range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS)
 MAPPING_RECORDS = range(TPDO_MAPPING, TPDO_MAPPING + MAX_TPDOS)
 
@@ -84,7 +84,7 @@ MAX_INDEX = 0xFFFF
 MAX_SUBINDEX = 0xFE
 
 
-FIRST_INDEX = 0x1000  #: below are data types (CiA 301, 7.4.1), which no SDO server has
+FIRST_INDEX = 0x1000  #: lower indices are data types (CiA 301, 7.4.1), which no SDO server provides
 _ADDRESS = re.compile(r'(0x[0-9a-f]+|[0-9]{5,})(?::(0x[0-9a-f]+|[0-9]+))?', re.IGNORECASE)
 
 
@@ -100,9 +100,10 @@ class ObjectAddress:
 
 
 def parse_address(written: str) -> ObjectAddress:
-    """Return the address that '0x1018:1', '0x1018:0x01' or '25601:16' stands for; ValueError for anything else.
+    """Return the address for '0x1018:1', '0x1018:0x01' or '25601:16'. Raises ValueError for anything else.
 
-    Manuals write an index as four hexadecimal digits, so four digits without 0x could be either:
+    Manuals write an index as four hexadecimal digits. Four digits without 0x are refused, because they could be decimal
+    or hexadecimal:
 
     >>> parse_address('0x6401:16'), parse_address('25601:0x10')
     (ObjectAddress(index=25601, sub=16), ObjectAddress(index=25601, sub=16))
@@ -119,23 +120,25 @@ def parse_address(written: str) -> ObjectAddress:
     return address
 
 
-MAX_PDO_BYTES = 8  #: that a classic CAN frame has
+MAX_PDO_BYTES = 8  #: size of a classical CAN frame
 MAX_PDO_BITS = 8 * MAX_PDO_BYTES
 
-# Transmission types, a sub-index of the communication record
-TRANSMISSION_TYPE = 2
-EVERY_SYNC = 1  #: synchronous; 2..240: at every 2nd..240th SYNC
+# Transmission types
+TRANSMISSION_TYPE = 2  #: sub-index in the communication record
+EVERY_SYNC = 1  #: synchronous at every SYNC; 2..240: at every 2nd..240th SYNC
 MAX_SYNCHRONOUS = 240
 MANUFACTURER_EVENT = 254  #: at an event that the maker defines; CiA 301 prescribes 254 or 255 for an MPDO
 PROFILE_EVENT = 255  #: at an event that the device profile defines
 
 # Times in the communication record (CiA 301, 7.5.2.37)
-INHIBIT_TIME, INHIBIT_UNIT = 3, 1e-4  #: sub-index and unit [s]: least time between two transmissions of one TPDO
-EVENT_TIMER, EVENT_TIMER_UNIT = 5, 1e-3  #: sub-index and unit [s]: most time between two transmissions; 0: off
-MAX_TIME = 0xFFFF  #: either, in its unit
+INHIBIT_TIME = 3  #: sub-index of the shortest time between two transmissions of one TPDO
+INHIBIT_UNIT = 1e-4  #: unit of the inhibit time [s]
+EVENT_TIMER = 5  #: sub-index of the longest time between two transmissions; 0 switches the timer off
+EVENT_TIMER_UNIT = 1e-3  #: unit of the event timer [s]
+MAX_TIME = 0xFFFF  #: largest inhibit time or event timer, in its unit
 
-# Multiplexed PDO in source addressing mode: node-ID, index and sub-index of one object, and its value
-SAM_MPDO = 0xFE  #: in place of the number of mapped objects, sub 0 of the mapping record
+# Multiplexed PDO in source addressing mode: it carries node-ID, index and sub-index of one object, and its value
+SAM_MPDO = 0xFE  #: marks an MPDO, instead of the number of mapped objects, in sub 0 of the mapping record
 MPDO_DATA_BITS = 32
 
 
@@ -150,7 +153,7 @@ class NmtCommand(IntEnum):
 
 
 class NmtState(IntEnum):
-    """A node's state, as in its heartbeat."""
+    """State of a node, as its heartbeat reports it."""
 
     BOOT_UP = 0x00
     STOPPED = 0x04
@@ -159,32 +162,32 @@ class NmtState(IntEnum):
 
 
 def command_name(command: int) -> str:
-    """Name an NMT command: 'enter pre-operational'; 'command 0x..' when CiA 301 does not define it."""
+    """Return the name of an NMT command, such as 'enter pre-operational', or 'command 0x..' if it is not defined."""
     if command not in NmtCommand.__members__.values():
         return f'command 0x{command:02X}'
     return NmtCommand(command).name.lower().replace('_', ' ').replace('pre ', 'pre-')
 
 
 def state_name(state: int | None) -> str:
-    """Name an NMT state as CiA 301 does: 'PRE-OPERATIONAL'; 'never heard' for None."""
+    """Return the name of an NMT state in CiA 301, such as 'PRE-OPERATIONAL', or 'never heard' for None."""
     if state is None:
         return 'never heard'
     known = state in NmtState.__members__.values()
     return NmtState(state).name.replace('_', '-') if known else f'unknown NMT state 0x{state:02X}'
 
 
-AUTO_ZERO = 0x6125  #: "AI autozero", one sub-index a channel, write only
-ZERO_SIGNATURE = b'zero'  #: to be written to AUTO_ZERO: 0x6F72657A, least significant byte first
+AUTO_ZERO = 0x6125  #: object "AI autozero", write-only, with one sub-index per channel (CiA 404)
+ZERO_SIGNATURE = b'zero'  #: bytes to write to AUTO_ZERO: 0x6F72657A, least significant byte first
 
 
 NMT = 0x000
-SYNC = 0x080  #: default, object 0x1005 can change it
+SYNC = 0x080  #: default; object 0x1005 can change it
 TIME = 0x100
-# Bases, to which the node-ID is added:
+# Base COB-IDs, to which the node-ID is added:
 EMCY = 0x080
 SDO_RESPONSE = 0x580  #: server to client
 SDO_REQUEST = 0x600  #: client to server
-HEARTBEAT = 0x700  #: also boot-up and node guarding
+HEARTBEAT = 0x700  #: also used by boot-up messages and node guarding
 
 
 class CanIdRange(NamedTuple):
@@ -197,11 +200,11 @@ def _of_nodes(base: int, use: str) -> CanIdRange:
     return CanIdRange(base + MIN_NODE_ID, base + MAX_NODE_ID, use)
 
 
-#: The names under which CAN frames of a service are counted
+#: services and the names under which their CAN frames are counted
 SERVICES = (CanIdRange(NMT, NMT, 'nmt'), _of_nodes(EMCY, 'emcy'), CanIdRange(TIME, TIME, 'time'),
             _of_nodes(SDO_RESPONSE, 'sdo'), _of_nodes(SDO_REQUEST, 'sdo'), _of_nodes(HEARTBEAT, 'heartbeat'))
 
-#: Table "Restricted CAN-IDs" of CiA 301: no PDO and no SYNC may use these
+#: table "Restricted CAN-IDs" of CiA 301: identifiers that neither a PDO nor SYNC may use
 RESERVED = (
     CanIdRange(NMT, NMT, 'NMT'), CanIdRange(0x001, 0x07F, 'reserved'), CanIdRange(0x101, 0x180, 'reserved'),
     _of_nodes(SDO_RESPONSE, 'SDO answers'), _of_nodes(SDO_REQUEST, 'SDO requests'),
@@ -210,7 +213,7 @@ RESERVED = (
 
 
 def node_of(can_id: int, base: int) -> int | None:
-    """Return the node-ID of a COB-ID that is ``base`` + node-ID; None of any other.
+    """Return the node-ID in a COB-ID that is the sum of ``base`` and a node-ID; None for any other COB-ID.
 
     >>> node_of(0x720, HEARTBEAT), node_of(0x700, HEARTBEAT)
     (32, None)
@@ -220,10 +223,10 @@ def node_of(can_id: int, base: int) -> int | None:
 
 
 def service_of(can_id: int) -> str:
-    """Name the service of a COB-ID that is no pad's TPDO and not SYNC: 'nmt', 'emcy', ..., else 'foreign'."""
+    """Return the service of a COB-ID that is neither SYNC nor a TPDO of a pad: 'nmt', 'emcy', ..., or 'foreign'."""
     return next((service.use for service in SERVICES if service.first <= can_id <= service.last), 'foreign')
 
 
 def reserved_for(can_id: int) -> str | None:
-    """Name what CiA 301 reserves ``can_id`` for; None when a PDO may use it."""
+    """Return the use for which CiA 301 reserves ``can_id``, or None if a PDO may use it."""
     return next((range_.use for range_ in RESERVED if range_.first <= can_id <= range_.last), None)

@@ -1,6 +1,6 @@
-"""Service data objects (CiA 301, 7.2.4): commands of block uploads and abort codes.
+"""Service data objects (CiA 301, 7.2.4): commands of block uploads, abort codes, and a tracker of uploads.
 
-``canopen.sdo.constants`` defines the elementary commands; canopen before 2.4 lacks the abort codes.
+``canopen.sdo.constants`` defines the elementary commands. canopen before 2.4 lacks the abort codes.
 """
 
 import binascii
@@ -8,9 +8,9 @@ from enum import Enum, IntEnum
 
 from canopen.sdo import constants
 
-SDO_BYTES = 8  #: every SDO frame has as many
-SEGMENT_BYTES = 7  #: data in one segment
-MAX_BLOCK_SEGMENTS = 127
+SDO_BYTES = 8  #: length of every SDO frame
+SEGMENT_BYTES = 7  #: number of data bytes in one segment
+MAX_BLOCK_SEGMENTS = 127  #: largest number of segments in one block
 COMMAND = 0xE0  #: mask of the command specifier
 BLOCK_COMMAND = 0xE3  #: mask of the command specifier and the sub-command of a block transfer
 
@@ -26,7 +26,7 @@ END_BLOCK_RESPONSE = constants.RESPONSE_BLOCK_UPLOAD | constants.END_BLOCK_TRANS
 
 
 class AbortCode(IntEnum):
-    """Why a server refuses a request; those that this package uses."""
+    """Reasons for which a server refuses a request, as far as this package uses them."""
 
     INVALID_BLOCK_SIZE = 0x0504_0002
     NOT_MAPPABLE = 0x0604_0041
@@ -36,7 +36,7 @@ class AbortCode(IntEnum):
 
 
 def written_object(request: bytes) -> int | None:
-    """Return the index that an SDO client begins to write; None for any other request.
+    """Return the index of the object that an SDO client starts to write, or None for any other request.
 
     >>> hex(written_object(bytes.fromhex('2F001A0000000000')))
     '0x1a00'
@@ -51,12 +51,12 @@ def written_object(request: bytes) -> int | None:
 
 
 class Step(Enum):
-    """What a frame means for the upload."""
+    """Effect of a frame on the upload."""
 
     NOTHING = 0
     BEGUN = 1
     DONE = 2  #: ``data`` is complete
-    BROKEN = 3  #: aborted, or frames are missing, or the CRC is wrong
+    BROKEN = 3  #: the transfer was aborted, frames are missing, or the CRC is wrong
 
 
 class _Waiting(Enum):
@@ -69,16 +69,16 @@ class _Waiting(Enum):
 
 
 class SdoUpload:
-    """The upload of object ``index``, ``subindex``; ``data`` holds it from DONE to the next BEGUN."""
+    """Follows the upload of one object. From DONE to the next BEGUN, ``data`` holds the object."""
 
     def __init__(self, index: int, subindex: int):
         self._object = bytes([index & 0xFF, index >> 8, subindex])
         self._waiting = _Waiting.NOTHING
-        self._segments: list[bytes] = []  # received in the block under way
-        self._has_last = False  # the last segment of the object is among them
+        self._segments: list[bytes] = []  # segments received in the present block
+        self._has_last = False  # True if they include the last segment of the object
         self._client_has_crc = False
-        self._has_crc = False  # client and server have
-        self._toggle = 0  # expected in the next segment
+        self._has_crc = False  # True if client and server support a CRC
+        self._toggle = 0  # toggle bit expected in the next segment
         self._buffer = bytearray()
         self.data = b''
 
@@ -87,7 +87,7 @@ class SdoUpload:
         return self._waiting is not _Waiting.NOTHING
 
     def request(self, frame: bytes) -> Step:
-        """Take a frame of the client."""
+        """Process a frame from the client and return its effect."""
         command = frame[0] if len(frame) == SDO_BYTES else constants.REQUEST_ABORTED
         is_block = command & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST
         if (is_block or command & COMMAND == constants.REQUEST_UPLOAD) and frame[1:4] == self._object:
@@ -102,10 +102,10 @@ class SdoUpload:
             return self._acknowledge(frame[1])
         if command & COMMAND == constants.REQUEST_SEGMENT_UPLOAD and self._waiting is _Waiting.SEGMENT:
             return Step.NOTHING
-        return self._break()  # aborted, or the channel serves another object now
+        return self._break()  # aborted, or the channel now transfers another object
 
     def response(self, frame: bytes) -> Step:
-        """Take a frame of the server."""
+        """Process a frame from the server and return its effect."""
         if not self.is_under_way:
             return Step.NOTHING
         if len(frame) != SDO_BYTES or frame[0] == constants.RESPONSE_ABORTED:
@@ -145,7 +145,7 @@ class SdoUpload:
         return self._finish()
 
     def _segment(self, frame: bytes) -> Step:
-        if frame[0] & constants.TOGGLE_BIT != self._toggle:  # one is lost or doubled
+        if frame[0] & constants.TOGGLE_BIT != self._toggle:  # a segment is lost or duplicated
             return self._break()
         self._toggle ^= constants.TOGGLE_BIT
         unused = frame[0] >> 1 & 7
@@ -153,14 +153,14 @@ class SdoUpload:
         return self._finish() if frame[0] & constants.NO_MORE_DATA else Step.NOTHING
 
     def _block_segment(self, frame: bytes) -> Step:
-        """Only the next one in order counts: the server repeats all segments after a gap."""
+        """Keep a segment if it is the next one in order; after a gap, the server repeats all following segments."""
         if frame[0] & ~constants.NO_MORE_BLOCKS == len(self._segments) + 1:
             self._segments.append(frame[1:])
             self._has_last = bool(frame[0] & constants.NO_MORE_BLOCKS)
         return Step.NOTHING
 
     def _acknowledge(self, count: int) -> Step:
-        """The client has ``count`` segments of this block; it may have received more of them than we."""
+        """Process the client's acknowledgement of ``count`` segments; the client may have received more than we did."""
         if count > len(self._segments):
             return self._break()
         is_last = self._has_last and count == len(self._segments)

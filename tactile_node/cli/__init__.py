@@ -1,1 +1,2 @@
-"""The ``tactile`` command: one module a sub-command."""
+"""The ``tactile`` command, with one module per sub-command."""
+

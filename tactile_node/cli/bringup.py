@@ -1,4 +1,4 @@
-"""`tactile bringup`: the ROS 2 nodes of one bus, or of one side of it, in one process; the launch file starts it."""
+"""`tactile bringup` runs the ROS 2 nodes of one bus, or of one side of it, in one process, as the launch file does."""
 
 import argparse
 import os
@@ -23,7 +23,7 @@ from tactile_node.ros.settings import (
 SIMULATED_CHANNEL = 'tactile_bringup'
 SETTINGS = {Role.DRIVER: DriverSettings, Role.PROCESSOR: ProcessorSettings, Role.CLASSIFIER: ClassifierSettings,
             Role.GRASP: GraspNodeSettings}
-#: option -> parameter of the nodes of a role; of several, the first describes the option
+#: for each role, option -> parameter of its nodes; if several nodes read an option, the first one describes it
 PARAMETERS: Mapping[Role, Mapping[str, str]] = {
     Role.DRIVER: {name: name for name in (
         'node_ids', 'layouts', 'interface', 'channel', 'bitrate', 'eds', 'record', 'replay', 'replay_channel',
@@ -34,12 +34,12 @@ PARAMETERS: Mapping[Role, Mapping[str, str]] = {
         'frame_prefix', 'gap', 'gap_source', 'gap_joints', 'gap_frames', 'gap_scale', 'gap_offset',
         'publish_pad_frames')}}}
 
-#: option and launch argument -> its other spelling, which means the same
+#: option or launch argument -> its second spelling with the same meaning
 OTHER_SPELLINGS = {'node_ids': 'node_id', 'layouts': 'layout'}
 
 
 class Option(NamedTuple):
-    """An option; None where it is not given, which leaves it to the parameter file and the nodes' defaults."""
+    """An option. If it is not given, the parameter file or the node's default decides; its value is then None."""
 
     description: str
     read: Callable[[str], object] = str
@@ -47,8 +47,15 @@ class Option(NamedTuple):
 
 
 def parameter_option(row: Parameter) -> Option:
-    """Return the option that sets the parameter of ``row``.
+    """Return the option that sets a node parameter.
 
+    Parameters
+    ----------
+    row
+        Description, type and default of the parameter.
+
+    Examples
+    --------
     >>> parameter_option(next(row for row in table(GraspNodeSettings) if row.name == 'gap_offset')).description
     'opening at reading 0 [m] (gap_source joint_states, tf) (default: 0)'
     """
@@ -62,7 +69,7 @@ def parameter_option(row: Parameter) -> Option:
 
 
 def _rows() -> dict[str, Parameter]:
-    """Return the row that describes each option which sets a parameter."""
+    """Return, for each option that sets a parameter, the parameter row that describes it."""
     found = {'pads': next(row for row in table(DriverSettings) if row.name == 'pads')}
     for role, options in PARAMETERS.items():
         rows = {row.name: row for row in table(SETTINGS[role])}
@@ -73,24 +80,37 @@ def _rows() -> dict[str, Parameter]:
 ROWS = _rows()
 OPTIONS = {
     **{name: parameter_option(row) for name, row in ROWS.items()},
-    'simulate': Option('true: a simulated skin in place of the bus, in the process of the driver', switch),
-    'side': Option('only the nodes of this side: bus: the driver, on the host with the CAN adapter; perception: those '
-                   'that make shapes and grasps of taxels, on any host (default: all nodes)',
+    'simulate': Option('true: use a simulated skin instead of a bus; it runs in the process of the driver', switch),
+    'side': Option('run only the nodes of one side. bus: the driver, on the host with the CAN adapter; perception: the '
+                   'nodes that turn taxels into shapes and grasps, on any host (default: all nodes)',
                    choices=tuple(side.value for side in Side)),
     'use_sim_time': Option('true: take the time from /clock', switch),
-    'params_file': Option('ROS 2 parameter file for all nodes; what is given beside it wins over it')}
-#: of the launch file
+    'params_file': Option('ROS 2 parameter file for all nodes; an option or argument overrides its value in the file')}
+#: arguments of the launch file
 ARGUMENTS = {
-    **OPTIONS, 'gripper_action': Option("the gripper's own action, as gripper_controller/gripper_cmd: starts "
-                                        'touch_gripper in front of it as a second process (default: none)'),
+    **OPTIONS, 'gripper_action': Option("name of the gripper's own action, such as gripper_controller/gripper_cmd; "
+                                        'a second process then runs touch_gripper in front of it (default: none)'),
     'namespace': Option('namespace of all nodes and topics, below that of PushRosNamespace'),
-    'on_exit': Option('when the process ends: keep (default): nothing more; respawn: start it again; shutdown: end the '
-                      'whole launch, with code 1 where the process has failed',
+    'on_exit': Option('what the launch does when the process ends. keep (default): nothing; respawn: start the process '
+                      'again; shutdown: end the whole launch, with exit code 1 if the process failed',
                       choices=('keep', 'respawn', 'shutdown'))}
 
 
 def describe_nodes(args: argparse.Namespace, namespace: str) -> tuple[NodeDescription, ...]:
-    """The nodes of this process, with the parameters that were given. Raises ConfigurationError."""
+    """Return the nodes of this process, with the parameters from the options.
+
+    Parameters
+    ----------
+    args
+        Options of the command.
+    namespace
+        ROS namespace of the nodes.
+
+    Raises
+    ------
+    ConfigurationError
+        If an option belongs to a node that this process does not run.
+    """
     if args.replay and args.side:
         raise ConfigurationError('--replay', expected='all nodes of the bus in one process',
                                  got=f'--side {args.side}', remedy='Leave --side out.')
@@ -108,7 +128,7 @@ def pad_names_of(args: argparse.Namespace) -> list[str]:
 
 
 def _check_side(args: argparse.Namespace) -> None:
-    """Raises ConfigurationError for an option that no node of this side reads: it belongs on the other host."""
+    """Raise ConfigurationError for an option that no node of this side reads; it belongs on the other host."""
     read = {option for role in roles_of(Side(args.side)) for option in PARAMETERS[role]} | {'pads'}
     if Side(args.side) is Side.BUS:
         read.add('simulate')
@@ -119,14 +139,14 @@ def _check_side(args: argparse.Namespace) -> None:
 
 
 def _source_parameters(args: argparse.Namespace) -> dict[str, ParameterValue]:
-    """What takes the place of a bus."""
+    """Return the driver parameters that replace the bus by a simulated skin or by a log."""
     if args.simulate:
         return {'interface': 'virtual', 'channel': SIMULATED_CHANNEL}
-    return {'autostart': True} if args.replay else {}  # also where the parameter file says false
+    return {'autostart': True} if args.replay else {}  # a replay starts even if the parameter file says false
 
 
 def _parameters(args: argparse.Namespace, options: Mapping[str, str]) -> dict[str, ParameterValue]:
-    """Only what was given: the rest is left to the parameter file and the defaults."""
+    """Return only the given options, so that the parameter file and the defaults decide about the others."""
     return {parameter: value for option, parameter in options.items() if (value := getattr(args, option)) is not None}
 
 
@@ -143,12 +163,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         (source if name in ('simulate', 'replay') else parser).add_argument(
             *words, type=option.read, help=option.description.replace('%', '%%'), **more)
     parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
-    add_number(parser, '--end-with', int, limits={'least': 1}, metavar='PID', help='end when this process ends')
-    parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments, for all nodes')
+    add_number(parser, '--end-with', int, limits={'least': 1}, metavar='PID',
+               help='end when the process with this ID ends')
+    parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments for all nodes')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until Ctrl-C or the end of the log; return 0, or the exit code of `nodes.replay.play`."""
+    """Run until Ctrl-C or the end of the log; return 0, or for a log the exit code of `nodes.replay.play`."""
     with ExitStack() as stack:
         stop_requested = stack.enter_context(interruption())
         if args.end_with:
@@ -158,7 +179,7 @@ def run(args: argparse.Namespace) -> int:
         ros_arguments = [*given.arguments, *_params_file(args)]
         if args.simulate and any(node.role is Role.DRIVER for node in nodes):
             _simulate(args, stack)
-        from tactile_node.nodes.replay import play  # only here: `tactile --help` needs no ROS
+        from tactile_node.nodes.replay import play  # imported late, because `tactile --help` must work without ROS
         from tactile_node.nodes.run import running, wait
         system, spinner = stack.enter_context(running(nodes, ros_arguments))
         system.autostart(stop_requested)
@@ -169,17 +190,20 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _params_file(args: argparse.Namespace) -> list[str]:
-    """Checked here: rcl would log another error beside ours, launch_ros leaves a missing file out."""
+    """Return the ROS arguments for the parameter file.
+
+    A missing file is reported here, because rcl would log a second error and launch_ros would ignore the file.
+    """
     if not args.params_file:
         return []
     if not os.path.isfile(args.params_file):
         raise ConfigurationError('parameter file', expected='a ROS 2 parameter file (YAML)',
-                                 got=f'{args.params_file!r}, which is no file', remedy='Check its path.')
+                                 got=f'{args.params_file!r}, which is not a file', remedy='Check its path.')
     return ['--params-file', args.params_file]
 
 
 def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:
-    """Put a simulated skin on a bus of this process."""
+    """Start a simulated skin on a virtual bus in this process; ``stack`` stops it."""
     from tactile_node.simulator.skin_simulator import SkinSimulator
     from tactile_node.simulator.touches import gripper_sources
     from tactile_node.skin.pads import make_pads, with_dictionaries

@@ -1,7 +1,8 @@
-"""`tactile calibrate`: a skin's response (depth of its taxels, curve of their readings) from presses of a known disc.
+"""`tactile calibrate` determines the response of a skin from presses with a known disc.
 
-Take a rigid cylinder with a flat face, 10 pitches or more across. Record the pad at rest, then press it at six places
-or more, lightly and firmly, and lift it in between; the face must lie flat and stay within the pad.
+The response is the depth of the taxels and the curve from their readings to pressure. Take a rigid cylinder with a flat
+face, at least 10 pitches in diameter. Record the pad at rest. Then press the disc onto the pad at six places or more,
+lightly and firmly, and lift it between presses. The face must lie flat and stay within the pad.
 """
 
 import argparse
@@ -25,27 +26,31 @@ from tactile_node.output_file import check_writable
 from tactile_node.pose.moments import check_pitch
 from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 
-SUSPICIOUS_ERROR = 0.06  #: share of the radius
+SUSPICIOUS_ERROR = 0.06  #: error of the uncalibrated radius above which --radius may be wrong [fraction of the radius]
 
 
 class Readings(NamedTuple):
-    """Frames of one pad, less its zero."""
+    """Frames of one pad after its zero was subtracted."""
 
     frames: np.ndarray     #: (K, rows, cols), NaN = no valid value
     saturated: np.ndarray  #: (K, rows, cols), bool
-    pitch: float           #: [m]
-    unit: str              #: '' for an array
+    pitch: float           #: distance between neighbouring taxels [m]
+    unit: str              #: unit of the readings; '' for an array
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('recording', help='CAN log as of `tactile record`, or a .npy array (K, rows, cols), zeroed')
-    parser.add_argument('--radius', type=float, required=True, metavar='METRES', help='of the face that touches')
+    parser.add_argument('recording', help='CAN log as for `tactile record`, or a zeroed .npy array (K, rows, cols)')
+    parser.add_argument('--radius', type=float, required=True, metavar='METRES',
+                        help='radius of the face that touches the pad [m]')
     parser.add_argument('--edge-radius', type=float, default=0.0, metavar='METRES',
-                        help='of the rounded edge of that face, default 0: sharp')
+                        help='radius of the rounded edge of that face [m] (default: 0, a sharp edge)')
     add_log_options(parser)
-    parser.add_argument('--gains', default='', metavar='FILE', help='per-taxel gains, as in gain_files of the driver')
-    parser.add_argument('--pitch', type=float, metavar='METRES', help='distance of neighbouring taxels of an array')
-    add_output_option(parser, metavar='FILE', help=f'default: beside the layout, suffix {RESPONSE_SUFFIX}')
+    parser.add_argument('--gains', default='', metavar='FILE', help='file with per-taxel gains, as in gain_files of '
+                        'the driver')
+    parser.add_argument('--pitch', type=float, metavar='METRES', help='distance between neighbouring taxels [m]; only '
+                        'for an array')
+    add_output_option(parser, metavar='FILE', help='file to write (default: beside the layout, with the suffix '
+                      f'{RESPONSE_SUFFIX})')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -61,8 +66,8 @@ def run(args: argparse.Namespace) -> int:
     save_response(output, calibration.response, _head(args), _found_from(known, found, calibration))
     print(_summary(calibration))
     if abs(calibration.before) > SUSPICIOUS_ERROR:
-        print(f'tactile: without calibration the radius would be {100 * calibration.before:+.1f} % off, more than with '
-              'most skins. A wrong --radius looks the same: measure the face again.', file=sys.stderr)
+        print(f'tactile: without calibration the radius would be {100 * calibration.before:+.1f} % off, which is more '
+              'than for most skins. A wrong --radius has the same effect: measure the face again.', file=sys.stderr)
     users = 'to the driver (response_files) or ' if readings.unit else ''
     print(f'written to {output}. Give it {users}to tactile classify (--response).')
     return 0

@@ -1,4 +1,4 @@
-"""`tactile check`: all that is wrong with a skin layout and its EDS, and what the skin asks of the bus."""
+"""`tactile check` reports every error in a skin layout and its EDS, and the load that the skin puts on the CAN bus."""
 
 import argparse
 import json
@@ -24,28 +24,31 @@ from tactile_node.skin.layout_file import read_layout
 from tactile_node.skin.layout_rules import collect_errors, layout_checks
 from tactile_node.yaml_section import line_of
 
-EDS_NODE_ID = 32           #: that the EDS is read for
-SYNC_PERIODS = (0.02, 0.01, 0.005)  #: between two SYNCs, of which the load is given [s]
-MOST_ALIKE = 3             #: errors with the same remedy that the text has
-WIDEST_MAP = 120           #: columns of a map that a terminal shows
-UNSORTED = ('the TPDOs {} are not in ascending order: list them in the order in which the device sends them, by number '
-            'for most devices')
-MAPPED_SIGN, UNMAPPED_SIGN, DEAD_SIGN = '#', '.', 'x'
+EDS_NODE_ID = 32           #: node-ID for which the EDS is read
+SYNC_PERIODS = (0.02, 0.01, 0.005)  #: SYNC periods for which the bus load is reported [s]
+MOST_ALIKE = 3             #: number of errors with the same remedy that are printed in full
+WIDEST_MAP = 120           #: widest map that is printed [columns]; a terminal would wrap a wider one
+UNSORTED = ('the TPDOs {} are not in ascending order. List them in the order in which the device sends them; most '
+            'devices send them by number')
+MAPPED_SIGN = '#'
+UNMAPPED_SIGN = '.'
+DEAD_SIGN = 'x'
 
 
 class Use(NamedTuple):
-    """How the pads of a layout are to be used on their bus."""
+    """Planned use of a layout: the bit rate of the bus, the number of pads on the bus and the SYNC period."""
 
     bitrate: int = DEFAULT_BITRATE
     pads: int = 1
-    sync_period: float = SYNC_PERIODS[0]  #: [s]
+    sync_period: float = SYNC_PERIODS[0]  #: time between two SYNCs [s]
 
 
 class CheckedLayout(NamedTuple):
-    """What is known of a layout."""
+    """Result of checking one layout."""
 
-    layout: SkinLayout | None
-    errors: list[tuple[ConfigurationError, int | None]]  #: the driver would refuse it; line of the layout file
+    layout: SkinLayout | None  #: None if the layout file cannot be read
+    #: errors that make the driver refuse the layout, each with its line in the layout file (None: no line known)
+    errors: list[tuple[ConfigurationError, int | None]]
     warnings: list[str]
 
 
@@ -53,17 +56,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('layout', help='skin layout: a file, or a name in config/')
     parser.add_argument('eds', nargs='?', default='', help="EDS (default: the layout's name with .eds)")
     add_number(parser, '--bitrate', int, limits={'least': 1, 'unit': 'bit/s'}, default=DEFAULT_BITRATE,
-               help='of the bus [bit/s], default %(default)s')
+               help='bit rate of the bus [bit/s] (default: %(default)s)')
     add_number(parser, '--pads', int, limits={'least': 1}, default=1,
-               help='of this layout on the bus, default %(default)s')
+               help='number of pads with this layout on the bus (default: %(default)s)')
     add_number(parser, '--sync-period', limits={'above': 0, 'unit': 's', 'remedy': '0.01 is 100 Hz.'}, metavar='S',
                default=SYNC_PERIODS[0],
-               help='between two SYNCs, at which the bus has to carry the pads, default %(default)s')
-    parser.add_argument('--json', action='store_true', help='one JSON object')
+               help='time between two SYNCs for which the bus load is checked [s] (default: %(default)s)')
+    parser.add_argument('--json', action='store_true', help='print one JSON object instead of text')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print what was found; 2 for a layout that the driver would refuse, 1 for warnings."""
+    """Print the result; return 2 if the driver would refuse the layout, 1 if there are warnings, else 0."""
     use = Use(args.bitrate, args.pads, args.sync_period)
     found = check_layout(args.layout, args.eds, use)
     if args.json:
@@ -74,7 +77,17 @@ def run(args: argparse.Namespace) -> int:
 
 
 def check_layout(layout_name: str, eds: str, use: Use) -> CheckedLayout:
-    """Check a layout and its EDS, all rules of both."""
+    """Check a skin layout and its EDS against all rules.
+
+    Parameters
+    ----------
+    layout_name
+        Path of the layout, or the name of a layout in ``config/``.
+    eds
+        Path of the EDS, or '' for the EDS beside the layout.
+    use
+        Planned bit rate, number of pads and SYNC period; the warnings about the bus load depend on them.
+    """
     try:
         layout = read_layout(layout_name)
     except ConfigurationError as error:
@@ -89,7 +102,7 @@ def check_layout(layout_name: str, eds: str, use: Use) -> CheckedLayout:
 
 
 def as_json(found: CheckedLayout, use: Use) -> dict:
-    """Return all facts by name; null for what is not known."""
+    """Return the result as a dict that JSON can hold; a fact that is not known is None."""
     errors = [{'where': error.where, 'line': line, 'expected': error.expected, 'got': error.got,
                'remedy': error.remedy} for error, line in found.errors]
     return {'errors': errors, 'warnings': found.warnings, **(_facts(found.layout, use) if found.layout else {})}
@@ -108,7 +121,7 @@ def _facts(layout: SkinLayout, use: Use) -> dict:
 
 
 def _loads(layout: SkinLayout, use: Use) -> dict[float, float]:
-    """Return the load of the bus by the time between two sweeps [s]; without SYNC that is the device's own."""
+    """Return the bus load for each time between two sweeps [s]. Without SYNC, the device sets that time."""
     periods = (use.sync_period, *SYNC_PERIODS) if layout.event_driven is None else (layout.event_driven.period,)
     return {period: planned_load([layout] * use.pads, use.bitrate, period)
             for period in sorted(set(periods), reverse=True)}
@@ -118,11 +131,11 @@ def _warnings(layout: SkinLayout, use: Use) -> list[str]:
     found, unmapped = [], np.argwhere(_map(layout) == UNMAPPED_SIGN)
     if len(unmapped):
         row, col = unmapped[0]
-        found.append(f'{len(unmapped)} of {layout.rows * layout.cols} taxels are in no TPDO, the first is row {row}, '
-                     f'column {col}: they are unmapped, and no part of the pad')
+        found.append(f'{len(unmapped)} of {layout.rows * layout.cols} taxels are in no TPDO; the first is row {row}, '
+                     f'column {col}. The driver treats them as unmapped, not as part of the pad')
     written = Path(layout.source).read_text(encoding='utf-8').splitlines()
     if unfilled := [number for number, line in enumerate(written, 1) if f'# {FILL_IN}' in line]:
-        found.append(f'marked {FILL_IN} are the lines {", ".join(map(str, unfilled))}')
+        found.append(f'still marked {FILL_IN}: lines {", ".join(map(str, unfilled))}')
     event, period = layout.event_driven, sweep_period(layout, use.sync_period)
     if event is None or event.is_sweeps:
         orders = [[tpdo.number for tpdo in layout.of_node(node).tpdos] for node in range(layout.nodes)]
@@ -132,13 +145,14 @@ def _warnings(layout: SkinLayout, use: Use) -> list[str]:
     if load > MOST_LOAD:
         found.append(f'at {1 / period:.4g} sweeps a second {load_text(load, use.pads)}')
     elif event is not None and event.is_sweeps and load * period > event.sweep_time:
-        found.append(f'a sweep takes {1000 * load * period:.1f} ms, and {1000 * event.sweep_time:.1f} ms are left for '
-                     'it: TPDOs that come later are not recognised as part of it. Send less often, or with SYNC')
+        found.append(f'a sweep takes {1000 * load * period:.1f} ms, but only {1000 * event.sweep_time:.1f} ms are '
+                     'left for it. TPDOs that arrive later are not recognised as part of the sweep. Let the device '
+                     'send less often, or use SYNC')
     return found
 
 
 def _map(layout: SkinLayout) -> np.ndarray:
-    """Return what each place is, one character each, (rows, cols)."""
+    """Return one sign per taxel, shape (rows, cols): mapped, unmapped or dead."""
     kinds = np.full((layout.rows, layout.cols), UNMAPPED_SIGN)
     inside = [(field.row, field.col) for carrier in layout.carriers for field in carrier.taxels
               if 0 <= field.row < layout.rows and 0 <= field.col < layout.cols]
@@ -157,7 +171,7 @@ def _text(found: CheckedLayout, use: Use) -> list[str]:
 
 
 def _error_lines(errors: list[tuple[ConfigurationError, int | None]]) -> list[str]:
-    """Return the first errors of each remedy, then how many more have it: one wrong count repeats in each TPDO."""
+    """Return the first errors with each remedy, then the number of the others; one mistake can recur in every TPDO."""
     lines, alike = [], Counter[str]()
     for error, line in errors:
         alike[error.remedy] += 1
@@ -169,25 +183,25 @@ def _error_lines(errors: list[tuple[ConfigurationError, int | None]]) -> list[st
 
 def _description(layout: SkinLayout, use: Use) -> list[str]:
     facts, kinds = _facts(layout, use), _map(layout)
-    carrier = 'one DOMAIN, polled by SDO' if layout.domain else f'{len(layout.tpdos)} CAN frames a sweep'
+    carrier = 'one DOMAIN, polled by SDO' if layout.domain else f'{len(layout.tpdos)} CAN frames per sweep'
     lines = [f'{layout.source}: {layout.rows} x {layout.cols} taxels, pitch {1000 * layout.pitch:g} mm, in '
              f'{layout.value.unit}; {layout.nodes} node{"s" * (layout.nodes > 1)}, {carrier}']
-    lines.append(f'the finger ends with the skin at {", ".join(facts["finger_ends"]) or "no side"}; where it goes on '
-                 'beyond the skin, the force of a contact is a bound')
+    lines.append(f'finger ends together with the skin at: {", ".join(facts["finger_ends"]) or "no side"}; where the '
+                 'finger extends beyond the skin, the force of a contact at that edge is a lower bound')
     if facts['load']:
         loads = ', '.join(f'{load:.0%} at {rate}' for rate, load in facts['load'].items())
         if layout.event_driven:
-            loads += ' without SYNC' if layout.event_driven.is_sweeps else ' by event timer, and more with changes'
+            loads += ' without SYNC' if layout.event_driven.is_sweeps else ' by event timer, more when values change'
         pads = f' with {use.pads} pads' if use.pads > 1 else ''
-        lines.append(f'load of the bus at {use.bitrate / 1e6:g} Mbit/s{pads}: {loads}; highest rate '
-                     f'{facts["highest_sweep_rate"]:.0f} sweeps a second')
+        lines.append(f'bus load at {use.bitrate / 1e6:g} Mbit/s{pads}: {loads}; highest rate '
+                     f'{facts["highest_sweep_rate"]:.0f} sweeps per second')
     if layout.cols <= WIDEST_MAP:
-        signs = f'{MAPPED_SIGN} taxel, {UNMAPPED_SIGN} none, {DEAD_SIGN} dead'
+        signs = f'{MAPPED_SIGN} taxel, {UNMAPPED_SIGN} unmapped, {DEAD_SIGN} dead'
         lines += [f'map ({signs}), row 0 first:', *map(''.join, kinds)]
     return lines
 
 
 def _line(layout_name: str, error: ConfigurationError) -> int | None:
-    """Return the line of the key that the error names, where it is of the layout."""
+    """Return the line of the key that the error names, or None if the error is not about the layout file."""
     key = re.search(r'key "(.+)"', error.where)
     return line_of(Path(config_path(layout_name)), key[1]) if key and '.eds' not in error.where else None

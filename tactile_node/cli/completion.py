@@ -1,4 +1,4 @@
-"""`tactile completion`: what makes a shell complete commands, options and file names of `tactile` with TAB.
+"""`tactile completion` prints shell code, with which TAB completes commands, options and file names of `tactile`.
 
 bash:  echo 'eval "$(tactile completion bash)"' >> ~/.bashrc
 zsh:   echo 'autoload -U compinit && compinit; eval "$(tactile completion zsh)"' >> ~/.zshrc
@@ -14,7 +14,7 @@ SHELLS = 'bash', 'zsh', 'fish'
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('shell', choices=SHELLS, help='the lines are for this one')
+    parser.add_argument('shell', choices=SHELLS, help='shell for which the code is printed')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def chosen_command(environment: Mapping[str, str]) -> str:
-    """Return the sub-command on the line that is completed; '' while it is not yet complete.
+    """Return the sub-command on the line that is being completed, or '' while the sub-command itself is incomplete.
 
     >>> chosen_command({'COMP_LINE': 'tactile classify --pi', 'COMP_POINT': '21', '_ARGCOMPLETE': '1'})
     'classify'

@@ -1,4 +1,4 @@
-"""`tactile draft`: begin a skin layout from the TPDOs of an EDS, with marks where the EDS says nothing."""
+"""`tactile draft` begins a skin layout from the TPDOs in an EDS, and marks the values that the EDS does not contain."""
 
 import argparse
 
@@ -14,10 +14,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('eds', help='EDS: a file, or a name in config/')
     for side in ('rows', 'cols'):
         add_number(parser, f'--{side}', int, limits={'least': 1, 'most': MAX_SIDE},
-                   help=f'{side} of the pad (default: guessed)')
-    add_number(parser, '--bits', int, limits={'least': 1, 'most': MAX_BITS}, help='width of a taxel, where mapped '
-               'objects hold several or a part of one (default: the commonest width of a mapped object)')
-    add_output_option(parser, metavar='FILE', help='default: print it')
+                   help=f'number of {side} of the pad (default: guessed)')
+    add_number(parser, '--bits', int, limits={'least': 1, 'most': MAX_BITS}, help='bits per taxel, if a mapped object '
+               'holds several taxels or a part of one (default: the most common width of the mapped objects)')
+    add_output_option(parser, metavar='FILE', help='file to write (default: print the layout)')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -28,8 +28,8 @@ def run(args: argparse.Namespace) -> int:
     if args.output:
         with output_file(args.output, inputs=[args.eds]) as stream:
             stream.write(text.encode())
-        print(f'written to {args.output}. Replace what is marked {FILL_IN}, compare what is marked {GUESS}, then: '
-              f'tactile check {args.output} {args.eds}')
+        print(f'written to {args.output}. Replace the values marked {FILL_IN} and verify the values marked {GUESS}. '
+              f'Then run: tactile check {args.output} {args.eds}')
     else:
         print(text, end='')
     return 0

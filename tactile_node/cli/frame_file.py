@@ -1,4 +1,4 @@
-"""Files of taxel frames of one pad: .npy, .npz (with stamps, as `tactile replay` writes it), .csv and .png."""
+"""Read and write files with the taxel frames of one pad: .npy, .npz (as `tactile replay` writes it), .csv and .png."""
 
 import io
 import sys
@@ -16,15 +16,34 @@ from tactile_node.taxel_frame import PRESS_BY_UNIT, TaxelFrame, TaxelStatus
 
 SEPARATORS = ',', ';', '\t'
 TEXT_REMEDY = ('Write numbers with a decimal point, a line for each row of taxels, and an empty line between frames. '
-               'An export with a header: see docs/howto/without_ros.md, two lines of NumPy make an .npy of it.')
+               'docs/howto/without_ros.md shows how to convert an export with a header, with two lines of NumPy.')
 
 
 def read_text(content: bytes, where: str) -> np.ndarray:
-    r"""Return the frames of ``content``, shape (K, rows, cols), NaN where a cell is empty or not finite.
+    r"""Return the taxel frames in a text file, with NaN for a cell that is empty or not finite.
 
-    Cells are separated by the first of comma, semicolon and tab that the first row has, else by blanks. Lines that
-    begin with # count for nothing. Raises InputError, with line and cell, for anything else.
+    The first row decides how cells are separated: by comma, semicolon or tab, tried in this order, else by blanks.
+    Lines that begin with # are ignored.
 
+    Parameters
+    ----------
+    content
+        Bytes of the file, UTF-8.
+    where
+        Name of the file for error messages.
+
+    Returns
+    -------
+    numpy.ndarray
+        Frames, shape (K, rows, cols), float.
+
+    Raises
+    ------
+    InputError
+        If the text does not hold frames of one size. The error names line and cell.
+
+    Examples
+    --------
     >>> read_text(b'1,2\n,4\n\n5,6\n7,8\n', 'a file').tolist()
     [[[1.0, 2.0], [nan, 4.0]], [[5.0, 6.0], [7.0, 8.0]]]
     """
@@ -32,7 +51,7 @@ def read_text(content: bytes, where: str) -> np.ndarray:
         lines = [(number, line) for number, line in enumerate(content.decode('utf-8-sig').splitlines(), 1)
                  if not line.startswith('#')]
     except UnicodeDecodeError:
-        raise _bad(where, 'text', 'bytes that are no text') from None
+        raise _bad(where, 'text', 'bytes that are not text') from None
     first = next((line for _, line in lines if line.strip(' ')), None)
     if first is None:
         raise _bad(where, 'a row of taxels', 'no line with numbers')
@@ -72,28 +91,30 @@ def _bad(where: str, expected: str, got: str) -> InputError:
 
 FORMATS = {'.npy': 'npy', '.npz': 'npz', '.csv': 'csv', '.png': 'png'}
 MAGIC_OF_ARCHIVE = b'PK'
-#: of what has another suffix; the rest is text
+#: first bytes of a file -> its format, if the suffix does not tell; a file with other first bytes is read as text
 FORMAT_MAGIC = {b'\x93NUMPY': 'npy', MAGIC_OF_ARCHIVE: 'npz', b'\x89PNG': 'png'}
-VALUES_NAME = 'values'  #: the array of an .npz that holds the frames
-MOST_UNPACKED = 2 << 30  #: [bytes] of an archive: 16 x 16 taxels at 50 Hz for 9 hours; a small file can claim any size
-ENCRYPTED_FLAG = 1  #: bit of the flags of a member (PKWARE APPNOTE 4.4.4)
+VALUES_NAME = 'values'  #: name of the array in an .npz that holds the frames
+#: largest size of an archive after unpacking [bytes], because a small file can claim any size; 2 GiB hold 9 hours of
+#: 16 x 16 taxels at 50 Hz
+MOST_UNPACKED = 2 << 30
+ENCRYPTED_FLAG = 1  #: bit in the flags of an archive member that marks it as encrypted (PKWARE APPNOTE 4.4.4)
 VALUED_STATUSES = TaxelStatus.VALID, TaxelStatus.SATURATED
-FILE_REMEDY = 'Give a .npy, .npz, .csv or .png file; `tactile classify --help` says what each holds.'
+FILE_REMEDY = 'Give a .npy, .npz, .csv or .png file; `tactile classify --help` describes each format.'
 
 
 class TaxelFrames(NamedTuple):
-    """Successive frames of one pad; None where the file does not say."""
+    """Successive frames of one pad; an attribute is None if the file does not contain it."""
 
     values: np.ndarray                  #: (K, rows, cols), bool or float, NaN = no valid value
-    stamps: np.ndarray | None = None    #: (K,) acquisition [s, Unix epoch]
-    sequence: np.ndarray | None = None  #: (K,) as in TaxelFrame
+    stamps: np.ndarray | None = None    #: (K,) acquisition time [s, Unix epoch]
+    sequence: np.ndarray | None = None  #: (K,) sequence number, as in TaxelFrame
     status: np.ndarray | None = None    #: (K, rows, cols) TaxelStatus
     pad: str | None = None
     pitch: float | None = None          #: [m]
-    unit: str | None = None             #: of the values: 'Pa', 'N', '1'
+    unit: str | None = None             #: unit of the values: 'Pa', 'N' or '1' (on/off)
 
     def known_of(self, k: int) -> dict:
-        """Return what is known of frame ``k`` beside its values, by name."""
+        """Return the pad, stamp and sequence number of frame ``k`` by name, as far as the file contains them."""
         known: dict = {} if self.pad is None else {'pad': self.pad}
         if self.stamps is not None:
             known['stamp'] = float(self.stamps[k])
@@ -103,10 +124,21 @@ class TaxelFrames(NamedTuple):
 
 
 def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
-    """Read ``path``, '-' for standard input; ``greys``: what the pixels of a picture mean.
+    """Read the taxel frames in a file.
 
-    The suffix chooses the format; of another one, and on standard input, the first bytes do. Raises InputError where
-    it holds no frames.
+    The suffix decides the format. If the suffix is unknown, or for standard input, the first bytes decide.
+
+    Parameters
+    ----------
+    path
+        Path of the file, or '-' for standard input.
+    greys
+        Values that the black and white pixels of a picture stand for.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no taxel frames.
     """
     content = _content(path)
     suffix = Path(path).suffix.lower()
@@ -126,7 +158,23 @@ def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
 
 def write_archive(stream: BinaryIO, frames: Sequence[TaxelFrame], shape: tuple[int, int], *, pad: str, pitch: float,
                   unit: str) -> None:
-    """Write ``frames`` of ``shape`` (rows, cols) as an .npz with all that `TaxelFrames` has; ``pitch`` [m]."""
+    """Write taxel frames as an .npz archive that holds every attribute of `TaxelFrames`.
+
+    Parameters
+    ----------
+    stream
+        Binary file to write to.
+    frames
+        Taxel frames of one pad.
+    shape
+        Number of rows and columns.
+    pad
+        Name of the pad.
+    pitch
+        Distance between neighbouring taxels [m].
+    unit
+        Unit of the values.
+    """
     np.savez_compressed(
         stream, values=np.array([frame.values for frame in frames], np.float32).reshape(-1, *shape),
         stamps=np.array([frame.stamp for frame in frames], float),
@@ -157,16 +205,16 @@ def _load(path: str, content: bytes) -> np.ndarray | dict[str, np.ndarray]:
     except MemoryError:
         raise _unusable(path, 'more than fits into memory') from None
     except (ValueError, KeyError, OSError, BadZipFile, zlib.error) as error:
-        # numpy takes whatever is not its own format for a pickle, which we never load.
+        # numpy takes every file in an unknown format for a pickle, which this package never loads.
         got = 'another format, or Python objects' if 'pickle' in str(error) else ' '.join(str(error).split())
         raise _unusable(path, got) from None
-    if not all(isinstance(each, np.ndarray) for each in arrays.values()):  # NumPy gives other content as bytes
+    if not all(isinstance(each, np.ndarray) for each in arrays.values()):  # NumPy returns other members as bytes
         raise _unusable(path, 'members that hold no array')
     return arrays
 
 
 def _check_members(path: str, content: bytes) -> None:
-    """Before anything is unpacked, raise InputError for what NumPy does not write and for what is too large."""
+    """Raise InputError, before anything is unpacked, if a member is not from NumPy or the archive is too large."""
     with ZipFile(io.BytesIO(content)) as archive:
         members = archive.infolist()
     strange = [member.filename for member in members if not _is_of_numpy(member)]
@@ -190,11 +238,11 @@ def _of_archive(path: str, arrays: dict[str, np.ndarray]) -> TaxelFrames:
         return TaxelFrames(values)
     unit, pitch, pad = (_single(path, arrays, name) for name in ('unit', 'pitch', 'pad'))
     if unit is not None and unit not in PRESS_BY_UNIT:
-        raise _unusable(path, f'the unit {unit!r}, which is none of {", ".join(PRESS_BY_UNIT)}')
+        raise _unusable(path, f'the unit {unit!r}, which is not one of {", ".join(PRESS_BY_UNIT)}')
     if pitch is not None and not (isinstance(pitch, float) and 0 < pitch < np.inf):
-        raise _unusable(path, f'the pitch {pitch!r}, which is no length in metres')
+        raise _unusable(path, f'the pitch {pitch!r}, which is not a length in metres')
     if pad is not None and not isinstance(pad, str):
-        raise _unusable(path, f'the pad {pad!r}, which is no name')
+        raise _unusable(path, f'the pad {pad!r}, which is not a name')
     status = _each(path, arrays, 'status', values.shape, 'iu')
     if status is not None:
         _check_status(path, values, status)
@@ -207,14 +255,14 @@ def _single(path: str, arrays: dict[str, np.ndarray], name: str) -> Any:
     if name not in arrays:
         return None
     if arrays[name].size != 1:
-        raise _unusable(path, f'{name} of shape {arrays[name].shape}, which is one for all frames')
+        raise _unusable(path, f'{name} of shape {arrays[name].shape} instead of one value for all frames')
     return arrays[name].item()
 
 
 def _check_status(path: str, values: np.ndarray, status: np.ndarray) -> None:
-    """Raise InputError for numbers that are no TaxelStatus, and for a value where the status says there is none."""
+    """Raise InputError for an unknown status number, and for a value of a taxel whose status says it has none."""
     if not np.isin(status, list(TaxelStatus)).all():
-        raise _unusable(path, f'a status that is none of {min(TaxelStatus)} to {max(TaxelStatus)}')
+        raise _unusable(path, f'a status outside the range {min(TaxelStatus)} to {max(TaxelStatus)}')
     if (np.isfinite(values) & ~np.isin(status, VALUED_STATUSES)).any():
         raise _unusable(path, 'values of taxels whose status says that they have none')
 
@@ -228,7 +276,8 @@ def _each(path: str, arrays: dict[str, np.ndarray], name: str, shape: tuple[int,
 
 
 def _frames(path: str, array: np.ndarray) -> np.ndarray:
-    """Return (K, rows, cols), bool or float, values that are not finite as NaN."""
+    """Return the frames in shape (K, rows, cols), bool or float, with NaN for values that are not finite."""
+
     if array.dtype.kind not in 'biuf':
         raise _unusable(path, f'numbers of type {array.dtype}')
     frames = array[np.newaxis] if array.ndim == 2 else array

@@ -1,4 +1,4 @@
-"""What `features` and `classify` share: the frames of their inputs and the contact pattern of each."""
+"""Read the frames for `tactile features` and `tactile classify`, and find the contact pattern in each frame."""
 
 import argparse
 import sys
@@ -18,12 +18,18 @@ from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.library.contacts import check_values
 from tactile_node.taxel_frame import TaxelStatus
 
-LONG = 4  #: times as many rows as columns: one frame of so many rows is rather many frames of a line each
-LEAST_FLAT = 16  #: columns of a line that is a whole frame: the taxels of a small pad
+LONG = 4  #: a single frame with this many times more rows than columns was probably meant as one frame per line
+LEAST_FLAT = 16  #: shortest line that may hold a whole frame [taxels]: the size of a small pad
 
 
 def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
-    """Yield name and frames of each input. Raises InputError where a unit contradicts the file or its values."""
+    """Yield the name and the frames of each input file.
+
+    Raises
+    ------
+    InputError
+        If a unit contradicts the file or its values, or if a file cannot be read.
+    """
     greys = Greys(args.black, args.white)
     if not np.isfinite(greys).all() or greys.black == greys.white:
         raise InputError('--black, --white', expected='two different numbers', got=f'{greys.black}, {greys.white}',
@@ -32,12 +38,12 @@ def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
         found = read_frames(path, greys)
         if args.unit is not None and found.unit not in (None, args.unit):
             raise InputError(f'file {path!r}', expected=f'values in {args.unit!r}, as --unit says',
-                             got=f'the unit {found.unit!r}', remedy='Leave --unit out: the file has its own.')
+                             got=f'the unit {found.unit!r}', remedy='Leave --unit out: the file names its unit.')
         found = found._replace(unit=args.unit or found.unit)
         frames, rows, cols = found.values.shape
         if frames == 1 and cols >= LEAST_FLAT and rows >= LONG * cols:
             print(f'tactile: warning: {path}: read as one frame of {rows} x {cols} taxels. If each line is a whole '
-                  'frame, see docs/howto/without_ros.md: two lines of NumPy give them their shape.', file=sys.stderr)
+                  'frame, reshape the array: docs/howto/without_ros.md shows two lines of NumPy.', file=sys.stderr)
         if thresholds(args) is None and found.values.size:
             check_values(found.values, found.unit)
             if error := next(filter(None, map(UnitScale(found.unit, most=1.0).doubt, found.values)), None):
@@ -46,21 +52,33 @@ def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
 
 
 def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest: bool) -> Iterator[ContactPattern]:
-    """Yield the contact pattern of each frame; of a bool frame, all active taxels unless ``largest``."""
+    """Yield the contact pattern of each frame of a file.
+
+    Parameters
+    ----------
+    path
+        Name of the file, shown beside the progress bar.
+    found
+        Frames of the file.
+    args
+        Options of the command; the thresholds and the output are taken from them.
+    largest
+        True to keep only the largest contact of a bool frame; False to keep all its active taxels.
+    """
     extractor = PatternExtractor(thresholds(args), unit=found.unit, largest=largest)
     for k, frame in enumerate(show_progress(found.values, path, len(found.values), prints=prints(args))):
         yield extractor.extract(frame, **taxels_known(found, k))
 
 
 def taxels_known(found: TaxelFrames, k: int) -> dict[str, np.ndarray]:
-    """Return which taxels of frame ``k`` are saturated and which are none, where the file has their status."""
+    """Return masks of the saturated and of the unmapped taxels of frame ``k``; empty if the file has no status."""
     if found.status is None:
         return {}
     return {'saturated': found.status[k] == TaxelStatus.SATURATED, 'unmapped': found.status[k] == TaxelStatus.UNMAPPED}
 
 
 def thresholds(args: argparse.Namespace) -> PressThresholds | None:
-    """Return the fixed thresholds that were asked for, if any."""
+    """Return the fixed thresholds from the options, or None if there are none."""
     if args.full_scale is not None:
         return PressThresholds.of_full_scale(args.full_scale, PRESS_FRACTION if args.press is None else args.press,
                                              args.release)
@@ -82,5 +100,5 @@ def _records(args: argparse.Namespace) -> Iterator[Record]:
 
 
 def _columns(wanted: Group) -> list[str]:
-    """Return the columns of every frame, also of one without a contact."""
+    """Return the column names; a sample pattern gives them, so that they do not depend on the first frame."""
     return [*KNOWN_COLUMNS, *flatten(compute_features(np.ones((2, 2), bool), wanted).as_json())]

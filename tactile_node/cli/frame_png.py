@@ -1,4 +1,4 @@
-"""A taxel frame as a grey picture: a pixel a taxel, the top line is taxel row 0."""
+"""Read a taxel frame from a grey picture with one pixel per taxel; the top line is taxel row 0."""
 
 import io
 from typing import NamedTuple
@@ -8,27 +8,44 @@ import numpy as np
 from tactile_node.errors import InputError
 from tactile_node.skin.layout import MAX_SIDE
 
-PICTURE_REMEDY = (f'Save one pixel a taxel, grey, at most {MAX_SIDE} x {MAX_SIDE}; transparent where there is no '
-                  'valid value.')
+PICTURE_REMEDY = (f'Save a grey picture with one pixel per taxel, at most {MAX_SIDE} x {MAX_SIDE}. Make a pixel '
+                  'transparent if its taxel has no valid value.')
 
 
 class Greys(NamedTuple):
-    """The values of black and white pixels; those between are in proportion."""
+    """Values that black and white pixels stand for; the other greys are interpolated linearly."""
 
     black: float
     white: float
 
 
-DEPTH_OFFSET = 24  #: place of the bit depth in the file (PNG specification 11.2.2: IHDR comes first)
-DEFAULT_GREYS = Greys(0.0, 1.0)  #: fractions of full scale, bright is pressed
+DEPTH_OFFSET = 24  #: byte that holds the bit depth (PNG specification 11.2.2: the IHDR chunk comes first)
+DEFAULT_GREYS = Greys(0.0, 1.0)  #: fractions of full scale; bright means pressed
 
 
 def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.ndarray:
-    """Return the frame, shape (rows, cols), NaN where a pixel is transparent.
+    """Return the taxel frame in a PNG file.
 
-    Raises InputError for a picture in colour, for one that is half transparent, larger than a pad or not readable.
+    Parameters
+    ----------
+    content
+        Bytes of the file.
+    where
+        Name of the file for error messages.
+    greys
+        Values that black and white pixels stand for.
+
+    Returns
+    -------
+    numpy.ndarray
+        Values, shape (rows, cols), NaN where a pixel is transparent.
+
+    Raises
+    ------
+    InputError
+        If the picture is in colour, has half-transparent pixels, is larger than a pad or cannot be read.
     """
-    from PIL import Image, UnidentifiedImageError  # of the extra `picture`, and slow to import
+    from PIL import Image, UnidentifiedImageError  # part of the extra `picture`, and slow to import
 
     try:
         with Image.open(io.BytesIO(content), formats=['PNG']) as picture:
@@ -36,20 +53,20 @@ def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.nda
                 raise _bad(where, f'{picture.width} x {picture.height} pixels, {getattr(picture, "n_frames", 1)} '
                            'pictures')
             is_deep = picture.mode.startswith('I')
-            clear = picture.info.get('transparency')  # the grey that is transparent, where there is one
+            clear = picture.info.get('transparency')  # the grey value that means transparent, or None
             if clear is not None and picture.mode == 'L' and content[DEPTH_OFFSET] < 8:  # Pillow compares it unscaled
                 raise _bad(where, f'a transparent grey of {content[DEPTH_OFFSET]} bits')
             pixels = np.asarray(picture if is_deep else picture.convert('RGBA'))
     except InputError:
         raise
     except UnidentifiedImageError:
-        raise _bad(where, 'no PNG that can be read') from None
+        raise _bad(where, 'a file that is not a readable PNG') from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise _bad(where, ' '.join(str(error).split())[:80]) from None
     if is_deep:  # 16 bits
         return np.where(pixels == clear, np.nan, _scale(pixels / 65535, greys))
     if (pixels[..., :3] != pixels[..., :1]).any():
-        raise _bad(where, 'colours, which have no order of pressure')
+        raise _bad(where, 'colours, which cannot be ordered by pressure')
     opaque = pixels[..., 3] == 255
     if not (opaque | (pixels[..., 3] == 0)).all():
         raise _bad(where, 'pixels that are half transparent')

@@ -1,4 +1,4 @@
-"""A CAN log, played to its end without ROS: what `replay` and `calibrate` share."""
+"""Play a CAN log to its end without ROS, for `tactile replay` and `tactile calibrate`."""
 
 import sys
 from pathlib import Path
@@ -13,20 +13,20 @@ from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
 
-UNUSABLE_REMEDY = ('`tactile replay` counts the reasons. Compare "map" of the layout with 0x1A00... of the device, and '
-                   'check that the log has SYNC.')
+UNUSABLE_REMEDY = ('`tactile replay` counts the reasons. Compare "map" in the layout with 0x1A00... of the device, and '
+                   'check that the log contains SYNC.')
 
 
 class PlayedLog(NamedTuple):
-    """What a log held."""
+    """Content of a CAN log after it was played."""
 
-    frames: dict[str, list[TaxelFrame]]  #: by the pad's name; empty where they were not kept
-    source: LogSource                    #: closed: its statistics and summary
-    has_ended: bool                      #: False: interrupted
+    frames: dict[str, list[TaxelFrame]]  #: taxel frames by pad name; empty if they were not kept
+    source: LogSource                    #: closed source; it still has its statistics and summary
+    has_ended: bool                      #: False if the user interrupted the replay
 
     @property
     def unused(self) -> list[InputError]:
-        """An error for each pad that has no taxels in the log: none of its TPDOs is there, or none can be used."""
+        """One error for each pad without taxels: the log holds none of its TPDOs, or none of them can be used."""
         return [InputError(f'log, pad {name!r}', expected='TPDOs with taxels',
                            got=f'{pad.received} TPDOs, none of which can be used' if pad.received else 'no TPDO',
                            remedy=UNUSABLE_REMEDY if pad.received else 'Check --node-id and --layout.')
@@ -36,10 +36,35 @@ class PlayedLog(NamedTuple):
 def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '',
              any_device: bool = False, window: TimeWindow = WHOLE, keep: bool = True,
              must_be_used: bool = False) -> PlayedLog:
-    """Play ``window`` of ``path`` at ``pace`` (None: as fast as possible); what cannot be read is reported on stderr.
+    """Play a CAN log and report on stderr every part that cannot be read.
 
-    Not ``keep``: the frames are only counted, and memory stays flat. Raises LogError where it cannot be played to its
-    end; with ``must_be_used`` also KeyboardInterrupt where that was interrupted, InputError for a pad without a TPDO.
+    Parameters
+    ----------
+    path
+        Path of the log.
+    pads
+        Pads whose taxel frames are assembled.
+    pace
+        1.0 for the recorded pace, 2.0 for twice as fast, None for as fast as possible.
+    channel
+        Bus to play if the log holds several, as the log names it.
+    any_device
+        True to play the log even if it shows another device or another TPDO mapping.
+    window
+        Part of the log to play.
+    keep
+        True to keep the taxel frames; False to count them only, which needs a constant amount of memory.
+    must_be_used
+        True to raise an error if the replay was interrupted or a pad has no usable TPDO.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be played to its end.
+    KeyboardInterrupt
+        If ``must_be_used`` and the user interrupted the replay.
+    InputError
+        If ``must_be_used`` and a pad has no usable TPDO in the log.
     """
     frames: dict[str, list[TaxelFrame]] = {pad.name: [] for pad in pads}
     count = 0
@@ -58,8 +83,8 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
             bar.update(count - bar.n)
         source.close()
     if source.failure:
-        raise LogError(path, expected='a log to its end', got=source.failure.detail.removesuffix('.'),
-                       remedy='What was played up to there is not used.')
+        raise LogError(path, expected='a log that plays to its end', got=source.failure.detail.removesuffix('.'),
+                       remedy='The frames before this place are not used.')
     for line in damage_lines(source.reader.damages):
         print(line, file=sys.stderr)
     if source.statistics().unread:

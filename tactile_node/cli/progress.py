@@ -1,4 +1,4 @@
-"""Progress of long work with the time left, by tqdm, on stderr; silent where that is no terminal."""
+"""Show the progress of long work and the time left, by tqdm on stderr; nothing is shown if stderr is no terminal."""
 
 import sys
 from collections.abc import Iterable, Iterator
@@ -6,21 +6,31 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-BAR_DELAY = 1.0  #: what takes less shows nothing [s]
+BAR_DELAY = 1.0  #: duration of work below which no bar appears [s]
 
 Item = TypeVar('Item')
 
 
 def show_progress(items: Iterable[Item], what: str, total: int, *, prints: bool) -> Iterator[Item]:
-    """Yield ``items``, which are frames, and show how many of ``total`` are done.
+    """Yield frames and show how many of them are done.
 
-    ``prints``: their results go to standard output. Where that is a terminal they show the progress, and no bar does.
+    Parameters
+    ----------
+    items
+        Frames to pass on.
+    what
+        Text beside the bar.
+    total
+        Number of frames.
+    prints
+        True if the results go to standard output. If that is a terminal, the results show the progress and no bar is
+        drawn.
     """
-    hidden = True if prints and sys.stdout.isatty() else None  # None: shown on a terminal only
+    hidden = True if prints and sys.stdout.isatty() else None  # None: tqdm shows the bar on a terminal only
     yield from tqdm(items, what, total, unit=' frames', delay=BAR_DELAY, disable=hidden, leave=False,
                     dynamic_ncols=True)
 
 
 def count_progress(what: str, unit: str, total: int | None = None) -> tqdm:
-    """A bar whose ``update(n)`` counts ``n`` more; without ``total`` it shows count and rate alone."""
+    """Return a progress bar whose ``update(n)`` adds ``n``; without ``total`` it shows only the count and the rate."""
     return tqdm(desc=what, total=total, unit=unit, delay=BAR_DELAY, disable=None, dynamic_ncols=True)

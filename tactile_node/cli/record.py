@@ -1,4 +1,4 @@
-"""``tactile record``: write everything on a CAN bus to a log: candump's, or a ROS 2 bag."""
+"""`tactile record` writes every frame on a CAN bus to a log, in the format of candump or as a ROS 2 bag."""
 
 import argparse
 import sys
@@ -14,23 +14,23 @@ from tactile_node.logs.log_writer import MEGABYTE, CanLogWriter
 from tactile_node.logs.series import files_of
 from tactile_node.output_file import check_new, check_writable
 
-HINT_DELAY = 3.0  # s
-SILENCE_HINT = ('Nothing on the bus so far. A CANopen skin is silent until a master starts it: run the driver on the '
-                'same bus, or let it record: tactile bringup --record FILE.')
+HINT_DELAY = 3.0  #: silence after which the hint is printed [s]
+SILENCE_HINT = ('Nothing was received so far. A CANopen skin is silent until a master starts it. Run the driver on the '
+                'same bus, or let the driver record: tactile bringup --record FILE.')
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    add_output_option(parser, 'file', help='log to write, format by suffix: .log (candump), .log.gz, '
+    add_output_option(parser, 'file', help='log to write; the suffix decides the format: .log (candump), .log.gz or '
                       '.mcap (ROS 2 bag)')
     add_bus_options(parser)
     parser.add_argument('--duration', type=float, default=float('inf'),
                         help='length of the recording [s] (default: until Ctrl-C)')
     add_number(parser, '--rotate-mb', limits={'remedy': '0 makes one file.'}, default=0.0, metavar='N',
-               help='begin the next file, FILE_part2 and so on, when one has N MB (default: one file)')
+               help='size at which the next file begins [MB], named FILE_part2 and so on (default: one file)')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record until interrupted; 1 when there was nothing to record."""
+    """Record until interrupted; return 1 if no frame was received, else 0."""
     check_writable(args.file, force=args.force)
     for path in files_of(args.file):
         check_new(path, force=args.force)
@@ -45,11 +45,11 @@ def run(args: argparse.Namespace) -> int:
         bus.shutdown()
     if log.failure:
         raise LogError(str(log.path), expected='a disk with room for the recording', got=log.failure,
-                       remedy='What was written before can be read.')
+                       remedy='The frames written before this can still be read.')
     parts = f' and {log.parts - 1} files after it' if log.parts > 1 else ''
     print(f'{log.can_frames} CAN frames in {log.path}{parts}')
     if log.unwritten:
-        print(f'{log.unwritten} CAN frames left out, for which the format has no place (CAN FD).', file=sys.stderr)
+        print(f'{log.unwritten} CAN FD frames left out, because the log format cannot hold them.', file=sys.stderr)
     return 0 if log.can_frames else 1
 
 
@@ -60,7 +60,7 @@ def _record(bus: can.BusABC, log: CanLogWriter, duration: float) -> None:
         while not stop_requested.is_set() and not log.failure and time.monotonic() < end:
             try:
                 message = bus.recv(0.1)
-            except Exception as error:  # each backend raises its own when the adapter goes
+            except Exception as error:  # each backend raises its own error when the adapter is unplugged
                 raise BusError(bus.channel_info, expected='to continue receiving', got=str(error),
                                remedy='What was received so far is in the log. Check the adapter.') from error
             if message is not None:

@@ -1,4 +1,4 @@
-"""Results of frames as JSON lines or CSV, to standard output or a file."""
+"""Write the results for frames as JSON lines or CSV, to standard output or to a file."""
 
 import argparse
 import csv
@@ -15,19 +15,29 @@ from tactile_node.taxel_frame import PRESS_BY_UNIT
 
 Record = dict
 JSON, CSV = 'json', 'csv'
-KNOWN_COLUMNS = 'file', 'frame', 'pad', 'stamp', 'sequence'  #: columns before those of the results
+KNOWN_COLUMNS = 'file', 'frame', 'pad', 'stamp', 'sequence'  #: columns that precede the results
 
 
 def prints(args: argparse.Namespace) -> bool:
-    """Return whether results go to standard output."""
+    """Return True if the results go to standard output."""
     return args.output is None or args.output == '-'
 
 
 def write_records(records: Iterable[Record], columns: Callable[[], Sequence[str]], args: argparse.Namespace) -> None:
-    """Write ``records`` as ``args`` ask for: strict JSON, or CSV of ``columns``; never over ``args.frames``."""
+    """Write records to the output that the options name.
+
+    Parameters
+    ----------
+    records
+        Results, one record per frame.
+    columns
+        Function that returns the column names for CSV. JSON does not need them.
+    args
+        Options of the command: format, output and input files. An input file is never overwritten.
+    """
     lines = _json_lines(records) if args.format == JSON else _csv_lines(records, columns())
     if prints(args):
-        for line in lines:  # one by one, for who reads a pipe
+        for line in lines:  # line by line, so that a pipe receives each result at once
             sys.stdout.write(line)
         return
     inputs = [path for path in args.frames if path != '-']
@@ -37,7 +47,7 @@ def write_records(records: Iterable[Record], columns: Callable[[], Sequence[str]
 
 
 def flatten(record: Record, above: str = '') -> Record:
-    """Return the record without levels.
+    """Return the record with nested names joined by dots.
 
     >>> flatten({'x': 1, 'sd': {'x': 0.1}})
     {'x': 1, 'sd.x': 0.1}
@@ -53,8 +63,8 @@ def _json_lines(records: Iterable[Record]) -> Iterator[str]:
 
 
 def _csv_lines(records: Iterable[Record], columns: Sequence[str]) -> Iterator[str]:
-    """A record with a name that is no column is an error of ours: it must not lose it."""
-    writer: Any = csv.DictWriter(_Line(), columns, lineterminator='\n')  # it returns what its file's write returns
+    """Yield CSV lines. An unknown column is a programming error and raises ValueError rather than losing a value."""
+    writer: Any = csv.DictWriter(_Line(), columns, lineterminator='\n')  # its methods return what `_Line.write` returns
     header = writer.writeheader()
     for record in records:
         yield header + writer.writerow(flatten(record))
@@ -68,37 +78,42 @@ class _Line:
 
 
 FORMATS_HELP = (
-    '.npy: (K, rows, cols) or (rows, cols), bool, integer or float. .npz: as `tactile replay` writes it, with stamps, '
-    'pitch and unit; or of one array. .csv: a line a row of taxels, an empty line between frames, an empty cell has no '
-    'valid value. .png: a grey pixel a taxel, top line first. NaN, infinite, transparent: no valid value')
+    '.npy: array (K, rows, cols) or (rows, cols), bool, integer or float. .npz: the archive that `tactile replay` '
+    'writes, with stamps, pitch and unit; or an archive with a single array. .csv: one line per row of taxels, an '
+    'empty line between frames; an empty cell has no valid value. .png: one grey pixel per taxel, top line first. NaN, '
+    'infinite values and transparent pixels mean: no valid value')
 
 
 def add_array_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the input, the output and the thresholds."""
+    """Add the options for the input, the output and the thresholds."""
     parser.add_argument('frames', nargs='*', default=['-'], metavar='FILE',
-                        help=f'{FORMATS_HELP}. "-" or nothing: standard input. Each file is of one pad, its frames in '
-                             'the order of time')
-    add_output_option(parser, metavar='FILE', help='write there instead of to standard output')
+                        help=f'{FORMATS_HELP}. "-" or no FILE: standard input. Each file holds the frames of one pad, '
+                             'in the order of time')
+    add_output_option(parser, metavar='FILE', help='file to write (default: standard output)')
     parser.add_argument('--format', choices=(JSON, CSV), default=JSON,
-                        help='json: an object a line; csv: a header, names within names joined by a dot, empty is '
-                             'null; default %(default)s')
+                        help='json: one object per line. csv: a header line, then one line per frame; nested names are '
+                             'joined by a dot, and an empty cell means null (default: %(default)s)')
     parser.add_argument('--unit', choices=list(PRESS_BY_UNIT),
-                        help='of the values (1: on/off); an .npz has its own. Without a unit, pressed is relative to '
-                             'the noise alone')
+                        help='unit of the values (1: on/off). An .npz file has its own unit. Without a unit, the noise '
+                             'alone decides which taxels are pressed')
     parser.add_argument('--black', type=float, default=DEFAULT_GREYS.black, metavar='VALUE',
-                        help='of a black pixel of a .png, default %(default)g')
+                        help='value of a black pixel in a .png (default: %(default)g)')
     parser.add_argument('--white', type=float, default=DEFAULT_GREYS.white, metavar='VALUE',
-                        help='of a white pixel, default %(default)g: fractions of full scale, bright is pressed. '
-                             '--black 1 --white 0 for dark contacts on white; with --unit give both in that unit')
+                        help='value of a white pixel in a .png (default: %(default)g). The defaults give fractions of '
+                             'full scale, and bright means pressed. For dark contacts on white, use --black 1 --white '
+                             '0. With --unit, give both values in that unit')
     numeric = parser.add_argument_group(
-        'pressed taxels of integer and float values (a bool array is itself the pressed taxels)',
-        'Pressed is what stands out of the noise of the taxels at rest (a quarter of them must rest), up to where it '
-        'reads half of its contact. A file of 0 and one other value is on/off. Whole numbers less than 3 above the '
-        'rest are noise. Frames of a file follow each other in time: what stays on after a contact is left over, so '
-        'give independent images a file each. With --full-scale, a taxel is pressed from a fixed value on:')
-    numeric.add_argument('--full-scale', type=float, metavar='VALUE', help='in the unit of the values')
+        'pressed taxels of integer and float values (a bool array gives the pressed taxels directly)',
+        'A taxel is pressed if its value stands out of the noise of the taxels at rest and reaches half of the level '
+        'of its contact. At least a quarter of the taxels must be at rest. Whole numbers less than 3 above the rest '
+        'count as noise. A file with 0 and only one other value is on/off. The frames of a file must follow each other '
+        'in time, because a taxel that stays on after a contact is treated as left over. Put independent images into '
+        'separate files. With --full-scale, a taxel is pressed from a fixed value on:')
+    numeric.add_argument('--full-scale', type=float, metavar='VALUE',
+                         help='largest value that a taxel can have, in the unit of the values')
     numeric.add_argument('--press', type=float, metavar='FRACTION',
-                         help=f'of the full scale from which on a taxel is pressed, default {PRESS_FRACTION}')
+                         help=f'fraction of full scale at which a taxel becomes pressed (default: {PRESS_FRACTION})')
     numeric.add_argument('--release', type=float, metavar='FRACTION',
-                         help=f'of the full scale below which it is released, default {RELEASE_FRACTION} (or --press '
-                              'where that is lower)')
+                         help=f'fraction of full scale below which a taxel is released (default: {RELEASE_FRACTION}, '
+                              'or --press if that is lower)')
+

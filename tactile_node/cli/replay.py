@@ -1,4 +1,4 @@
-"""``tactile replay``: play a CAN log without ROS; taxel frames as .npz or .npy, and the fate of every CAN frame."""
+"""`tactile replay` plays a CAN log without ROS, writes taxel frames to a file and accounts for every CAN frame."""
 
 import argparse
 import io
@@ -29,30 +29,35 @@ from tactile_node.taxel_frame import TaxelFrame
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf, .trc, or a ROS 2 bag of '
-                        'can_msgs/msg/Frame: .mcap, .db3, its folder; of a rotated series, its first file')
+    parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf or .trc, or a ROS 2 bag of '
+                        'can_msgs/msg/Frame: .mcap, .db3 or its folder. For a rotated series, name its first file')
     add_log_options(parser)
     add_pads_option(parser)
     add_number(parser, '--pace', limits={'remedy': '1 is the recorded pace, 0 as fast as possible.'}, default=0.0,
-               help='1: as recorded, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
+               help='1: recorded pace, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     add_window_options(parser)
-    add_output_option(parser, metavar='FILE', help='.npz: values of shape (K, rows, cols), NaN = invalid, '
-                        'with stamps, sequence, status, pad, pitch and unit; .npy: the values alone; - is standard '
-                        'output (.npy), for one pad; with more pads the name gets that of the pad, as _pad32')
-    parser.epilog = f'The exit code is {UNREAD_EXIT} where something in the log could not be read; the rest is written.'
+    add_output_option(parser, metavar='FILE', help='file for the taxel frames. .npz: values (K, rows, cols), NaN = '
+                        'invalid, with stamps, sequence, status, pad, pitch and unit; .npy: only the values. "-" '
+                        'writes .npy to standard output, for one pad only. With several pads, each pad gets its own '
+                        'file, with the name of the pad at the end (FILE_pad32)')
+    parser.epilog = (f'The exit code is {UNREAD_EXIT} if a part of the log could not be read; the output then holds '
+                     'the rest.')
 
 
 def run(args: argparse.Namespace) -> int:
     """Play the log to its end.
 
-    Returns the exit code: 1 when the log held no taxels of these pads, or those of others, or was interrupted, else
-    UNREAD_EXIT when something in the log could not be read.
+    Returns
+    -------
+    int
+        1 if a pad has no usable TPDO in the log, if other nodes send its COB-IDs, or if the user interrupted the
+        replay; else UNREAD_EXIT if a part of the log could not be read; else 0.
     """
     pads = pads_of(args, args.pads)
     paths = _outputs(args.output, pads)
     for path in filter(None, paths.values()):
         check_writable(path, [args.log], force=args.force)
-    with ExitStack() as stack:  # before the log is played: what cannot be written is reported at once
+    with ExitStack() as stack:  # opened before the log is played, so that an unwritable file is reported at once
         outputs = {name: stack.enter_context(output_file(path, [args.log]) if path else _standard_output())
                    for name, path in paths.items()}
         played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel, any_device=args.any_device,
@@ -69,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archive: bool) -> bytes:
-    """Whole in memory: numpy seeks in what it writes to, which a pipe cannot."""
+    """Return the content of the output file. It is built in memory, because numpy seeks and a pipe cannot."""
     stream, shape = io.BytesIO(), (layout.rows, layout.cols)
     if is_archive:
         write_archive(stream, frames, shape, pad=pad, pitch=layout.pitch, unit=layout.value.unit)
@@ -79,7 +84,7 @@ def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archi
 
 
 def _is_archive(output: str) -> bool:
-    """Return whether ``output`` is an .npz. Raises ConfigurationError for a suffix that names another format."""
+    """Return True if ``output`` is an .npz. Raises ConfigurationError for any suffix but .npz, .npy and none."""
     suffix = Path(output).suffix.lower()
     if suffix not in ('', '.npy', '.npz'):
         raise ConfigurationError(f'--output {output}', expected='.npz, with stamps, or .npy', got=suffix,
@@ -88,7 +93,7 @@ def _is_archive(output: str) -> bool:
 
 
 def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict[str, Path | None]:
-    """The file of each pad, by its name; None: standard output."""
+    """Return the output file for each pad name; None means standard output."""
     if output is None:
         return {}
     if output == '-':

@@ -1,4 +1,4 @@
-"""`tactile report`: one HTML page on a recording, for a support ticket."""
+"""`tactile report` writes one HTML page about a recording, for a support ticket."""
 
 import argparse
 import sys
@@ -31,21 +31,21 @@ from tactile_node.viewing.report_page import page_of
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('log', metavar='LOG|BAG', help='CAN log as of `tactile replay`, or a ROS 2 bag with '
-                        '<pad>/taxels: .mcap, .db3, its folder; of a rotated series, its first file')
+    parser.add_argument('log', metavar='LOG|BAG', help='CAN log as for `tactile replay`, or a ROS 2 bag with '
+                        '<pad>/taxels: .mcap, .db3 or its folder. For a rotated series, name its first file')
     add_output_option(parser, metavar='FILE', default='report.html', help='default: %(default)s')
     add_skin_options(parser)
     add_pads_option(parser)
-    parser.add_argument('--channel', default='', help='bus to report on of a log of several, as the log names it '
+    parser.add_argument('--channel', default='', help='bus to report on if the log holds several, as the log names it '
                         '(can0); for a bag, the topic')
-    parser.add_argument('--bitrate', type=bit_rate, help='of the bus [bit/s], which no log has: the load is then given '
-                        'as a share of it')
+    parser.add_argument('--bitrate', type=bit_rate, help='bit rate of the bus [bit/s]. No log records it; if you give '
+                        'it, the page shows the bus load as a percentage')
     add_any_device_option(parser)
     add_window_options(parser)
     add_model_option(parser)
-    parser.epilog = ('Layouts, node-IDs, names, EDS and channel are those of CAN frames; taxel arrays of a bag carry '
-                     'what is needed. Prints the path of the page and the problems that stand out. The exit code is 0 '
-                     'where a page was written, whatever is on it.')
+    parser.epilog = ('The options for layouts, node-IDs, names, EDS and channel apply to CAN frames; the taxel arrays '
+                     'in a bag need none of them. The command prints the path of the page and the problems that it '
+                     'found. The exit code is 0 if the page was written, even if it lists problems.')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _total(log: str) -> int | None:
-    """For the progress alone."""
+    """Return the number of messages for the progress bar, or None if no bar is shown."""
     return message_count(log, (CAN_FRAMES, TAXELS, STATUS, DIAGNOSTICS)) if sys.stderr.isatty() else None
 
 
@@ -76,6 +76,6 @@ def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> Bag
 
 
 def _files(log: str) -> list[str]:
-    """What must not be overwritten."""
+    """Return the files of the recording, which the page must not overwrite."""
     path = Path(log)
     return [str(file) for file in (path.iterdir() if path.is_dir() else files_of(path))]

@@ -1,7 +1,8 @@
-"""`tactile scan`: which CANopen nodes are on a bus, in which state, and which of our layouts describe them.
+"""`tactile scan` lists the CANopen nodes on a bus, their states, and the layouts in config/ that describe them.
 
-Reads a few objects of each node by SDO and writes nothing; with --passive it only listens. --bitrate auto
-finds the bit rate first, in listen-only mode, which disturbs no bus; it takes --listen for each of eight.
+The command reads a few objects of each node by SDO and writes nothing. With --passive it only listens. With --bitrate
+auto it first finds the bit rate: it listens for the time --listen at each of eight bit rates. It does so in listen-only
+mode, which does not disturb the bus.
 """
 
 import argparse
@@ -18,29 +19,29 @@ from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.eds_rules import Identity, identity_of
 
-LONGEST_LISTENING = 86_400.0  #: [s]
-LISTENING_TIME = 1.5  #: s: most heartbeats are sent once a second or more often
-SILENT_HINT = 'Nothing was received, and no node has answered. Check power, termination, bit rate and cable.'
-SILENT_PASSIVE_HINT = 'Nothing was received. Nodes without a heartbeat are found only without --passive.'
+LONGEST_LISTENING = 86_400.0  #: longest time that --listen accepts [s]
+LISTENING_TIME = 1.5  #: default of --listen [s]; most nodes send a heartbeat at least once per second
+SILENT_HINT = 'Nothing was received, and no node answered. Check power, termination, bit rate and cable.'
+SILENT_PASSIVE_HINT = 'Nothing was received. A node without a heartbeat is found only without --passive.'
 DAMAGED_HINT = ('Only damaged CAN frames were received: {} error frames. Check the bit rate, the termination, and that '
                 'the adapter speaks slcan.')
-UNHEARD_HINT = 'CAN frames were received, but no node was heard: check the bit rate, or the node-IDs that were asked.'
+UNHEARD_HINT = 'CAN frames were received, but no node was found. Check the bit rate and the node-IDs of --node-id.'
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     add_bus_options(parser, finds_bit_rate=True)
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
-                        help='ask only these (default: all)')
+                        help='ask only these node-IDs (default: all)')
     add_number(parser, '--listen', limits={'above': 0, 'most': LONGEST_LISTENING, 'unit': 's'}, default=LISTENING_TIME,
-               metavar='SECONDS', help='time to listen first, default %(default)s')
-    parser.add_argument('--passive', action='store_true', help='send nothing: listen to heartbeats only')
+               metavar='SECONDS', help='time to listen before asking [s] (default: %(default)s)')
+    parser.add_argument('--passive', action='store_true', help='send nothing; only listen to heartbeats')
     parser.add_argument('--eds', action='append', default=[], metavar='FOLDER',
-                        help='compare with the EDS files in it, beside those of config/')
-    parser.add_argument('--json', action='store_true', help='a JSON line a node')
+                        help='also compare the nodes with the EDS files in this folder, besides those in config/')
+    parser.add_argument('--json', action='store_true', help='print one line of JSON per node')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the nodes; 1 where none was found."""
+    """Print the nodes; return 1 if none was found, else 0."""
     for folder in args.eds:
         if not Path(folder).is_dir():
             raise ConfigurationError('--eds', expected='a folder', got=repr(folder), remedy='Check the path.')
@@ -68,7 +69,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def as_json(node: FoundNode, matching: list[Path]) -> dict:
-    """Return all facts by name; null for what is not known."""
+    """Return the facts about a node as a dict that JSON can hold; an unknown fact is None.
+
+    Parameters
+    ----------
+    node
+        Node that was found.
+    matching
+        EDS files whose identity matches the node.
+    """
     return {**node._asdict(), 'state': None if node.state is None else state_name(node.state),
             'identity': node.identity._asdict(), 'eds': [str(path) for path in matching],
             'layouts': [str(path) for path in map(_layout, matching) if path.is_file()]}
@@ -91,7 +100,7 @@ def _layout(eds: Path) -> Path:
 
 
 def _known(folders: list[Path]) -> list[tuple[Path, Identity]]:
-    """Return the EDS files that give an identity, with it; those that cannot be read are named."""
+    """Return the EDS files that name an identity, with this identity; report unreadable files on stderr."""
     found = []
     for path in sorted(path for folder in folders for path in folder.glob('*.[eE][dD][sS]')):
         try:

@@ -1,10 +1,11 @@
-"""`tactile sdo`: read or write one object of a device, store its parameters or restore its maker's (CiA 301).
+"""`tactile sdo` reads or writes one object of a CANopen device, and stores its parameters or restores the maker's.
 
-OBJECT is an index with sub-index, hexadecimal or decimal (0x1018:1, 25601:16; no sub-index: 0), or with --eds a name
-(Identity.Vendor-ID). Four digits need their 0x: manuals leave it out.
+OBJECT is an index with a sub-index, hexadecimal or decimal: 0x1018:1 or 25601:16. Without a sub-index, 0 is used. With
+--eds, OBJECT may also be a name from the EDS, such as Identity.Vendor-ID. Hexadecimal numbers need their 0x, even
+where a device manual leaves it out.
 
-While a driver runs, a write to 0x1005, 0x1800... or 0x1A00... counts as another master's: the driver gives no values
-of this node until it has configured it again (RECONFIGURED).
+If a driver is running, it takes a write to 0x1005, 0x1800... or 0x1A00... for the act of another master. The driver
+then publishes no values from this node until it has configured the node again (RECONFIGURED).
 """
 
 import argparse
@@ -34,10 +35,11 @@ from tactile_node.skin.object_value import (
     type_name,
 )
 
-SDO_ANSWER_TIMEOUT, STORE_TIMEOUT = 1.0, 10.0  #: s for an answer; flash memory is slow
-LONGEST_TIMEOUT = 3600.0    #: s
-RECONFIGURES = ('this object decides which TPDOs the node sends: a driver that runs gives none of its values until it '
-                'has configured it again')
+SDO_ANSWER_TIMEOUT = 1.0    #: time allowed for an answer [s]
+STORE_TIMEOUT = 10.0        #: time allowed for the answer to store or restore [s], because flash memory is slow
+LONGEST_TIMEOUT = 3600.0    #: longest time that --timeout accepts [s]
+RECONFIGURES = ('this object decides which TPDOs the node sends. A running driver publishes no values from this node '
+                'until it has configured the node again')
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -45,25 +47,27 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     read = _action(actions, 'read', _read, SDO_ANSWER_TIMEOUT, 'print the value of an object')
     write = _action(actions, 'write', _write, SDO_ANSWER_TIMEOUT, 'write the value of an object')
     for action in (read, write):
-        action.add_argument('object', metavar='OBJECT', help='0x1018:1, or a name of the EDS')
-        action.add_argument('--eds', default='', help='names and types of objects: a file, or a name in config/')
-        action.add_argument('--type', choices=TYPES, help="type of the value (default: the EDS's; "
-                            "hex: bytes as they are on the wire)")
+        action.add_argument('object', metavar='OBJECT', help='index with sub-index, such as 0x1018:1, or a name of the '
+                            'EDS')
+        action.add_argument('--eds', default='', help='EDS that names the objects and their types: a file, or a name '
+                            'in config/')
+        action.add_argument('--type', choices=TYPES, help='type of the value; hex: the bytes in the order of the wire '
+                            '(default: the type from the EDS)')
     write.add_argument('value', metavar='VALUE', help='100, 0x64, 1.5, a text, or bytes such as 6400')
     store = partial(_parameters, index=objects.STORE_PARAMETERS, signature=b'save',
                     done='stored its parameters')
-    restore = partial(_parameters, index=objects.RESTORE_PARAMETERS, signature=b'load', done="takes its maker's "
+    restore = partial(_parameters, index=objects.RESTORE_PARAMETERS, signature=b'load', done="will use its maker's "
                       'parameters after its next reset (power cycle or NMT reset), not before')
-    for action in (_action(actions, 'store', store, STORE_TIMEOUT, 'store parameters: write "save" to 0x1010'),
+    for action in (_action(actions, 'store', store, STORE_TIMEOUT, 'store the parameters: write "save" to 0x1010'),
                    _action(actions, 'restore', restore, STORE_TIMEOUT, "restore the maker's parameters: write \"load\" "
-                           'to 0x1011; they are in force after the next reset')):
+                           'to 0x1011; the device uses them after its next reset')):
         add_number(action, '--sub', int, limits={'least': 1, 'most': objects.MAX_SUBINDEX}, metavar='SUB',
-                   default=1, help='1 all (default), 2 communication, 3 application, 4... as the maker '
-                   'says')
+                   default=1, help='group of parameters: 1 all (default), 2 communication, 3 application, 4 and up as '
+                   'the maker defines them')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what was asked. Raises DeviceError where the device refuses it."""
+    """Execute the action. Raises DeviceError if the device refuses it."""
     args.act(args)
     return 0
 
@@ -75,8 +79,8 @@ def _action(actions: argparse._SubParsersAction, name: str, act, timeout: float,
                'remedy': '`tactile scan` lists the nodes of a bus.'}, required=True, metavar='ID',
                help='CANopen node-ID of the device')
     add_number(parser, '--timeout', limits={'above': 0, 'most': LONGEST_TIMEOUT, 'unit': 's'}, default=timeout,
-               metavar='SECONDS', help='for each answer, default %(default)s')
-    parser.add_argument('--json', action='store_true', help='one JSON object')
+               metavar='SECONDS', help='time allowed for each answer (default: %(default)s)')
+    parser.add_argument('--json', action='store_true', help='print one JSON object instead of text')
     parser.set_defaults(act=act)
     return parser
 
@@ -105,7 +109,7 @@ def _write(args: argparse.Namespace) -> None:
     address, kind = _target(args)
     if kind is None:
         raise ConfigurationError('--type', expected=f'the type of object {address}', got='none',
-                                 remedy='Give --type or --eds: the number of bytes has to be right.')
+                                 remedy='Give --type or --eds: they decide how many bytes are written.')
     try:
         data = encode_value(kind, args.value)
     except WrongValueError as error:
@@ -119,7 +123,7 @@ def _write(args: argparse.Namespace) -> None:
 
 
 def _parameters(args: argparse.Namespace, index: int, signature: bytes, done: str) -> None:
-    """Write the signature (CiA 301, 7.5.2.13 and 7.5.2.14) that makes a device keep or forget its parameters."""
+    """Write the signature that makes a device store or restore its parameters (CiA 301, 7.5.2.13 and 7.5.2.14)."""
     with _client(args) as sdo:
         write_object(sdo, ObjectAddress(index, args.sub), signature)
     facts = {'node_id': args.node_id, 'sub': args.sub}
@@ -127,7 +131,7 @@ def _parameters(args: argparse.Namespace, index: int, signature: bytes, done: st
 
 
 def _target(args: argparse.Namespace) -> tuple[ObjectAddress, str | None]:
-    """Return what ``object`` means, and the type of its value where it is known."""
+    """Return the address that ``object`` names, and the type of its value, or None if the type is not known."""
     dictionary = load_eds(args.eds, args.node_id) if args.eds else ObjectDictionary()
     try:
         address = parse_address(args.object)
@@ -141,9 +145,9 @@ def _named(args: argparse.Namespace, dictionary: ObjectDictionary) -> ObjectAddr
     found = find_named(dictionary, args.object) if args.eds else []
     if len(found) == 1:
         return found[0]
-    got, remedy = repr(args.object), 'Write 0x before hexadecimal digits, also before four of them: 0x6401:1.'
+    got, remedy = repr(args.object), 'Write 0x before all hexadecimal digits, also before four of them: 0x6401:1.'
     if found:
-        got, remedy = f'{got}, a name of {", ".join(map(str, found[:4]))}', 'Give the index, or OBJECT.SUB-OBJECT.'
+        got, remedy = f'{got}, which names {", ".join(map(str, found[:4]))}', 'Give the index, or OBJECT.SUB-OBJECT.'
     raise ConfigurationError('OBJECT', expected='an index with sub-index such as 0x1018:1'
                              + (f', or the name of one value in {args.eds}' if args.eds else ''),
                              got=got, remedy=remedy)

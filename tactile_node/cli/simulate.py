@@ -1,8 +1,9 @@
-"""``tactile simulate``: a CANopen skin made of software, on a CAN bus or behind a pseudo-terminal (slcan).
+"""`tactile simulate` runs a simulated CANopen skin, on a CAN bus or behind a pseudo-terminal (slcan).
 
-It is as silent as a real one until a master (the driver) starts it. Behind a pseudo-terminal it keeps the time of a
-wire of --bitrate: frames end when a wire would have carried them, in the order of arbitration. At its end, and at each
-SIGUSR1, it reports what the wire has carried since the report before, and how late itself was.
+Like a real skin, the simulated skin sends no TPDOs until a master (the driver) starts it. Behind a pseudo-terminal, the
+simulator reproduces the timing of a wire with the bit rate --bitrate: each frame ends when a real wire would have
+carried it, and frames compete by arbitration. When it ends, and at each SIGUSR1, the simulator reports what the wire
+has carried since the last report, and how late the simulator itself was.
 """
 
 import argparse
@@ -26,11 +27,27 @@ from tactile_node.simulator.touches import TAXEL_NOISE, TOUCH_AREAS, TOUCH_HOLD,
 from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import PadSettings
 
-DARK_GREY = 128  #: grey values below belong to the figure
+DARK_GREY = 128  #: pixels with a grey value below this belong to the figure
 
 
 def read_shape(text: str) -> str | Silhouette:
-    """Return the class of that name, or the silhouette of a name or of a picture. Raises InputError for another."""
+    """Return the shape that touches the skin.
+
+    Parameters
+    ----------
+    text
+        Name of a class of the recogniser, name of a built-in silhouette, or path of a picture or bool .npy array.
+
+    Returns
+    -------
+    str or Silhouette
+        The name of the class, or the silhouette.
+
+    Raises
+    ------
+    InputError
+        If ``text`` is no such name, or if the file cannot be used.
+    """
     if text in CLASSES:
         return text
     if text in NAMED:
@@ -38,7 +55,7 @@ def read_shape(text: str) -> str | Silhouette:
     path = Path(text)
     if not path.is_file():
         raise InputError('--shapes', expected=f'{", ".join((*CLASSES, *NAMED))}, or a picture', got=repr(text),
-                         remedy='Name one of them, or the file of a picture, dark on white, or of a bool .npy array.')
+                         remedy='Give one of these names, or the file of a picture (dark on white) or bool .npy array.')
     return silhouette_of(path.stem, _array(path) if path.suffix == '.npy' else _picture(path))
 
 
@@ -65,52 +82,55 @@ def _picture(path: Path) -> np.ndarray:
 
 
 def _unusable(path: Path, got: str) -> InputError:
-    return InputError(f'picture {str(path)!r}', expected=f'dark on white, up to {MOST_SIDE} x {MOST_SIDE}, or a bool '
-                      '.npy array', got=got, remedy='Write it as .png.')
+    return InputError(f'picture {str(path)!r}', expected=f'a picture, dark on white, up to {MOST_SIDE} x {MOST_SIDE}, '
+                      'or a bool .npy array', got=got, remedy='Save it as .png.')
 
 
-MOST_DELAY = 1.0  #: s
-MOST_SLIDE = 1.0  #: m/s
+MOST_DELAY = 1.0  #: longest --delay, --jitter and --batch [s]
+MOST_SLIDE = 1.0  #: highest --slide [m/s]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     add_bus_options(parser, channel='vcan0')
     parser.add_argument('--pty', action='store_true', help='offer an slcan adapter on a pseudo-terminal instead')
-    parser.add_argument('--link', default='', metavar='PATH', help='with --pty: a symbolic link to the port')
+    parser.add_argument('--link', default='', metavar='PATH',
+                        help='symbolic link to the pseudo-terminal; only with --pty')
     _add_wire_options(parser)
     add_skin_options(parser)
-    parser.add_argument('--shapes', nargs='+', default=CLASSES, metavar='SHAPE', help='what touches: '
+    parser.add_argument('--shapes', nargs='+', default=CLASSES, metavar='SHAPE', help='shapes that touch the pads: '
                         f'{", ".join((*CLASSES, *NAMED))}, or the file of a picture, dark on white (default: the first '
                         'five)')
     add_number(parser, '--areas', limits={'above': 0}, nargs='+', default=TOUCH_AREAS, metavar='TAXELS',
-               help='of the contacts (default: 40 60 80)')
-    add_number(parser, '--rounds', int, limits={'least': 1}, default=1, metavar='N', help='N touches of each shape and '
-               'area, each at another place and angle, before the programme repeats (default: %(default)s)')
-    parser.add_argument('--seed', type=int, default=0, help='of the touches (default: %(default)s)')
-    add_number(parser, '--noise', limits={'most': 1}, metavar='SD', help='standard deviation of each taxel, as a share '
-               f'of the full scale (default: {TAXEL_NOISE}, or less where a quiet pad would seem pressed)')
+               help='areas of the contacts [taxels] (default: 40 60 80)')
+    add_number(parser, '--rounds', int, limits={'least': 1}, default=1, metavar='N', help='number of touches for each '
+               'shape and area, each at another place and angle, before the programme repeats (default: %(default)s)')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the random touches (default: %(default)s)')
+    add_number(parser, '--noise', limits={'most': 1}, metavar='SD', help='standard deviation of the noise of each '
+               f'taxel, as a fraction of full scale (default: {TAXEL_NOISE}, or less if an untouched pad would then '
+               'seem pressed)')
     add_number(parser, '--hold', limits={'above': 0, 'unit': 's'}, default=TOUCH_HOLD, metavar='SECONDS',
-               help='for which each contact is held (default: %(default)s)')
+               help='duration of each contact [s] (default: %(default)s)')
     add_number(parser, '--pause', limits={'unit': 's'}, default=TOUCH_PAUSE, metavar='SECONDS',
-               help='between two contacts (default: %(default)s, long enough for `tactile tare`)')
-    add_number(parser, '--slide', limits={'most': MOST_SLIDE, 'unit': 'm/s'}, default=0.0, metavar='SPEED', help='of a '
-               'contact, there and back, while it is held, in metres a second, as 0.002 (default: it rests)')
-    parser.add_argument('--duration', type=float, help='end after so many seconds (default: at Ctrl-C)')
+               help='pause between two contacts [s] (default: %(default)s, long enough for `tactile tare`)')
+    add_number(parser, '--slide', limits={'most': MOST_SLIDE, 'unit': 'm/s'}, default=0.0, metavar='SPEED',
+               help='speed at which a held contact slides back and forth [m/s], for example 0.002 (default: 0)')
+    parser.add_argument('--duration', type=float, help='end after this time [s] (default: end at Ctrl-C)')
 
 
 def _add_wire_options(parser: argparse.ArgumentParser) -> None:
     default = WireSettings()
     parser.add_argument('--wire', action=argparse.BooleanOptionalAction, default=None,
-                        help='keep the time of a wire (default: with --pty), or send a sweep at once')
+                        help='reproduce the timing of a wire (default with --pty), or send each sweep at once')
     limits = {'most': MOST_DELAY, 'unit': 's'}
     add_number(parser, '--delay', limits=limits, default=default.delay, metavar='S',
-               help="from a SYNC's end until the device has its TPDOs ready (default: %(default)s)")
+               help='time from the end of a SYNC until the device has its TPDOs ready [s] (default: %(default)s)')
     add_number(parser, '--jitter', limits=limits, default=default.jitter, metavar='S',
-               help='by which that is longer at most (default: %(default)s)')
-    add_number(parser, '--batch', limits=limits, default=default.batch, metavar='S', help='that a frame waits for '
-               'those after it, to be handed over with them, as in a USB adapter (default: %(default)s)')
+               help='largest random time that is added to --delay [s] (default: %(default)s)')
+    add_number(parser, '--batch', limits=limits, default=default.batch, metavar='S', help='longest time for which a '
+               'frame is held back, to be delivered together with the next frames as by a USB adapter [s] (default: '
+               '%(default)s)')
     parser.add_argument('--report', metavar='FILE',
-                        help='append each report to this file, as a line of JSON, instead of printing it')
+                        help='append each report to this file as a line of JSON, instead of printing it')
 
 
 def _wire(args: argparse.Namespace) -> WireSettings | None:
@@ -120,7 +140,7 @@ def _wire(args: argparse.Namespace) -> WireSettings | None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until interrupted; 1 when the bus fails meanwhile."""
+    """Run until interrupted; return 1 if the bus failed, else 0."""
     pads = live_pads_of(args)
     nodes = [str(node_id) for pad in pads for node_id in pad.node_ids]
     failures: list[Exception] = []
@@ -133,14 +153,14 @@ def run(args: argparse.Namespace) -> int:
         bus, place = _open(args)
         simulator.start_on(bus)
         print(f'Simulated skin, node {", ".join(nodes)}, at {place}', flush=True)
-        gc.freeze()  # a full collection would delay a sweep by some 40 ms
+        gc.freeze()  # a full garbage collection would delay a sweep by about 40 ms
         stop_requested.wait(args.duration)
         signal.signal(signal.SIGUSR1, signal.SIG_IGN)
         _report(simulator, args.report)
         simulator.stop()
         signal.signal(signal.SIGUSR1, before)
     if failures:
-        print(f'The bus has failed: {failures[0]}')
+        print(f'The bus failed: {failures[0]}')
     return 1 if failures else 0
 
 
@@ -156,7 +176,7 @@ def _report(simulator: SkinSimulator, file: str | None) -> None:
 
 
 def _open(args: argparse.Namespace) -> tuple[can.BusABC, str]:
-    """Return the bus, and where a driver finds it."""
+    """Return the bus, and the channel or port at which a driver finds it."""
     if args.pty:
         adapter = SlcanPty(args.link)
         return adapter, adapter.port

@@ -1,7 +1,7 @@
-"""`tactile tare`: take the present readings of the pads, with nothing on them, as their zero.
+"""`tactile tare` sets the zero of the pads: the present readings, with nothing on the pads, become zero.
 
-The running driver does it, one pad after another. It refuses a pad that is pressed; then this command tries again for
-as long as --wait says. Exit code 1: a pad is not tared.
+The running driver tares one pad after another. It refuses to tare a pad that is pressed. The command then tries again
+until the time --wait has passed. The exit code is 1 if a pad was not tared.
 """
 
 import argparse
@@ -16,19 +16,19 @@ PRESSED = TareRefusal.PRESSED, TareRefusal.CONTACT
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--pads', type=pad_names, metavar='NAME,...', help='names of the pads (default: all of the '
-                        'driver)')
+    parser.add_argument('--pads', type=pad_names, metavar='NAME,...', help='names of the pads (default: all pads of '
+                        'the driver)')
     add_number(parser, '--frames', int, limits={'least': 1}, default=0, metavar='N',
-               help='taxel frames to average (default: as the driver has it, 50)')
+               help="number of taxel frames to average (default: the driver's parameter, 50)")
     parser.add_argument('--on-device', action='store_true', help='let the device zero itself first (CiA 404, 0x6125)')
     add_number(parser, '--wait', limits={'unit': 's'}, default=DEFAULT_WAIT, metavar='SECONDS', help='time for which '
-               'the command tries again while something presses a pad (default: %(default)s)')
-    parser.add_argument('--namespace', default='', help='of the driver')
+               'the command tries again while a pad is pressed [s] (default: %(default)s)')
+    parser.add_argument('--namespace', default='', help='namespace of the driver')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Tare each pad; 1 when one is not tared."""
-    from tactile_node.nodes.tare_client import tare_client  # rclpy: only where it is needed
+    """Tare each pad; return 1 if a pad was not tared, else 0."""
+    from tactile_node.nodes.tare_client import tare_client  # imported late, because `--help` must work without ROS
     is_done = True
     with tare_client(args.namespace) as client:
         for pad in args.pads or client.pads():

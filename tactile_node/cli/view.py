@@ -1,9 +1,10 @@
-"""`tactile view`: the pads in a browser or on a terminal, live from topics or a bus, or from a recording with seeking.
+"""`tactile view` shows the pads in a browser or on a terminal: live from topics or a bus, or from a recording.
 
-Without RECORDING and --interface: the topics of running nodes, subscribed while somebody looks. With --interface or
---channel: a bus without ROS; this command then starts the pads, so no driver may run on that bus. RECORDING: a CAN log,
-or a ROS 2 bag of our topics. The page is for this machine alone: from elsewhere use `ssh -L 8080:localhost:8080 ROBOT`
-and open http://localhost:8080.
+Without RECORDING, --interface and --channel, the command shows the topics of running nodes; it subscribes to them only
+while somebody watches. With --interface or --channel, it reads a bus without ROS. It then starts the pads itself, so no
+driver may run on that bus. RECORDING is a CAN log or a ROS 2 bag of this package's topics; you can seek in it. The
+page is served to this machine only. To see it from another machine, run `ssh -L 8080:localhost:8080 ROBOT` there and
+open http://localhost:8080.
 """
 
 import argparse
@@ -35,7 +36,7 @@ TOPICS = 'topics'
 BUS = 'a bus'
 LOG = 'a CAN log'
 BAG = 'a bag of taxel arrays'
-#: options that each kind of source applies, beside those of all kinds
+#: options that apply to each kind of source, besides those that apply to all kinds
 APPLIED_OPTIONS = {
     TOPICS: ('namespace',),
     BUS: ('interface', 'channel', 'bitrate', 'node_id', 'layout', 'eds', 'model'),
@@ -44,24 +45,24 @@ APPLIED_OPTIONS = {
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('recording', nargs='?', help='CAN log as of `tactile record`, or a ROS 2 bag')
+    parser.add_argument('recording', nargs='?', help='CAN log as for `tactile record`, or a ROS 2 bag')
     add_bus_options(parser, is_set=False)
-    parser.add_argument('--pads', type=pad_names, metavar='NAME,...', help='names of the pads (default: of topics all '
-                        'that are found, else pad<node-ID>)')
+    parser.add_argument('--pads', type=pad_names, metavar='NAME,...', help='names of the pads (default: for topics, '
+                        'all pads that are found; else pad<node-ID>)')
     add_skin_options(parser)
     add_any_device_option(parser)
     add_window_options(parser)
     add_model_option(parser)
-    parser.add_argument('--namespace', default='', help='of the topics')
-    parser.add_argument('--terminal', action='store_true', help='pictures on the terminal in place of the page')
+    parser.add_argument('--namespace', default='', help='namespace of the topics')
+    parser.add_argument('--terminal', action='store_true', help='draw on the terminal instead of serving a page')
     add_number(parser, '--full-scale', limits={'above': 0, 'remedy': 'For example 100e3.'}, metavar='READING',
-               help="reading of the brightest colour, in the pad's unit (default: the largest of the last 10 s)")
-    parser.add_argument('--port', type=int, default=DEFAULT_PORT, help='of the page; 0: a free one (default: '
-                        '%(default)s)')
+               help="reading that gets the brightest colour, in the pad's unit (default: the largest of the last 10 s)")
+    parser.add_argument('--port', type=int, default=DEFAULT_PORT, help='TCP port of the page; 0: any free port '
+                        '(default: %(default)s)')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show until Ctrl-C; on a terminal, a recording to its end."""
+    """Show the pads until Ctrl-C; on a terminal, a recording ends the command when it has been played."""
     with interruption() as stop_requested:
         source = source_of(args)
         try:
@@ -77,16 +78,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def source_of(args: argparse.Namespace) -> ViewSource:
-    """The source that the options name. Raises ConfigurationError, LogError."""
+    """Return the source that the options name. Raises ConfigurationError and LogError."""
     if args.recording is not None:
         return _recording_source(args)
     if args.interface is not None or args.channel is not None:
         _refuse_ignored(args, BUS)
         from tactile_node.viewing.bus_source import BusSource
         return BusSource(bus_settings_of(args), live_pads_of(args, args.pads or ()), recogniser_of(args))
-    _refuse_ignored(args, TOPICS, 'Name a bus with --interface, or leave them out; the model for topics is a parameter '
-                    'of the classifier node.')
-    from tactile_node.nodes.view_topics import TopicSource  # rclpy: only where it is needed
+    _refuse_ignored(args, TOPICS, 'Name a bus with --interface, or leave these options out. For topics, the classifier '
+                    'node has the model as a parameter.')
+    from tactile_node.nodes.view_topics import TopicSource  # imports rclpy, which the other sources do not need
     return TopicSource(args.pads or (), args.namespace)
 
 
@@ -105,7 +106,7 @@ def _recording_source(args: argparse.Namespace) -> ViewSource:
 
 
 def _refuse_ignored(args: argparse.Namespace, kind: str, remedy: str = 'Leave them out.') -> None:
-    """Raise ConfigurationError where options were given that a source of this ``kind`` would ignore."""
+    """Raise ConfigurationError if the user gave an option that this ``kind`` of source would ignore."""
     every = dict.fromkeys(name for names in APPLIED_OPTIONS.values() for name in names)
     ignored = [name for name in every if getattr(args, name) and name not in APPLIED_OPTIONS[kind]]
     if ignored:
@@ -119,7 +120,7 @@ def _written(names: Iterable[str]) -> str:
 
 def _serve(args: argparse.Namespace, source: ViewSource, stop_requested: Event) -> None:
     from tactile_node.viewing.gate import LOOPBACK
-    from tactile_node.viewing.server import ViewServer  # viser: only where it is needed
+    from tactile_node.viewing.server import ViewServer  # imports viser, which the terminal does not need
     server = ViewServer(source, args.port, args.full_scale)
     try:
         print(f'{source.title}: open http://{LOOPBACK}:{server.port} (Ctrl-C ends)', flush=True)

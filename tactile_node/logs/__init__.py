@@ -1,1 +1,1 @@
-"""CAN logs and bags, written and read."""
+"""Read and write CAN logs and bags."""

@@ -1,7 +1,8 @@
-"""CAN frames in ROS 2 bags, as can_msgs/msg/Frame: .mcap, .db3 (rosbag2), or a bag's folder. Knows no ROS.
+"""CAN frames in ROS 2 bags as can_msgs/msg/Frame: .mcap, .db3 (rosbag2) or the folder of a bag. Needs no ROS.
 
-MCAP is written in chunks of CHUNK_BYTES, and of those since the last flush: a file cut short is read up to the cut, and
-damage costs the chunk in which it is. Python's libraries that write bags for others (rosbags) give chunks no checksum.
+The writer ends an MCAP chunk after CHUNK_BYTES and at each flush. A truncated file can therefore be read up to the
+place where it ends, and damage costs only the chunk that contains it. The library rosbags also writes bags, but its
+chunks have no checksum.
 """
 
 from collections.abc import Iterator
@@ -15,8 +16,9 @@ from tactile_node.logs.bag_records import MSG_ENCODING, OnDamage, Recorded, begi
 from tactile_node.logs.damage import Damage, DamageKind
 from tactile_node.logs.replay_times import SECOND, WHOLE, TimeWindow
 
-CAN_TYPE, CAN_TOPIC = 'can_msgs/msg/Frame', 'from_can_bus'  # the topic is that of ros2_socketcan
-#: CAN_TYPE as the package can_msgs has it, with what it contains
+CAN_TYPE = 'can_msgs/msg/Frame'
+CAN_TOPIC = 'from_can_bus'  #: topic name of ros2_socketcan
+#: definition of CAN_TYPE in the package can_msgs, with the types that it contains
 CAN_DEFINITION = '''std_msgs/Header header
 uint32 id
 bool is_rtr
@@ -33,19 +35,31 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 '''
-#: bytes, uncompressed: 0.5 s of a full bus of 1 Mbit/s, as much as a killed recording loses. Damage to a larger one
-#: costs more, and smaller ones give larger files.
+#: Size of a chunk, uncompressed [bytes]: 0.5 s of a full bus with 1 Mbit/s, which is what a killed recording loses.
+#: Damage to a larger chunk would cost more, and smaller chunks would make the file larger.
 CHUNK_BYTES = 1 << 18
 
 
 def read_can_frames(path: str | Path, on_damage: OnDamage = lambda _: None, window: TimeWindow = WHOLE
                     ) -> Iterator[can.Message]:
-    """Give the CAN messages of a bag in the order in which they were recorded.
+    """Yield the CAN messages of a bag in the order in which they were recorded.
 
-    ``on_damage`` gets what cannot be read. Raises LogError for a bag without a topic of can_msgs/msg/Frame.
+    Parameters
+    ----------
+    path
+        Bag: a file or its folder.
+    on_damage
+        Called with each part that cannot be read.
+    window
+        Part of the recording to read.
+
+    Raises
+    ------
+    LogError
+        If the bag has no topic of type can_msgs/msg/Frame.
     """
     path, types, given = Path(path), _CanTypes(path), 0
-    seen: dict[str, str] = {}  # {topic: type}
+    seen: dict[str, str] = {}  # topic -> type
     bounds = (0, None) if window == WHOLE else window.of(begin_of(path))
     try:
         for recorded in records_of(path, on_damage, *bounds):
@@ -55,7 +69,7 @@ def read_can_frames(path: str | Path, on_damage: OnDamage = lambda _: None, wind
             given += 1
             try:
                 message = types.message(recorded)
-            except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
+            except Exception as error:  # rosbags also raises errors from struct, numpy and zstandard
                 at = recorded.time / SECOND
                 on_damage(Damage(DamageKind.UNDECODABLE, path.name, begin=at, end=at,
                                  detail=f'{recorded.topic}: {type(error).__name__}: {error}'))
@@ -69,13 +83,13 @@ def read_can_frames(path: str | Path, on_damage: OnDamage = lambda _: None, wind
 
 
 class McapCanWriter:
-    """Writes CAN messages as can_msgs/msg/Frame; the surface is that of python-can's writers."""
+    """Writes CAN messages to an .mcap as can_msgs/msg/Frame, with the interface of python-can's writers."""
 
     def __init__(self, path: str | Path):
         types = _CanTypes(path)
         writer = library('mcap.writer', path)
         if not hasattr(writer.Writer, 'flush'):
-            raise ImportError('an older library mcap than 1.5.0, which cannot end a chunk')
+            raise ImportError('a library mcap older than 1.5.0, which cannot end a chunk')
         self.file = open(path, 'wb')
         self._types = types
         self._sequence = 0
@@ -86,17 +100,17 @@ class McapCanWriter:
         self._repeat_types(schema, library('mcap.records', path), library('mcap.data_stream', path))
 
     def on_message_received(self, message: can.Message) -> None:
-        """Raises ValueError for a CAN FD message, which can_msgs/msg/Frame cannot hold."""
+        """Write a message. Raises ValueError for a CAN FD frame, which can_msgs/msg/Frame cannot hold."""
         if message.is_fd:
             raise ValueError('a CAN FD frame does not fit into can_msgs/msg/Frame')
         seconds, part = divmod(message.timestamp, 1)
-        time = int(seconds) * SECOND + round(part * SECOND)  # as one number a float would round to 256 ns
+        time = int(seconds) * SECOND + round(part * SECOND)  # in two parts, because one float would round to 256 ns
         self._sequence += 1
         self._writer.add_message(channel_id=self._channel, log_time=time, data=self._types.cdr(message, time),
                                  publish_time=time, sequence=self._sequence)
 
     def _repeat_types(self, schema: int, records, streams) -> None:
-        """Before the first chunk, which has them, too: damage to it does not take all others their meaning."""
+        """Write schema and channel before the first chunk, so that damage to that chunk does not cost all messages."""
         builder = streams.RecordBuilder()
         records.Schema(id=schema, name=CAN_TYPE, encoding=MSG_ENCODING, data=CAN_DEFINITION.encode()).write(builder)
         records.Channel(id=self._channel, topic=CAN_TOPIC, message_encoding='cdr', metadata={},
@@ -104,7 +118,7 @@ class McapCanWriter:
         self.file.write(builder.end())
 
     def flush(self) -> None:
-        """End the chunk, so that a reader gets all that was written so far."""
+        """End the chunk, so that a reader sees all messages written so far."""
         self._writer.flush()
 
     def stop(self) -> None:
@@ -113,17 +127,17 @@ class McapCanWriter:
 
 
 class _CanTypes:
-    """can_msgs/msg/Frame <-> python-can."""
+    """Converts between can_msgs/msg/Frame and python-can messages."""
 
     def __init__(self, path: str | Path):
         typesys = library('rosbags.typesys', path)
-        # all types of a ROS distribution take 0.2 s, in which a recording that rotates would stand still
+        # Loading all types of a ROS distribution takes 0.2 s, during which a rotating recording would stop.
         self._store = typesys.get_typestore(typesys.Stores.EMPTY)
         self._store.register(typesys.get_types_from_msg(CAN_DEFINITION, CAN_TYPE))
         self._frame = self._store.types[CAN_TYPE]
 
     def message(self, recorded: Recorded) -> can.Message:
-        """Stamped as the CAN driver did, or when it was recorded where it did not."""
+        """Return the recorded message, with the stamp of the CAN driver or else the time of recording."""
         frame = self._store.deserialize_cdr(decompress(recorded.cdr), CAN_TYPE)
         stamp = frame.header.stamp
         time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND

@@ -1,4 +1,4 @@
-"""The messages of a ROS 2 bag as recorded, in order: .mcap, .db3 (rosbag2), or a bag's folder. Knows no ROS."""
+"""Read the raw messages of a ROS 2 bag in order: .mcap, .db3 (rosbag2) or the folder of a bag. Needs no ROS."""
 
 import gzip
 import sqlite3
@@ -17,9 +17,21 @@ from tactile_node.logs.series import BAG_SUFFIXES, Part, files_of, parts_of
 
 
 def message_count(path: str | Path, types: Collection[str]) -> int | None:
-    """Return the lines of a .log, or the messages of ``types`` in a bag of .mcap files; None where it is not known.
+    """Count the messages of a recording for a progress bar.
 
-    What is wrong with a file is left to who reads it.
+    Errors in the file are ignored here; the reader of the messages reports them.
+
+    Parameters
+    ----------
+    path
+        A .log, whose lines are counted, or a bag of .mcap files.
+    types
+        Message types to count in a bag.
+
+    Returns
+    -------
+    int or None
+        Number of lines or messages; None if it is not known without reading the messages.
     """
     path = Path(path)
     try:
@@ -37,7 +49,7 @@ def _lines(path: Path) -> int:
 
 
 def _count_of_mcap(path: Path, types: Collection[str]) -> int:
-    """Raises EOFError for a file that has no counts: it was not ended, or is no .mcap."""
+    """Return the number of messages from the summary. Raises EOFError if the file has no summary."""
     with open_mcap(path) as file:
         if file.summary is None or file.summary.statistics is None:
             raise EOFError(f'{path} has no counts')
@@ -49,7 +61,7 @@ def _count_of_mcap(path: Path, types: Collection[str]) -> int:
 if TYPE_CHECKING:
     from tactile_node.logs.mcap_file import McapFile
 
-MSG_ENCODING = 'ros2msg'  #: the encoding of definitions that are written as .msg files
+MSG_ENCODING = 'ros2msg'  #: encoding of message definitions in the form of .msg files
 OnDamage = Callable[[Damage], None]
 
 
@@ -58,20 +70,32 @@ class Recorded(NamedTuple):
 
     topic: str
     type: str
-    time: int  #: when it was recorded [ns]
+    time: int  #: time of recording [ns]
     cdr: bytes
-    definition: str = ''  #: the type and all that it contains, as .msg files; '': not in the bag
+    definition: str = ''  #: the type and the types that it contains, as .msg files; '' if the bag has no definition
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether it is to be read as a bag: by suffix, or a folder."""
+    """Return True if the path is a bag: a file with a bag's suffix, or a folder."""
     return Path(path).suffix in BAG_SUFFIXES or Path(path).is_dir()
 
 
 def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int | None = None) -> Iterator[Recorded]:
-    """Read one message after the other of all files of the recording: those of ``since`` <= time < ``until`` [ns].
+    """Yield the messages of a recording, one by one from all its files.
 
-    What cannot be read goes to ``on_damage``, before the message that follows it. Raises LogError for no bag.
+    Parameters
+    ----------
+    path
+        Bag: a file or its folder.
+    on_damage
+        Called with each part that cannot be read, before the next message is yielded.
+    since, until
+        Time of recording [ns]; messages with since <= time < until are read.
+
+    Raises
+    ------
+    LogError
+        If the path is not a bag.
     """
     last: float | None = None
     damages: list[Damage] = []
@@ -80,7 +104,7 @@ def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int
             damages.append(found)
             continue
         if until is not None and found.time >= until:
-            if found.time >= until + SECOND:  # messages are recorded in a wrong order by less
+            if found.time >= until + SECOND:  # because messages can be out of order, by less than a second
                 break
             continue
         if damages:
@@ -93,7 +117,7 @@ def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int
 
 
 def begin_of(path: str | Path) -> int:
-    """Return when the first message was recorded [ns]; 0 where there is none. Raises LogError for no bag."""
+    """Return the time at which the first message was recorded [ns], or 0 if there is none. Raises LogError."""
     part = bag_parts(path)[0]
     if part.is_there and part.path.suffix == '.mcap':
         with open_mcap(part.path) as file:
@@ -105,9 +129,14 @@ def begin_of(path: str | Path) -> int:
 
 
 def topics_of(path: str | Path) -> dict[str, str]:
-    """Return the type of each topic in the bag, as far as it can be read; quick, unless the bag was not ended.
+    """Return the type of each topic in the bag.
 
-    Raises LogError for no bag.
+    Topics in a damaged part may be missing. The function is fast unless the recorder did not finish the bag.
+
+    Raises
+    ------
+    LogError
+        If the path is not a bag.
     """
     found: dict[str, str] = {}
     for part in bag_parts(path):
@@ -117,14 +146,14 @@ def topics_of(path: str | Path) -> dict[str, str]:
 
 
 def decompress(data: bytes) -> bytes:
-    """``ros2 bag record --compression-mode message`` compresses each message alone."""
-    if not data.startswith(b'\x28\xB5\x2F\xFD'):  # RFC 8878; CDR begins with 00
+    """Return a message decompressed; ``ros2 bag record --compression-mode message`` compresses each one separately."""
+    if not data.startswith(b'\x28\xB5\x2F\xFD'):  # magic number of Zstandard (RFC 8878); CDR begins with 00
         return data
     return import_module('zstandard').ZstdDecompressor().decompressobj().decompress(data)
 
 
 def library(name: str, path: str | Path):
-    """Bags are an extra: without them their libraries are not needed."""
+    """Import a library for bags. It is optional, so a missing one raises LogError with the way to install it."""
     try:
         return import_module(name)
     except ImportError as error:
@@ -133,13 +162,13 @@ def library(name: str, path: str | Path):
 
 
 def bag_parts(path: str | Path) -> tuple[Part, ...]:
-    """Return the .mcap and .db3 files of a bag, in the order in which they were recorded. Raises LogError for none."""
+    """Return the .mcap and .db3 files of a bag in the order of recording. Raises LogError if there are none."""
     path = Path(path)
     if not path.exists():
         raise LogError(str(path), expected='a bag', got='no such file', remedy='Check the path.')
     parts = parts_of(path)
     if not any(part.is_there for part in parts):
-        raise LogError(str(path), expected='a bag: .mcap or .db3 files', got='a folder without them',
+        raise LogError(str(path), expected='a bag: .mcap or .db3 files', got='a folder without such files',
                        remedy='Decompress a compressed bag first (ros2 bag convert).')
     return parts
 
@@ -153,7 +182,7 @@ def _found(path: str | Path, since: int) -> Iterator[Recorded | Damage]:
 
 
 def _one(damages: list[Damage], begin: float | None, end: float | None) -> Damage:
-    """Join the damages between two messages into one."""
+    """Join the damages between two messages into one damage."""
     return reduce(Damage.joined, damages)._replace(begin=begin, end=end)
 
 
@@ -181,7 +210,7 @@ def _definition(schema) -> str:
 
 def _topics_of_mcap(path: Path) -> dict[str, str]:
     with open_mcap(path) as file:
-        if not file.channels:  # it was not ended
+        if not file.channels:  # without a summary, the channels are known only after reading
             for _ in file.read():
                 pass
         return {channel.topic: '' if schema is None else schema.name for channel, schema in file.channels}
@@ -205,16 +234,16 @@ def _topics_of_sqlite(path: Path) -> dict[str, str]:
         with closing(open_sqlite(path)) as base:
             return dict(base.execute('SELECT name, type FROM topics'))
     except sqlite3.Error:
-        return {}  # who reads the messages reports it
+        return {}  # the reader of the messages reports the error
 
 
 def open_sqlite(path: Path) -> sqlite3.Connection:
-    """Open a database for reading, by one thread after the other: a log is opened, played and closed by several."""
+    """Open a database read-only, for use by several threads in turn: different threads open, play and close a log."""
     return sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True, check_same_thread=False)
 
 
 def _definitions(base: sqlite3.Connection) -> dict[str, str]:
-    """By type; bags before ROS 2 Iron have no such table."""
+    """Return the definition of each type; bags from before ROS 2 Iron have no table of definitions."""
     try:
         return dict(base.execute('SELECT topic_type, encoded_message_definition FROM message_definitions '
                                  'WHERE encoding = ?', (MSG_ENCODING,)))

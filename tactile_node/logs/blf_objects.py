@@ -1,6 +1,7 @@
-"""The whole objects of a BLF log (Vector). Objects are in containers; one may begin in a container and end in the next.
+"""Extract the intact objects of a BLF log (Vector) for the reader of python-can.
 
-At an object of size 0 python-can's reader would give the same frame for ever, and it counts nothing that is missing.
+Objects are stored in containers; an object may begin in one container and end in the next. At an object of size 0, the
+reader of python-can would yield the same frame for ever. It also does not count missing objects.
 """
 
 import os
@@ -16,18 +17,19 @@ from tactile_node.logs.bag_records import OnDamage
 from tactile_node.logs.damage import Damage, DamageKind
 
 SIGNATURE = b'LOBJ'
-PADDING = 3  #: bytes between two objects, at most
-RESTORE_POINTS = 115  #: a type of objects that the file's header does not count
-_BASE, _CONTAINER = blf.OBJ_HEADER_BASE_STRUCT, blf.LOG_CONTAINER_STRUCT
-_HEADS = {1: blf.OBJ_HEADER_V1_STRUCT.size, 2: blf.OBJ_HEADER_V2_STRUCT.size}  # bytes after _BASE, by version
-#: of the types with CAN frames [bytes]
+PADDING = 3  #: largest number of bytes between two objects
+RESTORE_POINTS = 115  #: type of objects that the count in the file's header does not include
+_BASE = blf.OBJ_HEADER_BASE_STRUCT
+_CONTAINER = blf.LOG_CONTAINER_STRUCT
+_HEADS = {1: blf.OBJ_HEADER_V1_STRUCT.size, 2: blf.OBJ_HEADER_V2_STRUCT.size}  # version -> bytes after _BASE
+#: type of an object with a CAN frame -> size of its content [bytes]
 _CONTENTS = {blf.CAN_MESSAGE: blf.CAN_MSG_STRUCT.size, blf.CAN_MESSAGE2: blf.CAN_MSG_STRUCT.size,
              blf.CAN_ERROR_EXT: blf.CAN_ERROR_EXT_STRUCT.size, blf.CAN_FD_MESSAGE: blf.CAN_FD_MSG_STRUCT.size,
              blf.CAN_FD_MESSAGE_64: blf.CAN_FD_MSG_64_STRUCT.size}
 
 
 class BlfReader(can.BLFReader):
-    """python-can's, which gets whole objects alone; ``on_damage`` gets what is missing."""
+    """The BLF reader of python-can, which receives only intact objects; ``on_damage`` is called with missing parts."""
 
     def __init__(self, file: BinaryIO, name: str, on_damage: OnDamage):
         super().__init__(file)
@@ -45,7 +47,7 @@ class BlfReader(can.BLFReader):
             self.file = file
 
     def _whole_objects(self, file: BinaryIO) -> Iterator[bytes]:
-        """Give whole objects, one after the other, up to a damage or the end of a container."""
+        """Yield intact objects, one after another, up to the next damage or the end of a container."""
         data, read, is_damaged = b'', 0, False
         for content in self._contents(file):
             data = b'' if content is None else data + content  # an object that ends in a damaged container is lost
@@ -56,7 +58,7 @@ class BlfReader(can.BLFReader):
                 if size == 0:
                     at = begin + 1
                     continue
-                if begin + size > len(data):  # it ends in the next container
+                if begin + size > len(data):  # the object ends in the next container
                     break
                 if begin - end > PADDING:
                     yield data[first:end]
@@ -73,9 +75,9 @@ class BlfReader(can.BLFReader):
                                    detail=f'{read} of {self.object_count or "an unknown number of"} objects'))
 
     def _contents(self, file: BinaryIO) -> Iterator[bytes | None]:
-        """Give the content of each container, None for a damaged one, and objects that are in none.
+        """Yield the content of each container, None for a damaged one, and objects outside containers.
 
-        Ends before a head that cannot be read: the next object cannot be found.
+        Stops at a head that cannot be read, because the next object cannot be found.
         """
         while head := file.read(_BASE.size):
             size, kind = _BASE.unpack(head)[-2:] if len(head) == _BASE.size else (0, 0)
@@ -92,7 +94,7 @@ class BlfReader(can.BLFReader):
 
 
 def _unpacked(content: bytes) -> bytes:
-    """Return what a container holds, as far as it is there. Raises zlib.error where it is damaged."""
+    """Return the content of a container, as far as it is complete. Raises zlib.error if it is damaged."""
     if len(content) < _CONTAINER.size:
         return b''
     method, _ = _CONTAINER.unpack_from(content)
@@ -101,7 +103,7 @@ def _unpacked(content: bytes) -> bytes:
 
 
 def _size(data: bytes, begin: int) -> int:
-    """Return the length of the object at ``begin``; 0 where none can be: too short, or another one begins within it."""
+    """Return the length of the object at ``begin``; 0 if it is too short or another object begins within it."""
     _, _, version, size, kind = _BASE.unpack_from(data, begin)
     least = _BASE.size + (_HEADS.get(version, size) + _CONTENTS[kind] if kind in _CONTENTS else 0)
     return size if size >= least and data.find(SIGNATURE, begin + 1, begin + size + len(SIGNATURE) - 1) < 0 else 0

@@ -1,4 +1,4 @@
-"""What of a recording cannot be read: why, how much of it, and the time in which it was recorded."""
+"""Describe the parts of a recording that cannot be read: the reason, the size and the time of recording."""
 
 from collections.abc import Sequence
 from datetime import datetime, timezone
@@ -8,45 +8,45 @@ from tactile_node.code_names import PhrasedCode
 
 
 class DamageKind(PhrasedCode):
-    """Why something of a bag or a series of files is not given."""
+    """Reason why a part of a bag or of a series of files is not read."""
 
-    CHUNK = 1, 'a damaged chunk'  #: its content does not fit its checksum, or cannot be decompress
-    RECORDS = 2, 'damaged records'  #: bytes between two chunks are no records
-    CUT_SHORT = 3, 'cut short: it was not ended'  #: a killed recording, a full disk, a part of a download
-    MISSING_FILE = 4, 'no such file, of a series'
-    UNKNOWN_CHANNEL = 5, 'messages of an unknown channel'  #: whose record is lost
+    CHUNK = 1, 'a damaged chunk'  #: its checksum is wrong, or it cannot be decompressed
+    RECORDS = 2, 'damaged records'  #: the bytes between two chunks are not records
+    CUT_SHORT = 3, 'cut short before its end'  #: after a killed recording, a full disk or an incomplete download
+    MISSING_FILE = 4, 'a missing file of a series'
+    UNKNOWN_CHANNEL = 5, 'messages of an unknown channel'  #: the record that describes the channel is lost
     UNDECODABLE = 6, 'a message that does not fit its definition'
-    DATABASE = 7, 'cut short or damaged'  #: what follows in a .db3
-    INCONSISTENT = 8, 'a TaxelArray whose fields do not fit together'
+    DATABASE = 7, 'cut short or damaged'  #: the rest of a .db3 cannot be read
+    INCONSISTENT = 8, 'a TaxelArray with inconsistent fields'
 
 
 class Damage(NamedTuple):
-    """One place of a recording; neighbouring ones are one."""
+    """One damaged place in a recording; adjacent places are joined into one."""
 
     kind: DamageKind
-    file: str  #: its name
-    chunks: int | None = None  #: MCAP chunks that are lost; None: not known
-    size: int = 0  #: [bytes]
-    begin: float | None = None  #: when the message before it was recorded [s, Unix epoch]; None: there is none
-    end: float | None = None    #: when the message after it was recorded
-    detail: str = ''  #: what the library that reads it says
+    file: str  #: name of the file
+    chunks: int | None = None  #: number of lost MCAP chunks; None if not known
+    size: int = 0  #: number of lost bytes
+    begin: float | None = None  #: time of recording of the message before it [s, Unix epoch]; None if there is none
+    end: float | None = None    #: time of recording of the message after it [s, Unix epoch]; None if there is none
+    detail: str = ''  #: message of the library that read the part
 
     @property
     def seconds(self) -> float | None:
-        """Seconds of the recording that are lost at most; None where it is its begin or its end."""
+        """Longest time that is lost [s]; None at the begin or the end of the recording."""
         return None if self.begin is None or self.end is None else max(self.end - self.begin, 0.0)
 
     def joined(self, after: 'Damage') -> 'Damage':
-        """Return both as one, of this one's kind."""
+        """Return this damage and the one ``after`` it as one, with the kind of this one."""
         chunks = None if self.chunks is None or after.chunks is None else self.chunks + after.chunks
         return self._replace(chunks=chunks, size=self.size + after.size)
 
 
-MOST_LINES = 20
+MOST_LINES = 20  #: number of damages that are listed
 
 
 def damage_text(damage: Damage) -> str:
-    """Return it as a part of a sentence.
+    """Return a damage as a part of a sentence.
 
     >>> damage_text(Damage(DamageKind.CHUNK, 'x.mcap', 1, 4096, 10.0, 10.5, 'crc'))
     'x.mcap: a damaged chunk (1 chunks, 4096 bytes, 0.500 s from 1970-01-01 00:00:10.000 UTC on; crc)'
@@ -60,7 +60,7 @@ def damage_text(damage: Damage) -> str:
 
 
 def damage_lines(damages: Sequence[Damage]) -> list[str]:
-    """Return a line for each of the first MOST_LINES, and one that says how many follow."""
+    """Return a line for each of the first MOST_LINES damages, and a line with the number of the others."""
     lines = [f'{damage_text(damage)}.' for damage in damages[:MOST_LINES]]
     return lines + ([f'... and {len(damages) - MOST_LINES} more.'] if len(damages) > MOST_LINES else [])
 
@@ -74,13 +74,13 @@ def _span(damage: Damage) -> str:
 
 
 def utc(seconds: float) -> str:
-    """Return a Unix time [s] in words, to 1 ms; one that is no date as a number.
+    """Return a Unix time [s] as text, to 1 ms; a number that is not a date is returned as seconds.
 
     >>> utc(0.5)
     '1970-01-01 00:00:00.500 UTC'
     """
     try:
         found = datetime.fromtimestamp(seconds, timezone.utc)
-    except (OverflowError, ValueError, OSError):  # any number of 64 bits may stand in a bag
+    except (OverflowError, ValueError, OSError):  # a bag may contain any 64-bit number
         return f'{seconds:.3f} s'
     return found.isoformat(' ', 'milliseconds').replace('+00:00', ' UTC')

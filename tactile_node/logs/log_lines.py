@@ -1,4 +1,4 @@
-"""Which bus each CAN frame of a log is of."""
+"""Tell the buses of a log apart by the channel of each CAN frame."""
 
 from collections.abc import Collection
 from typing import NamedTuple
@@ -9,19 +9,27 @@ from tactile_node.assembly.router import non_data_kind
 
 
 class TwoBuses(NamedTuple):
-    """CAN frames that the pads' taxels need were on two buses."""
+    """A fault: CAN frames that the pads need came from two buses."""
 
-    can_id: int  #: what the frame on the second has
-    channels: tuple[str, ...]
+    can_id: int  #: identifier of the frame from the second bus
+    channels: tuple[str, ...]  #: names of the buses
 
 
 class ChosenChannel:
-    """Takes the frames of ``channel``, and those sent without a name where it is the log's first bus; '' is all."""
+    """Selects the frames of one bus.
+
+    A sent frame may have no channel name. Such frames are selected if the chosen bus is the first one in the log.
+
+    Parameters
+    ----------
+    channel
+        Name of the bus; '' selects all frames.
+    """
 
     def __init__(self, channel: str):
         self._channel = channel
-        self._received: list[str] = []  # channels
-        self.others: set[str] = set()  #: channels with frames that were not taken
+        self._received: list[str] = []  # channels with received frames, in the order of the log
+        self.others: set[str] = set()  #: channels with frames that were not selected
 
     def takes(self, message: can.Message) -> bool:
         channel = str(message.channel)
@@ -37,15 +45,15 @@ class ChosenChannel:
 
 
 class OneBus:
-    """Watches that CAN frames with one of ``can_ids`` come from one bus."""
+    """Checks that all CAN frames with one of ``can_ids`` come from the same bus."""
 
     def __init__(self, can_ids: Collection[int]):
         self._can_ids = frozenset(can_ids)
-        self._received: set[str] = set()  # channels
-        self._used: dict[str, int] = {}  # channels of can_ids, each with its first
+        self._received: set[str] = set()  # channels with received frames
+        self._used: dict[str, int] = {}  # channel with frames of can_ids -> identifier of the first one
 
     def feed(self, message: can.Message) -> TwoBuses | None:
-        """Take the next frame of the log; return the fault where it is of a second bus."""
+        """Process the next frame of the log; return the fault if the frame comes from a second bus, else None."""
         channel = str(message.channel)
         is_known = channel in self._received or not message.is_rx
         if not is_known:

@@ -1,4 +1,4 @@
-"""Reads CAN logs: in text by their lines, python-can's others by suffix (``.blf``...), and ROS 2 bags."""
+"""Read CAN logs: text formats line by line, the other formats of python-can by suffix (.blf and more), ROS 2 bags."""
 
 import gzip
 import logging
@@ -23,28 +23,29 @@ from tactile_node.logs.series import parts_of
 
 logger = logging.getLogger(__name__)
 
-CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: `candump -L`
-CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: `candump can0`, for people
-SET_BACK = 1.0  # s: two frames of one clock are recorded in a wrong order by less
-FAR_AHEAD = 10.0      # s ahead of the frame before: between two frames of a skin at work there is less
+CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: output of `candump -L`
+CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: output of `candump can0`
+SET_BACK = 1.0  #: a stamp this far before the last one is out of order, since frames of one clock deviate less [s]
+FAR_AHEAD = 10.0      #: a stamp this far after the last one is suspicious, since a working skin pauses less [s]
 
 
 def _reader(path: str, on_unread: Callable[[str], None], on_damage: OnDamage) -> MessageReader:
-    """Return python-can's reader, which gets only the whole lines of a text, or the whole objects of a .blf."""
+    """Return a reader of python-can that receives only the whole lines of a text, or the whole objects of a .blf."""
     with open(path, 'rb') as file:
         opened = gzip.open if file.read(2) == b'\x1f\x8b' else open
     with opened(path, 'rb') as stream:
         try:
             head = stream.read(4096)
-        except (EOFError, OSError, zlib.error):  # damaged: what reads it all says where
+        except (EOFError, OSError, zlib.error):  # damaged; reading the whole file will report where
             head = b''
     if CONSOLE.match(head):
-        raise LogError(path, expected='a log with the stamps of its CAN frames', got='what candump shows on a terminal',
+        raise LogError(path, expected='a log with the stamps of its CAN frames',
+                       got='the text that candump shows on a terminal',
                        remedy='Record with `tactile record`, or with candump -L.')
     suffix = Path(path.lower().removesuffix('.gz')).suffix
     form = text_formats.CANDUMP if CANDUMP.match(head) else text_formats.FORMATS.get(suffix)
     if form is not None:
-        text = opened(path, 'rt', encoding='utf-8', errors='replace')  # a byte that is no text costs its own line alone
+        text = opened(path, 'rt', encoding='utf-8', errors='replace')  # so that a bad byte costs only its own line
         reader: Any = form.reader(text)
         reader.file = text_formats.whole_lines(text, form, on_unread)
         return reader
@@ -53,13 +54,13 @@ def _reader(path: str, on_unread: Callable[[str], None], on_damage: OnDamage) ->
         return BlfReader(content, Path(path).name, on_damage)
     if suffix == '.db':
         return _SqliteReader(path)
-    logger.warning('%s is read by python-can, which leaves out what it does not understand, and does not count it.',
-                   path)
+    logger.warning('%s is read by python-can, which skips the parts that it does not understand, and does not count '
+                   'them.', path)
     return can.LogReader(path)
 
 
 class _SqliteReader(can.SqliteReader):
-    """python-can's, but for any thread."""
+    """The SQLite reader of python-can, with a connection that any thread may use."""
 
     def __init__(self, path: str):
         super().__init__(path)
@@ -69,15 +70,37 @@ class _SqliteReader(can.SqliteReader):
 
 
 class CanLogReader:
-    """Iterates over a log's messages; ``unread`` counts lines (or broken rests) left out, ``problem`` is the reason.
+    """Iterates over the CAN messages of a log.
 
-    The files of a rotated series are read as one, by the first; ``damages`` has what is missing of a bag, a .blf or a
-    series, and when it was recorded. Of a log of several buses only ``channel`` is read where it is given: as the log
-    calls it, or a bag's topic. Of the recording ``window`` is read: of a bag without reading what is before it. A frame
-    whose stamp is far from its neighbours' is left out as unread. Of a log cut short, by a full disk or in a download,
-    what is whole is given; ``summary`` has where it ends.
+    Parameters
+    ----------
+    path
+        Log or bag. For a rotated series, the first file; the series is read as one log.
+    channel
+        Bus to read if the log holds several: its name in the log, or the topic in a bag. '' reads all buses.
+    window
+        Part of the recording to read. In a bag, the messages before it are not read.
 
-    Raises LogError when the file is missing, of no known format, or holds no CAN frame at all.
+    Attributes
+    ----------
+    unread
+        Number of lines, or of broken parts, that could not be read.
+    problem
+        Reason for the last unread line or part.
+    damages
+        Missing parts of a bag, a .blf or a series, and the time in which they were recorded.
+    can_frames
+        Number of CAN frames read so far.
+
+    Raises
+    ------
+    LogError
+        If the file is missing, has no known format or holds no CAN frame.
+
+    Notes
+    -----
+    A frame whose stamp is far from those of its neighbours is dropped and counted as unread. If a full disk or an
+    incomplete download has cut the log short, the intact part is read, and ``summary`` says where it ends.
     """
 
     def __init__(self, path: str | Path, channel: str = '', window: TimeWindow = WHOLE):
@@ -91,7 +114,7 @@ class CanLogReader:
         self._last = 0.0  # stamp
         self._chosen = ChosenChannel(channel)
         if not Path(path).is_file() and not (Path(path).is_dir() and is_bag(path)):
-            self._refuse('no file' if Path(path).exists() else 'no such file', 'Check the path.')
+            self._refuse('a path that is not a file' if Path(path).exists() else 'no such file', 'Check the path.')
 
     def __iter__(self) -> Iterator[can.Message]:
         self.unread = 0
@@ -116,7 +139,7 @@ class CanLogReader:
 
     @property
     def summary(self) -> str:
-        """What was read, as a sentence for the end of the log."""
+        """Number of frames read, the last stamp and the unread parts, as a sentence."""
         rest = f'; {self.unread} lines or rests unread: {self.problem}' if self.unread else ''
         return f'{self.can_frames} CAN frames, the last at {utc(self._last)}{rest}.'
 
@@ -127,7 +150,7 @@ class CanLogReader:
             self._unread(error)
 
     def _within(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
-        """What comes before the window has been read all the same: a text has no index."""
+        """Yield the messages in the window. Earlier messages must be read too, because a text has no index."""
         begin: float | None = None
         for message in messages:
             begin = message.timestamp if begin is None else begin
@@ -158,16 +181,16 @@ class CanLogReader:
                 damage._replace(begin=self._last or None)))
         except LogError:
             raise
-        except Exception as error:  # each format's reader raises its own errors over a bad header
-            if path != Path(self.path):  # part of a series, whose other files are read
+        except Exception as error:  # each reader of python-can raises its own errors for a bad header
+            if path != Path(self.path):  # one file of a series; the other files are still read
                 self._unread(error)
                 return
             self._refuse(f'{type(error).__name__}: {error}',
-                         'Give a log in a format and with a suffix python-can reads.')
+                         'Give a log in a format that python-can reads, with the suffix of that format.')
         try:
             with reader:
                 yield from reader
-        except Exception as error:  # a .gz cut short or damaged; each format's reader raises its own
+        except Exception as error:  # a truncated or damaged .gz; each reader raises its own errors
             self._unread(error)
 
     def _damaged(self, damage: Damage) -> None:
@@ -183,10 +206,20 @@ class CanLogReader:
 
 
 def without_strays(messages: Iterable[can.Message], on_stray: Callable[[can.Message], None]) -> Iterator[can.Message]:
-    """Leave out each frame that alone lies FAR_AHEAD ahead of its neighbours, or SET_BACK behind; ``on_stray`` gets it.
+    """Drop each frame whose stamp alone is wrong.
 
-    Where a clock was set, or the bus was at rest, the next frame follows the new time.
+    The stamp of such a frame is more than FAR_AHEAD after, or more than SET_BACK before, those of its neighbours. If
+    the next frame follows the new time, the frame is kept: the clock was set, or the bus was at rest.
 
+    Parameters
+    ----------
+    messages
+        Messages in the order of the log.
+    on_stray
+        Called with each dropped message.
+
+    Examples
+    --------
     >>> def log(*stamps):
     ...     return [can.Message(stamp) for stamp in stamps]
     >>> strays = []

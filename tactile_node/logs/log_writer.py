@@ -1,4 +1,4 @@
-"""Writes CAN logs (.log, .log.gz, .mcap), in one file or in several of limited size."""
+"""Write CAN logs (.log, .log.gz, .mcap) to one file, or to several files of limited size."""
 
 import logging
 import threading
@@ -16,22 +16,29 @@ from tactile_node.threads import ReportedThread
 
 logger = logging.getLogger(__name__)
 
-WRITTEN_SUFFIXES = ('.log', '.log.gz', '.mcap')  #: what is written
-FLUSH_PERIOD = 0.5  # s: what a killed recording loses at most
-MEGABYTE = 1_000_000  # bytes
+WRITTEN_SUFFIXES = ('.log', '.log.gz', '.mcap')  #: formats that can be written
+FLUSH_PERIOD = 0.5  #: time between two flushes, and so the longest part that a killed recording loses [s]
+MEGABYTE = 1_000_000  #: [bytes]
 
 
 class LogFile:
-    """Writes CAN messages to ``path``, an empty file, in the format of its suffix; not thread-safe.
+    """Writes CAN messages to an empty file, in the format of its suffix. It is not thread-safe.
 
-    ``can_frames``: how many it has taken. Raises OSError, ValueError, ImportError where nothing can write to it; the
-    file is then removed.
+    Attributes
+    ----------
+    can_frames
+        Number of messages written.
+
+    Raises
+    ------
+    OSError, ValueError, ImportError
+        If the file cannot be written in this format. The file is then removed.
     """
 
     def __init__(self, path: Path):
         self.path = path
         self.can_frames = 0
-        self._flushed = self._size = 0  # CAN frames and bytes that the last flush brought to the disk
+        self._flushed = self._size = 0  # CAN frames and bytes on the disk since the last flush
         try:
             self.writer: Any = McapCanWriter(path) if path.suffix == '.mcap' else can.Logger(str(path))
         except (OSError, ValueError, ImportError):
@@ -43,37 +50,38 @@ class LogFile:
         return self.can_frames > self._flushed
 
     def reaches(self, largest: int) -> bool:
-        """Return whether the file has ``largest`` bytes, with all that was written so far. Raises OSError."""
+        """Return True if the file has ``largest`` bytes, including all messages written so far. Raises OSError."""
         if isinstance(self.writer, McapCanWriter) and self.writer.file.tell() + CHUNK_BYTES < largest:
-            return False  # without a flush, which would end its chunk
+            return False  # checked without a flush, because a flush would end the chunk
         self.flush()
         return self._size >= largest
 
     def write(self, message: can.Message) -> None:
-        """Raises ValueError for a message that the format cannot hold, OSError where the disk takes no more."""
+        """Write a message. Raises ValueError if the format cannot hold it, OSError if the disk is full."""
         self.writer.on_message_received(message)
         self.can_frames += 1
 
     def flush(self) -> None:
-        """Bring all that was written so far into the file, as a reader needs it. Raises OSError."""
+        """Bring all messages written so far into the file, in a form that a reader can read. Raises OSError."""
         if isinstance(self.writer, McapCanWriter):
             self.writer.flush()
         self.writer.file.flush()
         self._flushed, self._size = self.can_frames, self.path.stat().st_size
 
     def close(self) -> None:
-        """Write what is left and end the file. Raises OSError: ``cut_back`` has to follow."""
+        """Write the rest and end the file. If it raises OSError, the caller must call `cut_back`."""
         self.flush()
         self.writer.stop()
 
     def cut_back(self) -> int:
-        """After an OSError, end the file with the last frame flushed; return how many taken since are lost.
+        """Truncate the file after the last flushed frame; return the number of frames that are lost thereby.
 
-        Else a disk that took a part of the rest would leave half a frame, and no one could say how many are lost.
+        This is needed after an OSError. A full disk may have accepted half a frame, and the number of lost frames would
+        be unknown.
         """
         try:
             self.writer.stop()
-        except (OSError, ValueError):  # what it still holds; a file that is closed
+        except (OSError, ValueError):  # the rest cannot be written, or the file is already closed
             pass
         with self.path.open('r+b') as file:
             file.truncate(self._size)
@@ -82,25 +90,49 @@ class LogFile:
 
 
 class CanLogWriter:
-    """Writes CAN messages to a log as they are received; thread-safe.
+    """Writes CAN messages to a log as they are received. It is thread-safe.
 
-    An existing file is never overwritten unless this one ``replaces`` it: ``path`` is the one that is written,
-    ``session-2.log`` where ``session.log`` exists. From ``largest`` bytes on (0: never) the next file begins,
-    ``session_part2.log`` and so on; each can be read alone, all as one by the first, and no frame is lost between two.
-    It is flushed every FLUSH_PERIOD: a killed process loses at most that. A message without the name of its bus (what
-    this package sends, and what some adapters receive) gets ``channel``, a device's path without its folder.
-    ``can_frames`` counts what was recorded, ``unwritten`` messages that the format cannot hold, and those missing after
-    the recording has failed (a full disk): it ends then, with the last frames flushed, ``failure`` has the reason,
-    which is also logged, and nothing else is affected. Raises LogError when the file cannot be written from the
-    beginning or its suffix means no format.
+    The log is flushed every FLUSH_PERIOD, so a killed process loses no more than that.
+
+    Parameters
+    ----------
+    path
+        File to write. If it exists and is not to be replaced, the log gets another name, such as ``session-2.log``.
+    channel
+        Name of the bus for messages without one: the messages that this package sends, and those from some adapters.
+        For a device path, only its last part is used.
+    largest
+        Size at which the next file begins [bytes], named ``session_part2.log`` and so on; 0 for a single file. Each
+        file can be read alone, or all as one log by the first. No frame is lost in between.
+    replaces
+        True to replace an existing log.
+
+    Attributes
+    ----------
+    path
+        File that is written.
+    parts
+        Number of files.
+    can_frames
+        Number of recorded messages.
+    unwritten
+        Number of messages that the format cannot hold, or that came after the recording failed.
+    failure
+        Reason why the recording failed, for example a full disk; '' if it did not. The reason is also logged.
+        The recording then ends with the last flushed frame; nothing else is affected.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be written from the start, or if its suffix stands for no format.
     """
 
     def __init__(self, path: str | Path, channel: str = '', largest: int = 0, *, replaces: bool = False):
-        self._channel = '_'.join(channel.rsplit('/')[-1].split()) or None  # formats separate by spaces
+        self._channel = '_'.join(channel.rsplit('/')[-1].split()) or None  # because log formats separate by spaces
         self._largest = largest
         self._lock = threading.Lock()
-        self._recorded = 0  # in the files before this one
-        self.parts = 1  #: files there are
+        self._recorded = 0  # number of messages in the earlier files
+        self.parts = 1
         self.unwritten = 0
         self.failure = ''
         self._file: LogFile | None = None
@@ -120,7 +152,7 @@ class CanLogWriter:
         return self._recorded + self._last.can_frames
 
     def write(self, message: can.Message) -> None:
-        """Write one message; after ``close`` nothing happens."""
+        """Write one message; after `close`, do nothing."""
         with self._lock:
             if self._file is None:
                 self.unwritten += bool(self.failure)
@@ -129,7 +161,7 @@ class CanLogWriter:
                 message.channel = self._channel
             try:
                 self._file.write(message)
-            except ValueError:  # the format has no place for it
+            except ValueError:  # the format cannot hold the message
                 self.unwritten += 1
             except OSError as error:
                 self.unwritten += 1
@@ -153,7 +185,7 @@ class CanLogWriter:
                         self._file.flush()
 
     def _limit(self, file: LogFile) -> None:
-        """Begin the next file where this one is large enough."""
+        """Begin the next file if this one is large enough."""
         if not self._largest or file.can_frames % 256:
             return
         with self._failing():
@@ -176,22 +208,22 @@ class CanLogWriter:
 
     @contextmanager
     def _failing(self) -> Iterator[None]:
-        """End the recording where the disk takes no more."""
+        """End the recording if the disk refuses more data."""
         try:
             yield
         except OSError as error:
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        """What is on the disk stays, what the file still holds is lost."""
+        """End the recording. Data on the disk remain; data still in the buffer are lost."""
         file, self._file = self._file, None
         if file is not None:
             self.unwritten += file.cut_back()
         self._report(error)
 
     def _report(self, error: Exception) -> None:
-        self.failure = (f'The recording {self._last.path} has ended after {self.can_frames} CAN frames: '
-                        f'{getattr(error, "strerror", "") or error}. Free the disk, or record elsewhere.')
+        self.failure = (f'The recording {self._last.path} ended after {self.can_frames} CAN frames: '
+                        f'{getattr(error, "strerror", "") or error}. Free space on the disk, or record elsewhere.')
         logger.error('%s', self.failure, extra={'fact': error})
 
 
@@ -201,15 +233,16 @@ def _check_suffix(path: Path) -> None:
         log = f'{str(path).removesuffix(suffix)}.log'
         raise LogError(str(path), expected=f'a log file that can be written: {", ".join(WRITTEN_SUFFIXES)}',
                        got=f'the suffix {suffix!r}' if suffix else 'no suffix',
-                       remedy=f'Record to {log}; python-can makes other formats of it: '
+                       remedy=f'Record to {log}; python-can converts it to other formats: '
                               f'python -m can.logconvert {log} {path}.' if suffix else 'Name it session.log.')
 
 
 def _new_file(path: Path, replaces: bool) -> Path:
-    """Make ``path``, or with the first number from 2 on that makes it new, as are the files that may follow it.
+    """Create the file for a recording and return its path.
 
-    It exists from then on, so that another recording, started together with this one, gets another number. What it
-    ``replaces`` is removed, with the files that follow.
+    If ``path`` or a file that continues it exists, a number from 2 on is added to the name. The file is created at
+    once, so that a recording that starts at the same time chooses another number. With ``replaces``, the existing
+    file and its continuations are removed first.
     """
     suffix = suffix_of(path)
     for old in files_of(path) if replaces else ():
@@ -217,7 +250,7 @@ def _new_file(path: Path, replaces: bool) -> Path:
     candidate, number = path, 2
     while True:
         try:
-            if not following(candidate):  # or a reader would take them for its own
+            if not following(candidate):  # else a reader would take these files for parts of the new log
                 candidate.open('xb').close()
                 return candidate
         except FileExistsError:

@@ -1,7 +1,7 @@
-"""Whether the devices of a log were set up as layout and EDS say, by the SDO answers in it (CiA 301, 7.2.4).
+"""Check from the SDO answers in a log whether its devices were set up as layout and EDS say (CiA 301, 7.2.4).
 
-What the log does not hold is not judged: of a log that begins later, or of a device that was reset since, the values
-are not known. Values are taken from expedited transfers, as these objects have 4 bytes at most.
+Values that the log does not contain are not judged. They are unknown if the log begins after the set-up, or if the
+device was reset since. Only expedited transfers are read, because the objects in question have at most 4 bytes.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,19 +22,24 @@ WATCHED_OBJECTS = frozenset((objects.IDENTITY, *objects.COMMUNICATION_RECORDS, *
 
 
 class Contradiction(NamedTuple):
-    """What a device of the log was, or was set to, and what layout or EDS say."""
+    """A difference between a device in the log and its layout or EDS."""
 
     pad: str
     node_id: int
-    object_index: int  #: identity, COB-ID or mapping of a TPDO
-    expected: str
-    got: str
+    object_index: int  #: index of the object that differs: identity, or COB-ID or mapping of a TPDO
+    expected: str      #: value from the layout or the EDS
+    got: str           #: value in the log
 
 
 class LoggedSetUp:
-    """Reads the SDO transfers of the pads' nodes and judges each TPDO by what they have shown so far.
+    """Reads the SDO transfers of the pads' nodes, and judges each TPDO by the values seen so far.
 
-    ``identities``: by the pad's name, what its EDS gives, where it has one.
+    Parameters
+    ----------
+    pads
+        Pads whose nodes are checked.
+    identities
+        Pad name -> identity in its EDS, for the pads that have an EDS.
     """
 
     def __init__(self, pads: Sequence[PadSettings], identities: Mapping[str, Identity]):
@@ -47,7 +52,13 @@ class LoggedSetUp:
                     objects.HEARTBEAT + node_id: node.heartbeat}
 
     def feed(self, can_id: int, data: bytes) -> Contradiction | None:
-        """Take the next data frame with an 11-bit identifier; return what shows that its taxels are others."""
+        """Process the next data frame with an 11-bit identifier.
+
+        Returns
+        -------
+        Contradiction or None
+            Proof that the frame comes from another device or carries other taxels; None if there is none.
+        """
         take = self._takers.get(can_id)
         return None if take is None else take(can_id, data)
 
@@ -58,9 +69,9 @@ class _LoggedNode:
         self._node_id = pad.node_ids[position]
         self._identity = identity
         self._tpdos = {tpdo.cob_id.of(self._node_id): tpdo for tpdo in pad.layout.tpdos if tpdo.node == position}
-        self._requested: dict[tuple[int, int], int | None] = {}  # values to be written; None: an upload
+        self._requested: dict[tuple[int, int], int | None] = {}  # object -> value to be written; None for an upload
         self._values: dict[tuple[int, int], int] = {}
-        self._unjudged: set[int] = set()  # COB-IDs of TPDOs not seen since the last value
+        self._unjudged: set[int] = set()  # COB-IDs of TPDOs not yet judged with the latest values
 
     @property
     def can_ids(self) -> Sequence[int]:
@@ -72,7 +83,7 @@ class _LoggedNode:
             return
         command = data[0] & COMMAND
         if command == constants.REQUEST_DOWNLOAD:
-            self._values.pop(key, None)  # until it is confirmed, either may hold
+            self._values.pop(key, None)  # until the answer comes, the old or the new value may be valid
             if data[0] & constants.EXPEDITED:
                 self._requested[key] = _value(data)
         elif command == constants.REQUEST_UPLOAD:
@@ -90,7 +101,7 @@ class _LoggedNode:
         return None
 
     def heartbeat(self, _can_id: int, data: bytes) -> None:
-        if nmt_state(data) == objects.NmtState.BOOT_UP:  # it has what it has saved
+        if nmt_state(data) == objects.NmtState.BOOT_UP:  # the device is back at its stored values
             self._values.clear()
             self._requested.clear()
 
@@ -108,14 +119,14 @@ class _LoggedNode:
         return None
 
     def _judge_identity(self) -> Contradiction | None:
-        """What was not read is taken to be right."""
+        """Return a contradiction if the identity is wrong; an entry that was not read is assumed to be right."""
         ours = self._identity
         if ours is None:
             return None
         theirs = Identity(*(self._values.get((objects.IDENTITY, sub), wanted) for sub, wanted in enumerate(ours, 1)))
         if ours.accepts(theirs):
             return None
-        return self._contradiction(objects.IDENTITY, f'{ours}, as its EDS has it', str(theirs))
+        return self._contradiction(objects.IDENTITY, f'{ours}, as the EDS says', str(theirs))
 
     def _contradictions(self, can_id: int, tpdo: TpdoLayout) -> Iterator[Contradiction]:
         communication, mapping = objects.TPDO_COMMUNICATION + tpdo.number - 1, objects.TPDO_MAPPING + tpdo.number - 1
@@ -124,21 +135,24 @@ class _LoggedNode:
         for index, cob_id in cob_ids.items():
             if index != objects.IDENTITY and (cob_id & objects.ID_MASK == can_id) != (index == communication):
                 number = index - objects.TPDO_COMMUNICATION + 1
-                yield self._contradiction(index, f'0x{can_id:03X} to be TPDO {tpdo.number}, as the layout has it',
+                yield self._contradiction(index, f'0x{can_id:03X} to be TPDO {tpdo.number}, as the layout says',
                                           f'0x{cob_id & objects.ID_MASK:03X} as TPDO {number}')
         wanted = [objects.SAM_MPDO] if tpdo.is_mpdo else [len(tpdo.mapping), *(mapped.entry for mapped in tpdo.mapping)]
-        count = self._values.get((mapping, 0), 0)  # 0: it is being changed
+        count = self._values.get((mapping, 0), 0)  # 0: the mapping is being changed
         seen = [self._values.get((mapping, sub)) for sub in range(len(wanted))]
         if count and any(value not in (None, ours) for value, ours in zip(seen, wanted)):
-            yield self._contradiction(mapping, f'the objects {_text(wanted)} in TPDO {tpdo.number}, as the layout has '
-                                      'it', _text(seen))
+            yield self._contradiction(mapping, f'the objects {_text(wanted)} in TPDO {tpdo.number}, as the layout '
+                                      'says', _text(seen))
 
     def _contradiction(self, index: int, expected: str, got: str) -> Contradiction:
         return Contradiction(self._pad.name, self._node_id, index, expected, got)
 
 
 def _object_of(data: bytes) -> tuple[int, int] | None:
-    """Index and sub-index of an SDO frame, where they are watched; a segment has none, but may look like it."""
+    """Return index and sub-index of an SDO frame if that object is watched, else None.
+
+    Segment frames carry neither, but their bytes can look as if they do.
+    """
     index = int.from_bytes(data[1:3], 'little')
     if len(data) != SDO_BYTES or index not in WATCHED_OBJECTS:
         return None
@@ -157,9 +171,9 @@ def _text(mapping: Sequence[int | None]) -> str:
 
 
 class HeardNodes:
-    """Notes whose heartbeats and boot-ups are in a log, and finds other nodes that send COB-IDs of ``pads``.
+    """Notes which nodes send heartbeats or boot-ups in a log, and finds other nodes that send the COB-IDs of a pad.
 
-    With a wrong node-ID, a pad may be put together from the TPDOs of two others.
+    With a wrong node-ID, a pad could be assembled from the TPDOs of two other pads.
     """
 
     def __init__(self, pads: Sequence[PadSettings]):
@@ -168,13 +182,16 @@ class HeardNodes:
         self._heard: set[int] = set()
 
     def feed(self, message: can.Message) -> None:
-        """Take the next CAN frame; a request of node guarding is of the master."""
+        """Process the next CAN frame. A request of node guarding is ignored, because the master sends it."""
         node_id = objects.node_of(message.arbitration_id, objects.HEARTBEAT)
         if node_id is not None and non_data_kind(message) is None and message.data:
             self._heard.add(node_id)
 
     def strangers(self) -> dict[str, list[int]]:
-        """Return, by pad, the nodes that were heard and would send the pad's COB-IDs, where its own were not heard."""
+        """Return, for each pad, the other nodes that were heard and send COB-IDs of the pad.
+
+        A pad is left out if one of its own nodes was heard.
+        """
         return {name: sorted(found) for name, neighbours in self._neighbours.items()
                 if not self._heard & self._own[name] and (found := self._heard & neighbours)}
 

@@ -1,12 +1,13 @@
-"""The messages of one MCAP file in the order in which they stand there, past what is damaged.
+"""Read the messages of one MCAP file in their stored order, and continue after damage.
 
-Messages are in chunks, each with a checksum of its content; a chunk that does not fit it is left out whole. An index
-that fits its own checksum says where the chunks are. Without one, as after a kill, record follows record (opcode,
-length, content); where the row is broken, the next chunk is looked for: its head gives its length twice, and names its
-compression. Messages without a chunk have no checksum: what follows damage is then lost to the end of the file.
+An MCAP file stores messages in chunks, each with a checksum of its content. A chunk with a wrong checksum is dropped as
+a whole. An index at the end of the file, with its own checksum, says where the chunks are. The index is missing if the
+recorder was killed. The records then follow each other (opcode, length, content) and are read in turn. Where this
+sequence is broken, the reader searches for the next chunk: the head of a chunk contains its length twice, and the name
+of its compression. Messages outside a chunk have no checksum; after damage, they are lost up to the end of the file.
 
-The library's own readers end at the first damage, and pass over a chunk whose opcode is damaged as over any unknown
-record. This module needs the library mcap: `bag_records` imports it only for a bag.
+The readers of the library mcap stop at the first damage. They also skip a chunk with a damaged opcode as if it were
+any unknown record. This module needs the library mcap, so `bag_records` imports it only for a bag.
 """
 
 import os
@@ -27,34 +28,47 @@ from mcap.summary import Summary
 from tactile_node.logs.damage import Damage, DamageKind
 
 MCAP_MAGIC = b'\x89MCAP0\r\n'
-RECORD_HEAD = struct.Struct('<BQ')     #: what a record begins with: opcode, length of its content [bytes]
-_FOOTER = struct.Struct('<QQI')  # begin of the summary, of its offsets, checksum of both up to here
-TAIL_BYTES = RECORD_HEAD.size + _FOOTER.size + len(MCAP_MAGIC)  # bytes: the footer and what ends the file
-FIXED_LENGTHS = {Opcode.FOOTER: _FOOTER.size, Opcode.DATA_END: 4}  #: [bytes]
+RECORD_HEAD = struct.Struct('<BQ')     #: head of a record: opcode, length of its content [bytes]
+_FOOTER = struct.Struct('<QQI')  # offset of the summary, offset of the summary's offsets, checksum of all up to here
+TAIL_BYTES = RECORD_HEAD.size + _FOOTER.size + len(MCAP_MAGIC)  #: size of the footer and the closing magic [bytes]
+FIXED_LENGTHS = {Opcode.FOOTER: _FOOTER.size, Opcode.DATA_END: 4}  #: opcode -> length of its content [bytes]
 OPCODES = frozenset(Opcode)
-CHUNK_SIZE = 40    # bytes of a chunk beside its records and the name of its compression
-LARGEST_RECORD = 1 << 30  # bytes of a record, uncompressed; a damaged head may claim any number
-SEARCH_BYTES = 1 << 20   # bytes
-#: where a chunk may begin: opcode, a length below 2**40, and after times, size and checksum the compression's name
+CHUNK_SIZE = 40    #: size of a chunk without its records and the name of its compression [bytes]
+LARGEST_RECORD = 1 << 30  #: largest record, uncompressed [bytes]; a damaged head may claim any number
+SEARCH_BYTES = 1 << 20   #: size of the blocks in which the next chunk is searched [bytes]
+#: possible head of a chunk: opcode, a length below 2**40, then times, size and checksum, then the compression's name
 _CHUNK_HEAD = re.compile(rb'(?s)\x06(?=.{5}\0\0\0.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd))')
 
 
 class Stored(NamedTuple):
-    """A message of the file."""
+    """A message in the file."""
 
     channel: Channel
     schema: Schema | None
-    time: int  #: when it was recorded [ns]
+    time: int  #: time of recording [ns]
     data: bytes
 
 
 def _read(file: int, size: int, at: int) -> bytes:
-    os.lseek(file, at, os.SEEK_SET)  # not os.pread: Windows has none
+    os.lseek(file, at, os.SEEK_SET)  # os.pread does not exist on Windows
     return os.read(file, size)
 
 
 class McapFile:
-    """Reads an open file, called ``name``. ``summary`` is what it says of itself at its end, None where it cannot."""
+    """Reader for an open MCAP file.
+
+    Parameters
+    ----------
+    file
+        File descriptor.
+    name
+        Name of the file, for damage reports.
+
+    Attributes
+    ----------
+    summary
+        Summary at the end of the file; None if it is missing or damaged.
+    """
 
     def __init__(self, file: int, name: str):
         self._file, self._name, self._size = file, name, os.fstat(file).st_size
@@ -66,11 +80,11 @@ class McapFile:
 
     @property
     def channels(self) -> list[tuple[Channel, Schema | None]]:
-        """The channels known so far, each with its schema."""
+        """Channels known so far, each with its schema."""
         return [(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
 
     def read(self, since: int = 0) -> Iterator[Stored | Damage]:
-        """Give what was recorded at ``since`` [ns] or later."""
+        """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` where the file is damaged."""
         read, is_damaged = 0, False
         indexes = () if self.summary is None else self.summary.chunk_indexes
         for found in self._read_indexed(indexes, since) if indexes else self._walk(since):
@@ -88,7 +102,7 @@ class McapFile:
             return None
         try:
             summary = NonSeekingReader(BytesIO(MCAP_MAGIC + content + tail)).get_summary()
-        except Exception:  # without a checksum it may be anything
+        except Exception:  # without a checksum, the bytes may be anything
             return None
         indexes = () if summary is None else summary.chunk_indexes
         return summary if all(each.chunk_start_offset + each.chunk_length <= self._size for each in indexes) else None
@@ -128,12 +142,12 @@ class McapFile:
             at = end
 
     def _head(self, at: int) -> tuple[int, int] | None:
-        """Return opcode and length of the record at ``at``; None where none can be that lies within the file."""
+        """Return opcode and length of the record at ``at``, or None if no record can begin there."""
         head = _read(self._file, RECORD_HEAD.size, at)
         if len(head) < RECORD_HEAD.size:
             return None
         opcode, length = RECORD_HEAD.unpack(head)
-        is_known = opcode in OPCODES or opcode >= 0x80  # those of applications
+        is_known = opcode in OPCODES or opcode >= 0x80  # opcodes from 0x80 on are for applications
         fits = (length <= min(LARGEST_RECORD, self._size - at - RECORD_HEAD.size)
                 and length == FIXED_LENGTHS.get(opcode, length))
         return (opcode, length) if is_known and fits else None
@@ -154,7 +168,7 @@ class McapFile:
             if chunk.uncompressed_size > LARGEST_RECORD:
                 raise ValueError(f'a chunk of {chunk.uncompressed_size} bytes')
             found = breakup_chunk(chunk, validate_crc=True)
-        except Exception as error:  # the library lets struct's, lz4's and zstandard's through beside its own
+        except Exception as error:  # the library also raises errors from struct, lz4 and zstandard
             kind, chunks = (DamageKind.CHUNK, 1) if is_chunk else (DamageKind.RECORDS, None)
             yield Damage(kind, self._name, chunks, size, detail=f'{type(error).__name__}: {error}')
             return
@@ -177,11 +191,11 @@ class McapFile:
 
 
 def _chunk_of(content: bytes) -> Chunk | None:
-    """Return a record as a chunk, whatever its opcode has become; None where its lengths do not fit."""
+    """Return a record as a chunk, even if its opcode is damaged; None if its lengths are inconsistent."""
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-    except Exception:  # another record: of struct, of UTF-8, of its end
+    except Exception:  # another kind of record: struct, UTF-8 or end-of-file errors
         return None
     begin = CHUNK_SIZE + len(chunk.compression)
-    announced = int.from_bytes(content[begin - 8:begin], 'little')  # the library takes less, too
+    announced = int.from_bytes(content[begin - 8:begin], 'little')  # the library also accepts a shorter content
     return chunk if chunk.compression in ('', 'lz4', 'zstd') and begin + announced == len(content) else None

@@ -1,4 +1,4 @@
-"""The pace at which a log is played, and when each of its stamps was played, by the steady clock."""
+"""Pace at which a log is played, and the time at which each of its stamps was played."""
 
 import logging
 import math
@@ -10,13 +10,23 @@ from typing import NamedTuple
 
 logger = logging.getLogger(__name__)
 
-LONGEST_WAIT = 10.0  # s: a longer gap in a log is not waited for
-PLAYED_RESOLUTION = 1e-3  #: s: what is played within it shares an entry
-MOST_ENTRIES = 4096      #: entries, so at least 4 s of playing
+LONGEST_WAIT = 10.0  #: longer gaps in a log are skipped [s]
+PLAYED_RESOLUTION = 1e-3  #: stamps that are played within this time share an entry [s]
+MOST_ENTRIES = 4096      #: number of entries kept; they cover at least 4 s of playing
 
 
 class RecordedPace:
-    """Waits until the recorded time has come, LONGEST_WAIT at most; the clock starts with the first message."""
+    """Waits until the recorded time of a message has come.
+
+    The clock starts with the first message. A gap longer than LONGEST_WAIT is skipped without a wait.
+
+    Parameters
+    ----------
+    pace
+        1.0 for the recorded pace, 2.0 for twice as fast, None for no waiting.
+    stopping
+        Event that ends a wait.
+    """
 
     def __init__(self, pace: float | None, stopping: threading.Event):
         self._pace = pace
@@ -30,27 +40,33 @@ class RecordedPace:
             self._origin = time.monotonic() - recorded / self._pace
         ahead = self._origin + recorded / self._pace - time.monotonic()
         if ahead > LONGEST_WAIT:
-            logger.info('The log has a gap of %.1f s, which is not waited for.', ahead * self._pace)
+            logger.info('The log has a gap of %.1f s, which is skipped.', ahead * self._pace)
             self._origin -= ahead
         elif ahead > 0:
             self._stopping.wait(ahead)
 
 
 class PlayedTimes:
-    """Notes stamps [s, of the log, never going back] as they are played; used by the thread that plays them."""
+    """Notes when each stamp was played, by the steady clock.
+
+    Only the thread that plays the log may use it. Stamps [s, from the log] never go back.
+    """
 
     def __init__(self, steady: Callable[[], float] = time.monotonic):
         self._steady = steady
-        self._entries: deque[tuple[float, float]] = deque(maxlen=MOST_ENTRIES)  # first stamp, when it was played
+        self._entries: deque[tuple[float, float]] = deque(maxlen=MOST_ENTRIES)  # first stamp, time when it was played
 
     def note(self, stamp: float) -> None:
-        """``stamp`` is played now."""
+        """Note that ``stamp`` is played now."""
         now = self._steady()
         if not self._entries or now - self._entries[-1][1] >= PLAYED_RESOLUTION:
             self._entries.append((stamp, now))
 
     def age(self, stamp: float) -> float:
-        """Return the time since ``stamp`` was played [s], to PLAYED_RESOLUTION; more before all entries."""
+        """Return the time since ``stamp`` was played [s], to PLAYED_RESOLUTION.
+
+        For a stamp before all entries, the result is a lower bound.
+        """
         now = self._steady()
         played = next((at for first, at in reversed(self._entries) if first <= stamp), None)
         if played is None:
@@ -58,21 +74,29 @@ class PlayedTimes:
         return now - played
 
 
-SECOND = 1_000_000_000  # ns
+SECOND = 1_000_000_000  #: [ns]
 
 
 class TimeWindow(NamedTuple):
-    """From ``start`` [s] after the begin of the recording, for ``duration`` [s]."""
+    """Part of a recording."""
 
-    start: float = 0.0
-    duration: float = math.inf
+    start: float = 0.0  #: begin, from the begin of the recording [s]
+    duration: float = math.inf  #: [s]
 
     @property
     def end(self) -> float:
         return self.start + self.duration
 
     def of(self, begin: int) -> tuple[int, int | None]:
-        """Return its begin and end [ns], None: the recording's, of a recording that begins at ``begin`` [ns].
+        """Return begin and end of the window [ns]; an end of None means the end of the recording.
+
+        Parameters
+        ----------
+        begin
+            Begin of the recording [ns].
+
+        Examples
+        --------
 
         >>> TimeWindow(1.5, 2.0).of(10**9), TimeWindow().of(10**9)
         ((2500000000, 4500000000), (1000000000, None))

@@ -1,4 +1,4 @@
-"""Recordings of several files: a rotated series (session.mcap, session_part2.mcap...) or a bag's folder, as one."""
+"""Recordings in several files: a rotated series (session.mcap, session_part2.mcap, ...) or the folder of a bag."""
 
 import re
 from collections.abc import Sequence
@@ -7,20 +7,28 @@ from typing import NamedTuple
 
 import yaml
 
-BAG_SUFFIXES = ('.mcap', '.db3')  #: that bags have
+BAG_SUFFIXES = ('.mcap', '.db3')  #: suffixes of bag files
 
 
 class Part(NamedTuple):
-    """A file of a recording; of several that are missing one after the other, the first."""
+    """One file of a recording. If several consecutive files are missing, only the first of them has a Part."""
 
     path: Path
     is_there: bool = True
 
 
 def parts_of(path: str | Path) -> tuple[Part, ...]:
-    """Return the files of the recording that begins with ``path``, in the order in which they were recorded.
+    """Return the files of a recording in the order in which they were recorded.
 
-    Files that must have been there are among them. A file of a series other than its first is read alone.
+    Parameters
+    ----------
+    path
+        First file of the recording, or the folder of a bag. Any other file of a series is read alone.
+
+    Returns
+    -------
+    tuple of Part
+        Files of the recording, including files that must have existed but are missing.
     """
     path = Path(path)
     if path.is_dir():
@@ -35,12 +43,12 @@ def parts_of(path: str | Path) -> tuple[Part, ...]:
 
 
 def files_of(path: str | Path) -> list[Path]:
-    """Return those of `parts_of` that are there."""
+    """Return the existing files of a recording, in the order in which they were recorded."""
     return [each.path for each in parts_of(path) if each.is_there]
 
 
 def part(path: Path, number: int) -> Path:
-    """Return the file ``number``, from 2 on, of the series that begins with ``path``.
+    """Return the path of file ``number`` (2 or higher) of the series that begins with ``path``.
 
     >>> part(Path('a/session.log.gz'), 2).name
     'session_part2.log.gz'
@@ -50,7 +58,7 @@ def part(path: Path, number: int) -> Path:
 
 
 def following(path: Path) -> Sequence[int]:
-    """Return the numbers of the files that continue ``path``; of none but a series' first there are any."""
+    """Return the numbers of the existing files that continue ``path``; empty unless it is the first of a series."""
     suffix = suffix_of(path)
     pattern = re.compile(f'{re.escape(path.name.removesuffix(suffix))}_part([1-9][0-9]*){re.escape(suffix)}')
     if not path.parent.is_dir():
@@ -60,7 +68,7 @@ def following(path: Path) -> Sequence[int]:
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix of ``path``; of log.gz both."""
+    """Return the suffix of ``path``; for .log.gz, both parts."""
     return ''.join(path.suffixes[-2:]) if path.suffix == '.gz' else path.suffix
 
 
@@ -68,13 +76,13 @@ def _of_folder(folder: Path) -> tuple[Part, ...]:
     there = {file.name for file in folder.iterdir() if file.suffix in BAG_SUFFIXES}
     names = there | _recorded(folder)
     return tuple(Part(folder / name, name in there)
-                 for name in sorted(names, key=lambda name: (len(name), name)))  # bag_2 before bag_10
+                 for name in sorted(names, key=lambda name: (len(name), name)))  # sorts bag_2 before bag_10
 
 
 def _recorded(folder: Path) -> set[str]:
-    """Files that the folder's metadata name, where it has some; a recording that was killed has none."""
+    """Return the file names in the folder's metadata; empty if a killed recorder did not write the metadata."""
     try:
-        content = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))  # by rosbag2
+        content = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))  # written by rosbag2
         named = content['rosbag2_bagfile_information']['relative_file_paths']
         return {Path(name).name for name in named if Path(name).suffix in BAG_SUFFIXES}
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):

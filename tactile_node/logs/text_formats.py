@@ -1,4 +1,4 @@
-"""Logs in text, candump's and those that python-can reads: which of their lines are whole CAN frames."""
+"""Log formats in text, from candump and for python-can: tell which lines hold a whole CAN frame."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -13,20 +13,29 @@ from can.util import dlc2len
 
 
 class TextFormat(NamedTuple):
-    """How the lines of a log look."""
+    """Patterns for the lines of a log format."""
 
-    reader: Callable[[TextIO], MessageReader]  #: python-can's
-    frame: re.Pattern[str]  #: a line with a whole CAN frame, or one that changes the time of those after it
-    other: re.Pattern[str]  #: the begin of a line without a CAN frame: a comment, a statistic, an event
-    header: re.Pattern[str] = re.compile('(?!)')  #: the begin of a line that the reader needs before the frames
-    header_end: str = ''    #: a line at which the reader ends its search for the header; the reader drops that line
-    corrected: Callable[[str], str] = str  #: makes a line readable; raises ValueError where that is not possible
+    reader: Callable[[TextIO], MessageReader]  #: reader of python-can
+    frame: re.Pattern[str]  #: a line with a whole CAN frame, or a line that changes the time of the frames after it
+    other: re.Pattern[str]  #: begin of a line without a CAN frame: a comment, a statistic or an event
+    header: re.Pattern[str] = re.compile('(?!)')  #: begin of a line that the reader needs before the frames
+    header_end: str = ''    #: line at which the reader stops searching for the header; the reader drops that line
+    corrected: Callable[[str], str] = str  #: makes a line readable, or raises ValueError
 
 
 def whole_lines(stream: TextIO, form: TextFormat, on_unread: Callable[[str], None]) -> Iterator[str]:
-    """Give the lines that the reader of ``form`` needs; ``on_unread`` gets the reason for each that cannot be read.
+    """Yield the lines that the reader of a format needs.
 
-    At such a line python-can's readers would end, or pass over it, or take what they can of it.
+    A damaged line is left out. The readers of python-can would stop at such a line, skip it, or use a part of it.
+
+    Parameters
+    ----------
+    stream
+        Log.
+    form
+        Format of the log.
+    on_unread
+        Called with the reason for each line that is left out.
     """
     is_header = True
     with stream:
@@ -45,14 +54,14 @@ def whole_lines(stream: TextIO, form: TextFormat, on_unread: Callable[[str], Non
                     yield form.header_end
                 is_header = False
                 yield readable
-            elif not form.other.match(line):  # what is left of a line without its end may read as another frame
+            elif not form.other.match(line):  # a truncated line must not be used: it may look like another frame
                 on_unread(f'a damaged line: {line.strip()[:MOST_SHOWN]!r}' if line.endswith('\n')
-                          else 'cut short: it ends within a line, of which nothing is used')
+                          else 'cut short: the log ends within a line, and that line is not used')
 
 
-MOST_SHOWN = 60  #: characters of a damaged line
+MOST_SHOWN = 60  #: number of characters of a damaged line that are reported
 DLCS = range(16)
-MOST_DATA = 64  #: bytes of a CAN FD frame
+MOST_DATA = 64  #: largest size of a CAN FD frame [bytes]
 
 
 def _pattern(text: str) -> re.Pattern[str]:
@@ -69,7 +78,7 @@ _HOUR_OF_DAY = _pattern(r'(?<=\s)((?:00|1[3-9]|2[0-3]):\d\d:\S+)\s+[ap]m\b')
 
 
 def _with_readable_date(line: str) -> str:
-    """Return a line of an ASC log; its date, if it has one, is such that python-can reads it."""
+    """Return a line of an ASC log; if it has a date, in a form that python-can reads. Raises ValueError."""
     found = _DATE.fullmatch(line)
     if found is None:
         return line
@@ -77,18 +86,18 @@ def _with_readable_date(line: str) -> str:
     reader = can.ASCReader(StringIO(f'date {date}'), relative_timestamp=False)
     next(iter(reader), None)
     if reader.date is None:
-        raise ValueError(f'no date: {line.strip()[:MOST_SHOWN]!r}')
+        raise ValueError(f'an unreadable date: {line.strip()[:MOST_SHOWN]!r}')
     return f'{found["what"]} {date}'
 
 
 def _asc(can_id: str, byte: str) -> TextFormat:
-    """Return the format of ASC logs that write numbers so."""
+    """Return the format of ASC logs that write identifiers and bytes with these patterns."""
     classic = '|'.join(rf'{dlc:x}(?:\s+{byte}){{{min(dlc, 8)}}}(?!\s+{byte}\s)' for dlc in DLCS)
     fd = '|'.join(rf'{dlc:x}\s+(?:0|{dlc2len(dlc)}(?:\s+{byte}){{{dlc2len(dlc)}}})' for dlc in DLCS)
     way = r'\s+(?:Rx|Tx|TxRq)\s+'
     return TextFormat(
         partial(can.ASCReader, relative_timestamp=False),
-        # the end has no point: a line into which the next one has run has the stamp of that one, too
+        # No decimal point may follow the frame: two lines that have run together have a second stamp with a point.
         _pattern(rf'\s*\d+\.\d+\s+(?:\d+\s+{can_id}x?{way}(?:r|d\s+(?:{classic}))|CANFD\s+\d+{way}'
                  rf'{can_id}x?\s+(?:\S+\s+)?[01]\s+[01]\s+(?:{fd}))\s[^.]*|'
                  rf'\s*\d+\.\d+\s+(?:CANFD\s+)?\d+(?:{way}|\s+)ErrorFrame\s.*\n?|begin\s+triggerblock\s+\S.*\n'),
@@ -101,7 +110,7 @@ ASC = _asc('[0-9A-F]+', '[0-9A-F]{2}')
 ASC_DECIMAL = _asc(r'\d+', r'\d{1,3}')
 _DECIMAL = _pattern(r'base\s+dec\b')
 
-#: DLC or length, which a column of a TRC log gives, and the bytes of its frame
+#: (DLC or length in a column of a TRC log, number of bytes in its frame)
 _TRC_SIZES = sorted({(dlc, dlc2len(dlc)) for dlc in DLCS} | {(dlc2len(dlc), dlc2len(dlc)) for dlc in DLCS})
 _TRC_DATA = '|'.join(rf'{given}(?:\s+[0-9A-F]{{2}}){{{size}}}' for given, size in _TRC_SIZES)
 _TRC_ID = r'[0-9A-F]{4,8}\s+(?:[RT]x\s+)?(?:-\s+)?'
@@ -112,11 +121,12 @@ TRC = TextFormat(
     _pattern(r'\s*(?:$|;|\d+\)?\s+[\d.]+\s+(?:\d+\s+)?(?:Warng|Error|Event|FFFFFFFF|ST|EC|ER|EV)\s)'),
     _pattern(r';\$'))
 
-#: bytes and their base64
+#: number of bytes and their base64 code
 _CSV_DATA = '|'.join(rf'{size},[A-Z0-9+/]{{{(size * 4 + 2) // 3}}}={{{-size % 3}}}' for size in range(MOST_DATA + 1))
 CSV = TextFormat(
     can.CSVReader, _pattern(rf'[\d.e+-]+,0x[0-9a-f]+,[01],(?:1,[01],\d+,|0,[01],(?:{_CSV_DATA}))\n?'),
     _pattern(r'timestamp,|\s*$'), header_end='timestamp\n')
 
-#: by suffix
+#: suffix -> format
+
 FORMATS = {'.log': CANDUMP, '.asc': ASC, '.trc': TRC, '.csv': CSV}

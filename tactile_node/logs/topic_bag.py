@@ -1,7 +1,7 @@
-"""Our topics in a ROS 2 bag: taxel frames by pad, and the other messages, without ROS.
+"""Read this package's topics from a ROS 2 bag without ROS: taxel frames by pad, and the other messages.
 
-The bag's own definition of a message is preferred, so that bags of other versions of this package are read; where the
-bag has none, or one that cannot be read, that of msg/ counts. Messages are read one by one, never all at once.
+Messages are decoded with the definition in the bag, so that bags from other versions of this package can be read. If
+the bag has no readable definition, the one in msg/ is used. Messages are read one by one, so memory stays small.
 """
 
 from collections import Counter
@@ -27,7 +27,7 @@ def seconds(stamp: Time) -> float:
 
 
 def frame_of(message) -> TaxelFrame:
-    """Return the frame of a TaxelArray that has passed `check_taxel_array`."""
+    """Convert a TaxelArray, which must have passed `check_taxel_array`, into a taxel frame."""
     grid = message.rows, message.cols
     ages = None
     if len(getattr(message, 'tpdo_ages', ())):
@@ -43,60 +43,73 @@ def _array(values, dtype: type) -> np.ndarray:
 
 
 PACKAGE = 'tactile_skin'
-TAXELS, STATUS = f'{PACKAGE}/msg/TaxelArray', f'{PACKAGE}/msg/SkinStatus'
+TAXELS = f'{PACKAGE}/msg/TaxelArray'
+STATUS = f'{PACKAGE}/msg/SkinStatus'
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 
 
 class BagMessage(NamedTuple):
-    """A message with the fields of its definition; arrays of numbers are NumPy's."""
+    """A decoded message. Its content has the fields of the message definition; arrays of numbers are NumPy arrays."""
 
     topic: str
     type: str
-    recorded: float  #: [s, Unix epoch]
-    #: when, by the clock of the taxel frames' stamps: a replay has those of its log, another computer its own
+    recorded: float  #: time of recording [s, Unix epoch]
+    #: time of recording by the clock of the taxel stamps; it differs in a replay or for another computer's clock
     stamp: float
     content: Any
 
 
 def holds_taxels(path: str | Path) -> bool:
-    """Return whether ``path`` is a bag with our taxel arrays; of a bag that also has CAN frames, both are."""
+    """Return True if ``path`` is a bag with taxel arrays of this package; the bag may also contain CAN frames."""
     return is_bag(path) and TAXELS in topics_of(path).values()
 
 
 def holds_can_frames(path: str | Path) -> bool:
-    """Return whether ``path`` is a bag with CAN frames, which `CanLogReader` reads."""
+    """Return True if ``path`` is a bag with CAN frames, which `CanLogReader` can read."""
     return is_bag(path) and CAN_TYPE in topics_of(path).values()
 
 
 class TopicBagReader:
-    """Reads a bag as often as it is asked to, each time from its begin.
+    """Reads a bag any number of times, each time from its begin.
 
-    ``unread`` counts, by reason, what the last reading left out, ``problem`` describes the last of it, ``damages`` has
-    where files are damaged. Raises LogError for a path that is no bag, a bag without a TaxelArray and without the extra
-    `bag`.
+    Attributes
+    ----------
+    topics
+        Topic -> type.
+    unread
+        For each reason, the number of messages or parts that the last reading left out.
+    problem
+        Description of the last part that was left out.
+    damages
+        Places where the files are damaged.
+
+    Raises
+    ------
+    LogError
+        If the path is not a bag, if the bag has no TaxelArray, or if the extra `bag` is not installed.
     """
 
     def __init__(self, path: str | Path):
         self.path = str(path)
-        self.topics = topics_of(path)  #: {topic: type}
+        self.topics = topics_of(path)
         self.unread: Counter[DamageKind] = Counter()
         self.problem = ''
         self.damages: list[Damage] = []
         self._types = _TopicTypes(path)
-        self._behind: float | None = None  # stamp of the last taxel array less its time of recording [s]
+        self._behind: float | None = None  # stamp of the last taxel array minus its time of recording [s]
         if TAXELS not in self.topics.values():
             got = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self.topics.items())) or (
-                'no topic that can be read')
+                'no readable topic')
             raise LogError(self.path, expected=f'a bag with a topic of type {TAXELS}', got=got,
                            remedy='Record <pad>/taxels of the driver.')
 
     @property
     def pads(self) -> tuple[str, ...]:
-        """Names of the pads of which there are taxel arrays, sorted."""
+        """Names of the pads with taxel arrays, sorted."""
         return tuple(sorted(pad_of(topic) for topic, kind in self.topics.items() if kind == TAXELS))
 
     def messages(self, types: Collection[str], window: TimeWindow = WHOLE) -> Iterator[BagMessage]:
-        """Give the messages of ``types`` within ``window``; a TaxelArray only where its fields fit together."""
+        """Yield the messages of the given types in the window; a TaxelArray with inconsistent fields is left out."""
         self._behind = None
         self.unread, self.problem, self.damages = Counter(), '', []
         bounds = (0, None) if window == WHOLE else window.of(begin_of(self.path))
@@ -107,7 +120,7 @@ class TopicBagReader:
     def _read(self, recorded: Recorded) -> Iterator[BagMessage]:
         try:
             content = self._types.content(recorded)
-        except Exception as error:  # rosbags raises what struct, numpy and zstandard raise
+        except Exception as error:  # rosbags also raises errors from struct, numpy and zstandard
             self._leave_out(DamageKind.UNDECODABLE, f'{recorded.topic}: {error}')
             return
         if recorded.type == TAXELS and (reason := check_taxel_array(content)):
@@ -121,7 +134,10 @@ class TopicBagReader:
         yield BagMessage(recorded.topic, recorded.type, at, at + self._behind, content)
 
     def _first_behind(self) -> float:
-        """Return stamp - recorded of the first taxel array, for what comes before it; 0 where none follows."""
+        """Return stamp - time of recording for the first taxel array, or 0 if there is none.
+
+        It serves for the messages before that array.
+        """
         first = next(TopicBagReader(self.path).messages((TAXELS,)), None)
         return 0.0 if first is None else seconds(first.content.header.stamp) - first.recorded
 
@@ -135,7 +151,7 @@ class TopicBagReader:
 
 
 def pad_of(topic: str) -> str:
-    """Return the name of the pad that a topic is of.
+    """Return the name of the pad that a topic belongs to.
 
     >>> pad_of('/left/taxels'), pad_of('/robot/left/shape')
     ('left', 'robot/left')
@@ -144,11 +160,11 @@ def pad_of(topic: str) -> str:
 
 
 class _TopicTypes:
-    """Decodes messages by the definition in the bag, or by ours."""
+    """Decodes messages with the definition in the bag, or else with the one in msg/."""
 
     def __init__(self, path: str | Path):
         self._typesys = library('rosbags.typesys', path)
-        self._stores: dict[tuple[str, str], Any] = {}  # by type and definition
+        self._stores: dict[tuple[str, str], Any] = {}  # (type, definition) -> store
 
     def content(self, recorded: Recorded) -> Any:
         key = recorded.type, recorded.definition
@@ -157,25 +173,33 @@ class _TopicTypes:
         return self._stores[key].deserialize_cdr(decompress(recorded.cdr), recorded.type)
 
     def _store(self, kind: str, definition: str) -> Any:
-        """A store for each: a type that it contains may be defined in another way in the next bag."""
+        """Return a new store for a definition, because the next bag may define a contained type differently."""
         if definition:
             try:
                 store = self._typesys.get_typestore(self._typesys.Stores.EMPTY)
                 store.register(self._typesys.get_types_from_msg(definition, kind))
                 store.get_msgdef(kind)
                 return store
-            except Exception:  # the parser raises its own errors over a damaged text
+            except Exception:  # the parser raises its own errors for a damaged definition
                 pass
         return self._ours
 
     @cached_property
     def _ours(self) -> Any:
-        return message_types(self._typesys, (  # each after those that it contains
+        return message_types(self._typesys, (  # contained types come first
             'TaxelArray', 'ContactMotion', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus'))
 
 
 def message_types(typesys: Any, names: Iterable[str]) -> Any:
-    """Return a store of ROS 2 Jazzy and of our messages of ``names``; ``typesys``: rosbags.typesys."""
+    """Return a store with the types of ROS 2 Jazzy and messages of this package.
+
+    Parameters
+    ----------
+    typesys
+        The module rosbags.typesys.
+    names
+        Names of this package's messages; a contained message must come before the one that contains it.
+    """
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     for name in names:
         text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')

@@ -1,1 +1,1 @@
-"""What nodes share: messages from results, parameters, QoS profiles."""
+"""Code that the ROS nodes share: messages made from results, checks of messages, parameters and QoS profiles."""

@@ -1,4 +1,4 @@
-"""Sets up the conditioning of the driver's pads from its settings."""
+"""Set up the conditioning of the driver's pads from its settings."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -15,13 +15,17 @@ from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings, one_for_each
 from tactile_node.taxel_frame import ON_OFF_UNIT
 
-MASK, REPORT = 'mask', 'report'
+MASK = 'mask'
+REPORT = 'report'
 
 
 def skin_responses(pads: tuple[PadSettings, ...], settings: DriverSettings) -> dict[str, SkinResponse]:
-    """Return the responses of those pads that have one, by name.
+    """Return the skin responses by pad name; a pad without a response file is left out.
 
-    Raises ConfigurationError for a file that cannot be used, or one of another unit or pitch than the pad's.
+    Raises
+    ------
+    ConfigurationError
+        If a file cannot be used, or if it was made for another unit or pitch than the pad's.
     """
     found = {}
     for pad, path in zip(pads, one_for_each('response_files', settings.response_files, pads)):
@@ -37,9 +41,21 @@ def skin_responses(pads: tuple[PadSettings, ...], settings: DriverSettings) -> d
 
 def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings,
                      responses: Mapping[str, SkinResponse] = MappingProxyType({})) -> dict[str, ConditionedPad]:
-    """Make the conditioning of each pad, by its name; ``responses`` of those that have one.
+    """Return the conditioning of each pad, by pad name.
 
-    Raises ConfigurationError for a wrong parameter, gain file or file of faulty taxels.
+    Parameters
+    ----------
+    pads
+        Pads of the driver.
+    settings
+        Settings of the driver.
+    responses
+        Pad name -> skin response, for the pads that have one.
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter, a gain file or the file of faulty taxels is wrong.
     """
     gain_files = one_for_each('gain_files', settings.gain_files, pads)
     shapes = {pad.name: (pad.layout.rows, pad.layout.cols) for pad in pads}
@@ -58,14 +74,17 @@ def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings,
 
 
 def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], settings: DriverSettings) -> None:
-    """Apply the settings that may change while frames flow.
+    """Apply the settings that may change while frames are processed.
 
-    Raises ConfigurationError; then nothing has changed.
+    Raises
+    ------
+    ConfigurationError
+        If a setting is wrong. In this case, no setting is changed.
     """
     masks = masks_faulty(settings.faulty_taxels)
     rest = {name: rest_limit(settings.tare_limit, units[name]) for name in pads}
     drifting = {name: drift_limit(settings.tare_limit, units[name], pad.gains) for name, pad in pads.items()
-                if settings.follow_drift and units[name] != ON_OFF_UNIT}  # on/off taxels have no zero
+                if settings.follow_drift and units[name] != ON_OFF_UNIT}  # on/off taxels have no zero to follow
     for name, pad in pads.items():
         pad.masks = masks
         pad.detector.limit = rest[name]
@@ -77,7 +96,7 @@ def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], setting
 
 
 def masks_faulty(given: str) -> bool:
-    """Return whether detected faulty taxels are masked. Raises ConfigurationError for an unknown `faulty_taxels`."""
+    """Return True if detected faulty taxels are masked. Raises ConfigurationError for an unknown `faulty_taxels`."""
     if given not in (MASK, REPORT):
         raise ConfigurationError('parameter faulty_taxels', expected=f'{MASK} or {REPORT}', got=repr(given),
                                  remedy='Choose one of these.')

@@ -1,4 +1,4 @@
-"""Contact patterns and their features as messages, and back."""
+"""Convert contact patterns and their features to messages and back."""
 
 from array import array
 from typing import NamedTuple
@@ -16,9 +16,9 @@ from tactile_skin.msg import Contact, ContactFeatures, FeatureRange, TaxelArray
 
 
 class PadFrame(NamedTuple):
-    """A taxel frame with what is known of its pad: what `TaxelArray` carries, and stages of one process hand over."""
+    """A taxel frame with the facts about its pad, as in `TaxelArray`; stages in one process pass it on directly."""
 
-    header: Header          #: stamp and the frame of the pad
+    header: Header          #: stamp, and the frame of the pad
     sequence: int
     values: np.ndarray      #: float32, (rows, cols), NaN = no valid value
     status: np.ndarray      #: uint8, (rows, cols), `TaxelStatus`
@@ -28,7 +28,7 @@ class PadFrame(NamedTuple):
 
     @classmethod
     def of(cls, frame: TaxelFrame, taxels: Taxels, frame_id: str) -> 'PadFrame':
-        """Return ``frame`` with numbers as the message carries them, so that both ways give the same."""
+        """Return a frame with its numbers rounded as in the message, so that both ways give the same result."""
         layer = None if taxels.layer is None else Layer(*map(single, taxels.layer))
         return cls(Header(stamp=time_message(frame.stamp), frame_id=frame_id), frame.sequence,
                    np.ascontiguousarray(frame.values, np.float32), np.ascontiguousarray(frame.status, np.uint8),
@@ -36,11 +36,11 @@ class PadFrame(NamedTuple):
 
 
 class PadContact(NamedTuple):
-    """What was found in the frame of a pad: what `Contact` carries, and stages of one process hand over."""
+    """The contact found in a pad's frame, as in `Contact`; stages in one process pass it on directly."""
 
     frame: PadFrame
     found: FoundContact
-    left_out: int = 0  #: frames before it that were left out on purpose
+    left_out: int = 0  #: number of frames before it that were left out on purpose
 
     @property
     def header(self) -> Header:
@@ -66,7 +66,7 @@ def taxel_array_message(frame: PadFrame) -> TaxelArray:
 
 
 def pad_frame_of(message: TaxelArray | Contact) -> PadFrame:
-    """Return the frame that ``message`` was made from, without the ages of its TPDOs."""
+    """Return the frame from which ``message`` was made, without the ages of its TPDOs."""
     layer = Layer(message.layer_depth, message.layer_deviation) if message.layer_depth else None
     return PadFrame(message.header, message.sequence, taxel_values(message),
                     np.frombuffer(message.status, np.uint8).reshape(message.rows, message.cols),
@@ -80,12 +80,12 @@ def taxel_values(message: TaxelArray | Contact) -> np.ndarray:
 
 
 def as_array(code: str, values: np.ndarray, dtype: type) -> array:
-    """Return ``values`` as array.array, row by row: rclpy checks any other sequence element by element."""
+    """Return ``values`` as array.array, row by row; rclpy would check any other sequence element by element."""
     return array(code, np.ascontiguousarray(values, dtype).tobytes())
 
 
 def find_in(frame: PadFrame, pipeline: ContactPipeline) -> FoundContact:
-    """Return what ``pipeline`` finds in ``frame``, with numbers as the message carries them."""
+    """Return the contact that ``pipeline`` finds in ``frame``, with its numbers rounded as in the message."""
     found = pipeline.find(frame.values, frame.taxels, saturated=frame.status == TaxelStatus.SATURATED,
                           unmapped=frame.status == TaxelStatus.UNMAPPED)
     noise = found.pattern.noise.astype(np.float32).astype(float)
@@ -95,7 +95,7 @@ def find_in(frame: PadFrame, pipeline: ContactPipeline) -> FoundContact:
 
 def contact_message(contact: PadContact) -> Contact:
     frame, (pattern, visibility, taxels, smallest_contact) = contact.frame, contact.found
-    left = pattern.hidden & np.isfinite(frame.values)  # left over by a contact: FAULTY, without a value
+    left = pattern.hidden & np.isfinite(frame.values)  # left over from a contact: FAULTY and without a value
     status = np.where(left, TaxelStatus.FAULTY, frame.status) if left.any() else frame.status
     message = Contact(
         header=frame.header, sequence=frame.sequence, state=pad_state(contact.found), left_out=contact.left_out,
@@ -112,14 +112,14 @@ def contact_message(contact: PadContact) -> Contact:
 
 
 def pad_state(found: FoundContact) -> int:
-    """Return the `state` of a Contact: without a contact, a pad that is not seen is not EMPTY."""
+    """Return the `state` of a Contact. A pad without a contact is EMPTY only if the whole pad was seen."""
     if found.pattern.contacts:
         return int(Contact.TOUCHED)
     return int(Contact.EMPTY if found.visibility.pad_seen else Contact.NOT_SEEN)
 
 
 def pad_contact_of(message: Contact) -> PadContact:
-    """Return the contact that ``message`` was made from. Whether the pad was seen is for its sender to say."""
+    """Return the contact from which ``message`` was made. The sender decides whether the pad was seen."""
     frame = pad_frame_of(message)
     found = FoundContact.of(_pattern(message), frame.taxels, message.smallest_contact)
     seen = found.visibility._replace(pad_seen=message.pad_seen)
@@ -143,13 +143,13 @@ def _noise(message: Contact) -> np.ndarray:
 
 
 def taxels_of(message: TaxelArray | Contact, status: TaxelStatus) -> np.ndarray:
-    """Return which taxels of ``message`` have this status, bool, shape (rows, cols)."""
+    """Return a mask of the taxels with this status, bool, shape (rows, cols)."""
     codes = np.frombuffer(message.status, np.uint8).reshape(message.rows, message.cols)
     return codes == status
 
 
 def features_message(contact: PadContact, features: Features) -> ContactFeatures:
-    """Return the ``features`` of ``contact``; without a contact the list stays empty."""
+    """Return the features of a contact as a message; without a contact, the list is empty."""
     frame, (pattern, visibility, taxels, _) = contact.frame, contact.found
     return ContactFeatures(
         header=frame.header, sequence=frame.sequence, state=pad_state(contact.found),
@@ -173,5 +173,5 @@ def _degrees(angle: int | None) -> float:
 
 
 def single(value: float) -> float:
-    """Return ``value`` rounded to single precision, as messages carry it."""
+    """Return ``value`` rounded to single precision, as in a message."""
     return float(np.float32(value))

@@ -1,4 +1,4 @@
-"""What the driver counts and sees, as DiagnosticArray (REP-107): never OK while data is being discarded."""
+"""State and counts of the driver as a DiagnosticArray (REP-107). The level is never OK while data are discarded."""
 
 import math
 import time
@@ -17,7 +17,7 @@ from tactile_node.conditioning.conditioned_pad import PadCondition, faults_text
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.ros.message_health import status_of
 
-EVALUATED_PERIOD = 1.0  #: s over which a level is evaluated
+EVALUATED_PERIOD = 1.0  #: time over which a level is evaluated [s]
 
 
 class Finding(NamedTuple):
@@ -26,18 +26,29 @@ class Finding(NamedTuple):
 
 
 class Look(NamedTuple):
-    """Counts and health at one time of the monotonic clock [s]."""
+    """Counts and health at one time of the monotonic clock."""
 
-    at: float
+    at: float  #: [s]
     counts: BusStatistics
     health: BusHealth
 
 
 class BusDiagnostics:
-    """Turns successive states of one bus into messages, under the full name of their ``node``.
+    """Turns successive states of one bus into diagnostic messages.
 
-    The level is of the time since the last state that is ``window`` [s] old: what was lost stays reported for so long,
-    however often the state is evaluated.
+    The level covers the time since the last state that is at least ``window`` old. A loss therefore stays reported for
+    this time, however often the state is evaluated.
+
+    Parameters
+    ----------
+    node
+        Full name of the node.
+    hardware_id
+        Identifier of the hardware in the messages.
+    window
+        Time that the level covers [s].
+    steady
+        Steady clock [s].
     """
 
     def __init__(self, node: str, hardware_id: str, window: float = EVALUATED_PERIOD,
@@ -46,15 +57,15 @@ class BusDiagnostics:
         self._hardware_id = hardware_id
         self._window = window
         self._steady = steady
-        self._looks: deque[Look] = deque()  # ascending; the first is the one to compare with
+        self._looks: deque[Look] = deque()  # in ascending order; the first one is compared with
 
     def evaluate(self, counts: BusStatistics, health: BusHealth,
                  conditions: Mapping[str, PadCondition]) -> tuple[Finding, ...]:
-        """Return what is found now, of the bus and then of each pad."""
+        """Return the worst finding about the bus, then the worst finding about each pad."""
         before = self._before(Look(self._steady(), counts, health))
         findings = [_worst(_bus_findings(counts, before.counts, health, before.health))]
         for name, pad in counts.pads.items():
-            nodes = health.nodes.get(name, ())  # none of a replayed log
+            nodes = health.nodes.get(name, ())  # a replayed log has no nodes
             of_pad = []
             for node, node_before in zip(nodes, before.health.nodes.get(name) or map(_new, nodes)):
                 of_pad += _node_findings(name, node, node_before, health.is_active)
@@ -66,7 +77,7 @@ class BusDiagnostics:
 
     def message_of(self, findings: Sequence[Finding], counts: BusStatistics, health: BusHealth,
                    conditions: Mapping[str, PadCondition]) -> DiagnosticArray:
-        """Return the message of what ``evaluate`` has found."""
+        """Return the message for the findings of `evaluate`."""
         statuses = [self._status('bus', findings[0], _bus_values(counts, health))]
         for finding, (name, pad) in zip(findings[1:], counts.pads.items()):
             extra: dict[str, object] = {}
@@ -78,7 +89,7 @@ class BusDiagnostics:
         return DiagnosticArray(status=statuses)
 
     def _before(self, now: Look) -> Look:
-        """Return the last state that is ``window`` old, before the first one all counts at zero."""
+        """Return the latest state that is at least ``window`` old. Before the first state, all counts are zero."""
         looks = self._looks
         if not looks:
             looks.append(Look(-math.inf, _nothing_yet(now.counts), BusHealth()))
@@ -93,19 +104,19 @@ class BusDiagnostics:
 
 
 def unconfigured(health: BusHealth) -> tuple[Finding, ...]:
-    """Return the finding of a driver without a bus: why, or only that it is not configured."""
+    """Return the finding about a driver without a bus: the failure, or that it is not configured."""
     if health.failure is not None:
         return (Finding(DiagnosticStatus.ERROR, failure_text(health.failure)),)
     return (Finding(DiagnosticStatus.STALE, 'not configured'),)
 
 
 def diagnostic_array(node: str, finding: Finding, health: BusHealth) -> DiagnosticArray:
-    """Return the message of a driver without a bus."""
+    """Return the message about a driver without a bus."""
     return DiagnosticArray(status=[status_of(f'{node}: bus', *finding, {'fault': health.fault.name})])
 
 
 def _nothing_yet(now: BusStatistics) -> BusStatistics:
-    """Return the same counts at zero: what was lost before the first message counts too."""
+    """Return the counts with all values zero, so that losses before the first message count too."""
     pads = {name: PadStatistics(complete=0, incomplete=0, expected=0, received=0, used=0, pending=0,
                                 losses=dict.fromkeys(pad.losses, 0)) for name, pad in now.pads.items()}
     return BusStatistics(pads, {})
@@ -116,7 +127,7 @@ def _new(node: NodeHealth) -> NodeHealth:
 
 
 def _worst(findings: list[Finding]) -> Finding:
-    """The first of the worst ones; the others of its level are reported with it."""
+    """Join the findings of the worst level into one."""
     order = (DiagnosticStatus.ERROR, DiagnosticStatus.WARN, DiagnosticStatus.STALE, DiagnosticStatus.OK)
     level = next(level for level in order if any(finding.level == level for finding in findings))
     return Finding(level, '; '.join(finding.message for finding in findings if finding.level == level))
@@ -178,9 +189,9 @@ def _condition_findings(condition: PadCondition) -> list[Finding]:
     faults = condition.faults
     texts = [f'{faults.total} faulty taxels, {faults_text(faults)}'] if faults.total else []
     if condition.is_frozen:
-        texts.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: has it stopped sampling?')
+            texts.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: has it stopped sampling?')
     if condition.other_publishers:
-        texts.append(f'taxels of this pad are published by others, too: {", ".join(condition.other_publishers)}')
+            texts.append(f'others also publish taxels of this pad: {", ".join(condition.other_publishers)}')
     findings = [Finding(DiagnosticStatus.WARN, one) for one in texts]
     if condition.zero is not ZeroState.VALID:
         detail = f': {condition.zero_error}' if condition.zero_error else ''
@@ -210,7 +221,7 @@ def _pad_values(pad: PadStatistics) -> dict[str, object]:
 
 
 def _nodes_values(nodes: tuple[NodeHealth, ...]) -> dict[str, object]:
-    """Return the values of all nodes; of several nodes the keys begin with ``node_<node-ID>_``."""
+    """Return the values of all nodes; with several nodes, the keys begin with ``node_<node-ID>_``."""
     if len(nodes) == 1:
         return _node_values(nodes[0])
     return {f'node_{node.node_id}_{key.removeprefix("node_")}': value

@@ -1,4 +1,4 @@
-"""What a Grasp must fulfil before a node uses it; see message_checks.py."""
+"""Check a Grasp before a node uses it; see message_checks.py."""
 
 import math
 
@@ -15,13 +15,13 @@ from tactile_node.ros.motion_messages import check_motion
 from tactile_node.skin.taxel_array import check_duration, check_finite
 from tactile_skin.msg import ContactShape, Grasp
 
-ROUNDING = 1e-9  #: of sums of numbers about 1
+ROUNDING = 1e-9  #: tolerance for sums of numbers of about 1
 
 
 def check_grasp(message: Grasp) -> RejectReason | None:
     """Check the states of both sides, the line between them, the object and the forces.
 
-    Of `grasp_sides`, `check_contact_shape` checks each side that has a result.
+    For a message of `grasp_sides`, use `check_contact_shape` on each side that has a result.
     """
     return (_grasp_codes(message)
             or _grasp_states(message)
@@ -44,9 +44,9 @@ def _grasp_codes(message: Grasp) -> RejectReason | None:
 
 
 def _grasp_states(message: Grasp) -> RejectReason | None:
-    """``contact`` follows from the states of the sides; what is fresh is seen, what is stable is held by both pads."""
+    """Check that ``contact`` follows from the states of the sides, and that freshness and stability fit to them."""
     left, right = map(SideState, message.side_states)
-    if left is right is SideState.NOT_KNOWN:  # nothing to say: a default-constructed message
+    if left is right is SideState.NOT_KNOWN:  # a default-constructed message, which says nothing
         return RejectReason.INCONSISTENT
     contact = GraspContact.of((left, right))
     fits = (message.contact == contact and not (message.fresh and contact == Grasp.NOT_KNOWN)
@@ -56,7 +56,10 @@ def _grasp_states(message: Grasp) -> RejectReason | None:
 
 
 def _line(message: Grasp) -> RejectReason | None:
-    """A fresh grasp of both pads has a line unless a centre is not known; without an opening, only its offset."""
+    """Check the line of a fresh grasp.
+
+    The line exists unless a centre is not known. Without an opening, it has only an offset.
+    """
     if math.isinf(message.gap) or math.isinf(message.centre_sd):
         return RejectReason.NOT_FINITE
     if message.gap_source == Grasp.GAP_NOT_KNOWN and math.isfinite(message.gap):
@@ -78,7 +81,7 @@ def _is_held(message: Grasp) -> bool:
 
 
 def _object_class(message: Grasp) -> RejectReason | None:
-    """Only what is held has a class, one that is more probable than all else together."""
+    """Check that only a held object has a class, and that this class is more probable than all others together."""
     if message.shape not in SHAPE_NUMBERS_KNOWN or message.shape == ContactShape.NONE:
         return RejectReason.UNKNOWN_CODE
     certainties = message.confidence, *message.confidences
@@ -102,7 +105,11 @@ def _sizes(message: Grasp) -> RejectReason | None:
 
 
 def _yaw(message: Grasp) -> RejectReason | None:
-    """What has a symmetry may have an angle, within half a turn of that, and only with an angle a handedness."""
+    """Check the yaw.
+
+    Only a shape with a symmetry may have a yaw, within half a turn of that symmetry. Only a shape with a yaw may have a
+    handedness.
+    """
     has_yaw, is_right_triangle = not math.isnan(message.yaw), message.shape == ContactShape.RIGHT_TRIANGLE
     fits = (has_yaw != math.isnan(message.yaw_sd) and (not message.symmetry or len(message.dimensions))
             and abs(message.handedness) == (has_yaw and is_right_triangle)
@@ -119,7 +126,7 @@ def _lean(message: Grasp) -> RejectReason | None:
 
 
 def _forces(message: Grasp) -> RejectReason | None:
-    """A pad that is not seen has no force; what grips is the mean of two forces that are known."""
+    """Check that an unseen pad has no force, and that the grip force is the mean of two known forces."""
     grip, grip_sd = (message.grip_force, message.force_imbalance), message.grip_force_sd
     if any(map(math.isinf, (*message.forces, grip_sd))):
         return RejectReason.NOT_FINITE
@@ -136,6 +143,6 @@ def _forces(message: Grasp) -> RejectReason | None:
 
 
 def _motions(message: Grasp) -> RejectReason | None:
-    """Of a pad that is not seen it is not known what moves."""
+    """Check the motions; the motion on an unseen pad must not be known."""
     wrong = [motion.moving for motion, state in zip(message.motions, message.side_states) if state <= Grasp.SIDE_UNSEEN]
     return RejectReason.INCONSISTENT if any(wrong) else next(filter(None, map(check_motion, message.motions)), None)

@@ -1,4 +1,4 @@
-"""Grasps as messages, the sides they are made of, and what a grasp has to be."""
+"""Convert grasps and their sides to messages, and read the requirements for a grasp."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -24,16 +24,16 @@ from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import SHAPES
 from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, GraspSides, RequirementState
 
-MOST_HIDDEN = 0.25  #: fraction of a contact or of the ring around it; 3 % of dead taxels hide less
-NUMBER_OF_NAME = {shape.value: code for code, shape in SHAPE_OF_NUMBER.items()}  #: of our classes
-#: code -> name, of the shapes that a requirement may ask for
+MOST_HIDDEN = 0.25  #: fraction of hidden taxels, in a contact or in the ring around it; 3 % of dead taxels hide less
+NUMBER_OF_NAME = {shape.value: code for code, shape in SHAPE_OF_NUMBER.items()}  #: class name -> code
+#: code -> name of the shapes that a requirement may ask for
 REQUIRABLE = {code: shape.value for code, shape in SHAPE_OF_NUMBER.items() if shape in SHAPES}
-LONGEST = 3600.0  #: s, timeout of a goal; a longer one is taken for a mistake
+LONGEST = 3600.0  #: longest timeout of a goal [s]; a longer one is taken for a mistake
 NANOSECONDS = 10**9
 
 
 def side_result(message: ContactShape, time: float) -> SideResult:
-    """What one pad reports; ``time`` [s]: of its acquisition, on our clock."""
+    """Return the result of one pad; ``time`` is the acquisition time by this host's clock [s]."""
     is_hidden, centre, moves = _is_largely_hidden(message), _centre(message), is_moving(message.motion)
     if centre is None:
         return SideResult(time, _reported_state(message), message.class_name, hides_creep=is_hidden, moves=moves)
@@ -43,23 +43,23 @@ def side_result(message: ContactShape, time: float) -> SideResult:
 
 
 def _centre(message: ContactShape) -> tuple[float, float] | None:
-    """The centre of the fit, else that of pressure; None without a contact, and where it is not known."""
+    """Return the centre of the fit, or else the centre of pressure; None without a contact, or if it is not known."""
     place = message.pose.pose.position if message.fit_valid else message.centre_of_pressure
     is_known = message.taxels and message.contacts and math.isfinite(place.x) and math.isfinite(place.y)
     return (place.x, place.y) if is_known else None
 
 
 def _reported_state(message: ContactShape) -> SideState:
-    """Return the state that the pad reports; EMPTY only for NONE of a pad that was seen."""
+    """Return the state that the pad reports; EMPTY only for the shape NONE of a pad that was seen."""
     if message.taxels or message.contacts:
         return SideState.TOUCHED
     return SideState.EMPTY if message.shape == ContactShape.NONE and message.pad_seen else SideState.UNSEEN
 
 
 def _is_largely_hidden(message: ContactShape) -> bool:
-    """Whether the object may be another one than what is seen of it: at the pad's edge, or under many hidden taxels.
+    """Return True if the object may differ from its visible part, at the pad's edge or under many hidden taxels.
 
-    A few of them, scattered, neither cut an edge off nor hide that it moves.
+    A few scattered hidden taxels neither cut an edge off nor hide a motion.
     """
     return (message.at_edge or message.hidden_ring_taxels > MOST_HIDDEN * message.ring_taxels
             or message.hidden_taxels > MOST_HIDDEN * message.taxels
@@ -67,25 +67,25 @@ def _is_largely_hidden(message: ContactShape) -> bool:
 
 
 def _of_fit(message: ContactShape) -> tuple[float, bool]:
-    """The resolution of the centre [m], and whether it is a bound: then it is that of the part that is seen."""
+    """Return the resolution of the fitted centre [m], and True if the fit covers only the visible part."""
     of_values = PATTERN_RESOLUTION if math.isnan(message.force) else FIT_RESOLUTION
     uncertain = 2 * max(message.standard_deviations[:2], default=0.0)
     return max(of_values * _pitch(message), uncertain), message.size_is_bound
 
 
 def _of_pressure(message: ContactShape) -> tuple[float, bool]:
-    """Return the same of the centre of pressure; saturation shifts it, and so does every hidden taxel at the rim."""
+    """Return the resolution of the centre of pressure [m], and True if hidden or saturated taxels may shift it."""
     of_values = PATTERN_RESOLUTION if math.isnan(message.force) else PRESSURE_RESOLUTION
     return of_values * _pitch(message), message.centre_of_pressure_is_bound
 
 
 def _pitch(message: ContactShape) -> float:
-    """Return the pitch of the pad [m]; 0 without a contact."""
+    """Return the pitch of the pad [m], or 0 without a contact."""
     return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
 
 
 def face_of(message: ContactShape) -> Face:
-    """What one pad reports of its contact, for the object that both pads hold."""
+    """Return the facts about one pad's contact, to describe the object that both pads hold."""
     of_fit = message.standard_deviations[:2] if message.fit_valid else ()
     place = _centre(message)
     return Face(message.class_name, dict(zip(message.class_names, map(float, message.probabilities))),
@@ -95,7 +95,7 @@ def face_of(message: ContactShape) -> Face:
 
 
 def _face_fit(message: ContactShape) -> FaceFit | None:
-    """Return the fit with its deviations; None without them: what is not known to a degree has no weight."""
+    """Return the fit with its standard deviations, or None without them, because it could not be weighted."""
     if not message.fit_valid or not message.dimension_names:
         return None
     of_each = dict(zip(message.parameter_names, map(float, message.standard_deviations)))
@@ -112,8 +112,22 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
                   ages: Sequence[float], gripper: Gripper) -> Grasp:
     """Return the grasp as a message.
 
-    ``sides``: the latest message of the left and the right pad; ``ages`` of both [s], inf: not known. Stamp and age
-    are those of the older one: a receiver measures the delay of its path by both together.
+    Stamp and age are those of the older side. A receiver uses both together to measure the delay of its path.
+
+    Parameters
+    ----------
+    state
+        State of the grasp.
+    sides
+        Latest messages of the left and the right pad.
+    opening
+        Opening of the gripper.
+    frame_id
+        Frame of the gripper.
+    ages
+        Ages of both messages [s]; inf if not known.
+    gripper
+        Geometry of the gripper.
     """
     words = state.contact.name, 'fresh' if state.fresh else 'not fresh', 'stable' if state.stable else 'not stable'
     message = Grasp(
@@ -129,7 +143,7 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
 
 
 def sides_message(state: GraspState, sides: Sequence[ContactShape], frame_id: str, ages: Sequence[float]) -> GraspSides:
-    """Return the sides of the grasp that `grasp_message` makes of the same."""
+    """Return the sides that belong to the message of `grasp_message` with the same arguments."""
     return GraspSides(**_dated(state, sides, frame_id, ages), sides=sides)
 
 
@@ -139,7 +153,7 @@ def _dated(state: GraspState, sides: Sequence[ContactShape], frame_id: str, ages
 
 
 def _older(sides: Sequence[ContactShape], ages: Sequence[float]) -> ContactShape:
-    """Return the side of the greater age; one that has no message yet only where neither has."""
+    """Return the side with the greater age; a side without a message is returned only if both have none."""
     by_age = sorted(zip(ages, sides), key=lambda each: each[0], reverse=True)
     received = [side for _, side in by_age if side.header.stamp.sec or side.header.stamp.nanosec]
     return received[0] if received else by_age[0][1]
@@ -183,12 +197,21 @@ def _point(place: np.ndarray) -> Point:
 
 
 def requirement_of(message: GraspRequirement, known_names: Collection[str] = ()) -> Requirement:
-    """Return what ``message`` asks for; ``known_names``: of the classes there are, empty: not known.
+    """Return the requirement in a message.
 
-    Raises RefusedRequirementError for a limit that is none, and for a shape that no recogniser reports, for which a
-    goal would wait in vain.
+    Parameters
+    ----------
+    message
+        Requirement message.
+    known_names
+        Names of the classes that exist; empty if they are not known.
+
+    Raises
+    ------
+    RefusedRequirementError
+        If a limit is not valid, or if no recogniser reports a required shape, so that a goal would wait in vain.
     """
-    if len(message.shapes) + len(message.class_names) > 2 * MOST_REQUIRED:  # before anything is made of them
+    if len(message.shapes) + len(message.class_names) > 2 * MOST_REQUIRED:  # checked before the names are processed
         raise _refused(RequirementRefusal.TOO_MANY_SHAPES, f'at most {MOST_REQUIRED} shapes',
                        f'{len(message.shapes)} codes and {len(message.class_names)} names')
     shapes = frozenset((*map(_name, message.shapes), *message.class_names))
@@ -203,7 +226,7 @@ def requirement_of(message: GraspRequirement, known_names: Collection[str] = ())
 
 
 def timeout_of(message: Duration) -> float:
-    """Return the timeout of a goal [s]. Raises RefusedRequirementError for 0, below 0 or longer than LONGEST."""
+    """Return the timeout of a goal [s]. Raises RefusedRequirementError unless 0 < timeout <= LONGEST."""
     timeout = _duration(message, 'timeout')
     if not 0 < timeout <= LONGEST:
         raise _refused(RequirementRefusal.NO_TIMEOUT, f'a timeout above 0 s, at most {LONGEST:g} s', f'{timeout:g} s')
@@ -211,7 +234,7 @@ def timeout_of(message: Duration) -> float:
 
 
 def state_message(found: Sequence[Missing]) -> RequirementState:
-    """Return what is missing, as `missing` found it, as a message."""
+    """Return the result of `missing` as a message."""
     return RequirementState(missing=int(found[0] if found else Missing.NOTHING),
                             all_missing=[int(each) for each in found])
 

@@ -1,4 +1,4 @@
-"""Makes text of what the gripper node knows: an entry of /diagnostics, and why a goal was not seen."""
+"""State of the gripper node as text: its entry in /diagnostics, and the reason why a goal saw no grasp."""
 
 import math
 
@@ -8,19 +8,30 @@ from tactile_node.grasp.closing import Outcome
 from tactile_node.ros.message_health import MessageCounts, several_text, status_of
 from tactile_skin.msg import Grasp
 
-#: Outcomes after which the gripper or its wiring needs a look
+#: outcomes after which a person should check the gripper or its wiring
 FAILURES = (Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT, Outcome.NOT_STOPPED, Outcome.NOT_OPENING)
 
 
 def gripper_status(node: str, action: str, *, duplicate: str, is_served: bool, work: str, last: Outcome | None,
                    grasp_age: float) -> DiagnosticStatus:
-    """Return the entry of the gripper in front of whose ``action`` the ``node`` stands, both by their full names.
+    """Return the diagnostic entry of a gripper node.
 
-    ``duplicate``: the sentence, '' without one.
-    ``is_served``: the graph shows a server of the gripper's own action.
-    ``work``: 'none', 'goal' or 'hold'.
-    ``last``: how the latest goal or hold ended.
-    ``grasp_age``: since both pads were seen [s].
+    Parameters
+    ----------
+    node
+        Full name of the node.
+    action
+        Full name of the gripper's own action.
+    duplicate
+        Sentence about a second gripper node; '' if there is none.
+    is_served
+        True if the ROS graph shows a server of the gripper's own action.
+    work
+        Present work: 'none', 'goal' or 'hold'.
+    last
+        Outcome of the latest goal or hold.
+    grasp_age
+        Time since both pads were seen [s].
     """
     is_failed = last in FAILURES
     text = duplicate or (f'nothing serves {action}' if not is_served else
@@ -34,7 +45,23 @@ def gripper_status(node: str, action: str, *, duplicate: str, is_served: bool, w
 
 def unseen_text(topic: str, counts: MessageCounts, publishers: list[str], grasp: Grasp | None, age: float,
                 max_age: float) -> str:
-    """Return what is missing for a goal to close; ``grasp``: the latest, whose taxels are ``age`` old [s]."""
+    """Return the reason why a goal cannot close the gripper.
+
+    Parameters
+    ----------
+    topic
+        Topic of the grasps.
+    counts
+        Counts of the messages on this topic.
+    publishers
+        Names of the nodes that publish it.
+    grasp
+        Latest grasp; None if every grasp was dropped.
+    age
+        Age of the taxels of this grasp [s].
+    max_age
+        Largest age of a usable grasp [s].
+    """
     if not counts.received:
         return f'no grasp has been received on {topic}: is bringup running?'
     if len(publishers) > 1:

@@ -1,6 +1,6 @@
-"""Goals, states and results of a gripper's action as numbers, and what a grasp says of the touch.
+"""Convert goals, states and results of a gripper's action to numbers and back, and read the touch from a grasp.
 
-The interfaces are those of control_msgs, which is optional: `GripperCommand` and `ParallelGripperCommand`.
+The interfaces `GripperCommand` and `ParallelGripperCommand` come from control_msgs, which is optional.
 """
 
 import math
@@ -15,7 +15,7 @@ INTERFACES = PARALLEL, SINGLE = 'ParallelGripperCommand', 'GripperCommand'
 
 
 class Command(NamedTuple):
-    """What a goal asks for, in the gripper's own units; speed and effort 0: not given; NaN: several were given."""
+    """Content of a goal in the gripper's own units. A speed or effort of 0 was not given; NaN means several values."""
 
     position: float
     speed: float = 0.0
@@ -23,7 +23,7 @@ class Command(NamedTuple):
 
 
 class GripperState(NamedTuple):
-    """What the gripper says of itself, in its own units; NaN: not known."""
+    """State reported by the gripper, in its own units; NaN means not known."""
 
     position: float = math.nan
     effort: float = math.nan
@@ -32,7 +32,7 @@ class GripperState(NamedTuple):
 
 
 class _Single:
-    """Reads and makes the messages of a GripperCommand."""
+    """Reads and makes the messages of a GripperCommand action."""
 
     commands_speed = False
 
@@ -40,7 +40,7 @@ class _Single:
         self.action = action
 
     def command(self, goal: Any) -> Command:
-        """Return what ``goal`` asks for."""
+        """Return the content of ``goal``."""
         return Command(goal.command.position, 0.0, goal.command.max_effort)
 
     def goal(self, command: Command) -> Any:
@@ -49,18 +49,18 @@ class _Single:
         return goal
 
     def state(self, message: Any) -> GripperState:
-        """Return what a feedback or a result says."""
+        """Return the state in a feedback or a result."""
         return GripperState(message.position, message.effort, message.stalled, message.reached_goal)
 
     def fill(self, message: Any, state: GripperState) -> Any:
-        """Return a feedback or a result with ``state`` in it."""
+        """Fill a feedback or a result with ``state`` and return it."""
         message.position, message.effort = state.position, state.effort
         message.stalled, message.reached_goal = state.stalled, state.reached_goal
         return message
 
 
 class _Parallel:
-    """Reads and makes the messages of a ParallelGripperCommand, whose feedback says neither stalled nor reached."""
+    """Converts the messages of a ParallelGripperCommand action. Its feedback lacks stalled and reached_goal."""
 
     commands_speed = True
 
@@ -68,13 +68,13 @@ class _Parallel:
         self.action, self._joint = action, joint
 
     def command(self, goal: Any) -> Command:
-        """Return what ``goal`` asks for. Raises RefusedGoalError where it does not say that of one joint."""
+        """Return the content of ``goal``. Raises RefusedGoalError unless it has one position for the joint."""
         asked = goal.command
         names, count = list(asked.name), len(asked.position)
         if count != 1 or (self._joint and names and names != [self._joint]):
             raise RefusedGoalError('command', expected=f'one position of {self._joint or "one joint"}',
                                    got=f'{count} of {", ".join(names) or "no name"}',
-                                   remedy='Command the joint that the parameter joint names.')
+                                   remedy='Command the joint that is named by the parameter joint.')
         speed, effort = (math.nan if len(each) > 1 else _first(each, 0.0) for each in (asked.velocity, asked.effort))
         return Command(asked.position[0], speed, effort)
 
@@ -103,9 +103,19 @@ GripperInterface = _Single | _Parallel
 
 
 def gripper_interface(name: str, joint: str) -> GripperInterface:
-    """Return the interface of this name; ``joint``: as a ParallelGripperCommand names it, '' for any.
+    """Return the interface to an action type.
 
-    Raises ConfigurationError for another name, and where control_msgs is not installed.
+    Parameters
+    ----------
+    name
+        ParallelGripperCommand or GripperCommand.
+    joint
+        Name of the joint in a ParallelGripperCommand; '' for any.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name is unknown, or if control_msgs is not installed.
     """
     if name not in INTERFACES:
         raise ConfigurationError('action_type', expected=' or '.join(INTERFACES), got=repr(name),
@@ -123,9 +133,17 @@ def _first(values: Any, default: float) -> float:
 
 
 def touch_of(grasp: Grasp, acquired: float) -> Touch:
-    """Return what ``grasp``, whose taxels were ``acquired`` [s, steady clock], says of the touch.
+    """Return the touch that a grasp shows.
 
-    A bound that the pad's edge does not explain is of taxels that are hidden or saturated, if of another contact.
+    A force bound that the edge of the pad does not explain comes from hidden or saturated taxels, perhaps of another
+    contact.
+
+    Parameters
+    ----------
+    grasp
+        Grasp message.
+    acquired
+        Acquisition time of its taxels, by the steady clock [s].
     """
     pads = [PadForce(force, is_bound, bool(hidden or saturated or not seen or is_bound and not at_edge))
             for force, is_bound, hidden, saturated, seen, at_edge in zip(

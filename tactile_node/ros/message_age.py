@@ -1,15 +1,15 @@
-"""`age` of the messages of the chain: the time since the acquisition, summed over the stages on steady clocks.
+"""The field `age` of the chain's messages: the time since the acquisition, added up over the stages by steady clocks.
 
-Each stage adds how long the message was held back on its way and the time that it took itself; the stamp stays that
-of the taxels. It needs no synchronised clocks. `InputAge` notes when each message of a subscription arrives; what is
-handed over in one process has the time of its acquisition itself.
+Each stage adds the time for which a message was held back on its way, and its own processing time. The stamp stays that
+of the taxels. No synchronised clocks are needed. `InputAge` notes when each message of a subscription arrives. Data
+that are passed on within one process carry the time of their acquisition.
 
-A node that is blocked reads its queue late: `arrived` is called late too, so the time in the queue is part of what
-was held back. The time stamps of DDS are not used: they are of the wall clock, and of the last sender only.
+A blocked node reads its queue late. `arrived` is then called late too, so the time in the queue counts as held back.
+The time stamps of DDS are not used, because they are by the wall clock and only of the last sender.
 
-An age is *not known* (`math.inf`, in a message the longest Duration) until the least delay is settled, about 0.5 s
-after each stage has received its first messages. Stages settle one after another, for no stage can measure by an age
-that is not known. Compared with any limit it is too old.
+An age is *not known* (`math.inf`, in a message the longest Duration) until the smallest delay is settled, about 0.5 s
+after each stage has received its first messages. Stages settle one after another, because no stage can measure with an
+unknown age. An unknown age is too old for every limit.
 """
 
 import math
@@ -26,31 +26,33 @@ from std_msgs.msg import Header
 from tactile_node.ros.settings import NodeSettings
 from tactile_node.ros.time_messages import duration_message, seconds
 
-WINDOW = 30.0  #: s for which the least difference is remembered: then a slower path, or a clock set back, is normal
-BUCKETS = 30  #: parts of it that are forgotten as a whole
-SETTLING_TIME = 0.5  #: s for which messages have to arrive without a fall of the least difference
-SETTLING_TOLERANCE = 0.02  #: s; while settling, a fall by less is jitter of the path
-#: s; once settled, a fall by less is a message that was faster than all before: they were older by that time than they
-#: seemed, and what follows is right
+WINDOW = 30.0  #: time for which the smallest difference is kept [s]; then a slower path, or a set clock, is normal
+BUCKETS = 30  #: number of parts of the window; each part is forgotten as a whole
+SETTLING_TIME = 0.5  #: time with messages, and without a fall of the smallest difference, after which it is settled [s]
+SETTLING_TOLERANCE = 0.02  #: while settling, a smaller fall is jitter of the path [s]
+#: Once settled, a smaller fall [s] comes from a message that was faster than all earlier ones. The earlier messages
+#: were older by this time than they seemed; the later ones are measured correctly.
 SETTLED_ERROR = 0.05
-DRIFT = 1e-3  #: relative: a slower fall is the drift or the slewing of a clock
-LONGEST_GAP = 0.1  #: s; a longer silence counts towards SETTLING_TIME as this long
+DRIFT = 1e-3  #: relative rate; a slower fall is the drift or the slewing of a clock
+LONGEST_GAP = 0.1  #: longest silence that counts towards SETTLING_TIME [s]
 
 
 class Delay(NamedTuple):
     """Delay of one message."""
 
-    held_back: float  #: beyond the least of the window, >= 0 [s]
-    settled: bool     #: False: it may have been held back for any time
+    held_back: float  #: delay beyond the smallest one in the window, >= 0 [s]
+    settled: bool     #: False if the message may have been held back for any time
 
 
 class DelayEstimator:
-    """Takes the messages of one sender as they arrive; pure: time is what it is given.
+    """Estimates the delay of each message from one sender. It reads no clock; all times are arguments.
 
-    After a sender's clock was set forward, or set back by more than a message's period, or after a restart of the
-    sender: not settled for SETTLING_TIME. Set back by less, or during a silence of that length: what arrives
-    is taken to be older than it is by that step, for at most WINDOW.
+    The estimate is not settled for SETTLING_TIME after the sender restarts, after its clock is set forward, or after
+    its clock is set back by more than a message's period. After a smaller step back, or a step back during a silence of
+    that length, messages seem older than they are by this step, for at most WINDOW.
 
+    Examples
+    --------
     >>> estimator = DelayEstimator()
     >>> for i in range(50):
     ...     delay = estimator.update(arrival=100 + 0.02 * i, sent=1.7e9 + 0.02 * i)
@@ -64,14 +66,20 @@ class DelayEstimator:
         self._restart()
 
     def _restart(self) -> None:
-        self._least: deque[tuple[int, float]] = deque()  # bucket, least difference from it on; both ascending
-        self._reference = inf  # what the least difference must not fall below by more than the tolerance
-        self._covered = 0.0  # time with messages since it did
+        self._least: deque[tuple[int, float]] = deque()  # (bucket, smallest difference from it on), both ascending
+        self._reference = inf  # value below which the smallest difference must not fall by more than the tolerance
+        self._covered = 0.0  # time with messages since the last such fall
 
     def update(self, arrival: float, sent: float) -> Delay:
-        """Take a message that ``arrival`` brought [s, our steady clock], ``sent`` [s, the sender's clock].
+        """Process a message and return its delay.
 
-        Both finite. Where a stage adds its own delay as ``age``: sent = stamp + age.
+        Parameters
+        ----------
+        arrival
+            Time of arrival, by this host's steady clock [s], finite.
+        sent
+            Time of sending, by the sender's clock [s], finite. If a stage adds its own delay as ``age``, this is
+            stamp + age.
         """
         gap = arrival - self._arrival
         if not 0 <= gap <= WINDOW or sent < self._sent - SETTLING_TOLERANCE:
@@ -84,7 +92,7 @@ class DelayEstimator:
         return Delay(difference - self._least[0][1], self._covered >= SETTLING_TIME)
 
     def _least_with(self, arrival: float, difference: float) -> float:
-        """Add ``difference`` to the window and return its least."""
+        """Add ``difference`` to the window and return the smallest difference in it."""
         length = WINDOW / BUCKETS
         bucket = int(arrival // length)
         while self._least and self._least[-1][1] >= difference:
@@ -95,7 +103,7 @@ class DelayEstimator:
         return self._least[0][1]
 
     def _follow(self, least: float, gap: float) -> None:
-        """Start settling again after a fall; ``gap`` [s] is the time since the message before."""
+        """Start settling again after a fall; ``gap`` is the time since the last message [s]."""
         reference = self._reference - DRIFT * gap
         is_settled = self._covered >= SETTLING_TIME
         if least < reference - (SETTLED_ERROR if is_settled else SETTLING_TOLERANCE):
@@ -107,10 +115,15 @@ class DelayEstimator:
 
 
 class MeasurementTime:
-    """Measurement times of one sender's messages, which send a measurement at once or not at all, or again and again.
+    """Finds the time of measurement for the messages of one sender.
 
-    ``use_stamps`` False: what is received is taken to be measured then. For simulated time, which runs at its own
-    speed, and replays.
+    The sender publishes a measurement at once or not at all, or repeats it.
+
+    Parameters
+    ----------
+    use_stamps
+        False to take the time of arrival as the time of measurement, for simulated time, which has its own speed, and
+        for replays.
     """
 
     def __init__(self, *, use_stamps: bool = True):
@@ -119,9 +132,14 @@ class MeasurementTime:
         self._measured = -math.inf
 
     def of(self, stamp: float, arrival: float) -> float:
-        """Return when the message that arrives at ``arrival`` was measured [s, steady]; -inf: not known yet.
+        """Return when the message was measured, by the steady clock [s]; -inf if this is not yet known.
 
-        ``stamp``: of its measurement [s, the sender's clock]; 0: none. The same stamp again is the same measurement.
+        Parameters
+        ----------
+        stamp
+            Stamp of the measurement, by the sender's clock [s]; 0 for none. An equal stamp means the same measurement.
+        arrival
+            Time of arrival, by this host's steady clock [s].
         """
         if not stamp:
             return arrival
@@ -138,38 +156,46 @@ class MeasurementTime:
 
 
 def use_stamps(node: Node, settings: NodeSettings) -> bool:
-    """Whether stamps advance as our steady clock does: not in simulated time nor in a replay at another speed."""
+    """Return True if stamps advance like the steady clock, which simulated time and fast or slow replays do not."""
     return not (settings.lossless or node.get_parameter('use_sim_time').value)
 
 
-NOT_KNOWN_SEC = 2**31 - 1  #: `sec` of an age that is not known: 68 years, beyond every limit
+NOT_KNOWN_SEC = 2**31 - 1  #: `sec` of an unknown age: 68 years, above every limit
 
 
 class AgedMessage(Protocol):
-    """A message of the chain."""
+    """Interface of a message of the chain."""
 
     header: Header
     age: Duration
 
 
 class Arrival(NamedTuple):
-    """When a message arrived and how old it was then."""
+    """Time of arrival of a message, and its age at that time."""
 
-    steady: float          #: of our steady clock [s]
-    age_on_arrival: float  #: [s]; inf: not known
+    steady: float          #: time of arrival by this host's steady clock [s]
+    age_on_arrival: float  #: [s]; inf if not known
 
     @property
     def acquired(self) -> float:
-        """When its taxels were acquired [s, the same clock]; -inf when that is not known."""
+        """Acquisition time of its taxels by the same clock [s]; -inf if not known."""
         return self.steady - self.age_on_arrival
 
     def age(self, now: float) -> float:
-        """Return its age at ``now`` [s, the same clock]; inf when it is not known."""
+        """Return the age at the time ``now`` of the same clock [s]; inf if not known."""
         return self.age_on_arrival + now - self.steady
 
 
 class InputAge:
-    """Ages of the messages of one subscription. ``lossless``: a replay as fast as possible, nothing is held back."""
+    """Measures the ages of the messages of one subscription.
+
+    Parameters
+    ----------
+    lossless
+        True for a replay as fast as possible, in which no message counts as held back.
+    steady
+        Steady clock [s].
+    """
 
     def __init__(self, *, lossless: bool = False, steady: Callable[[], float] = time.monotonic):
         self._lossless = lossless
@@ -177,7 +203,7 @@ class InputAge:
         self._delays = DelayEstimator()
 
     def arrived(self, message: AgedMessage) -> Arrival:
-        """Note that ``message`` arrives now; call it once for each message, before anything else is done with it."""
+        """Note that ``message`` arrives now. Call this once for each message, before any other processing."""
         now = self._steady()
         age = age_seconds(message.age)
         if self._lossless or not math.isfinite(age):
@@ -187,10 +213,10 @@ class InputAge:
 
 
 def age_message(age: float) -> Duration:
-    """Seconds -> Duration; inf: the longest Duration."""
+    """Convert seconds to Duration; inf becomes the longest Duration."""
     return duration_message(age) if age < NOT_KNOWN_SEC else Duration(sec=NOT_KNOWN_SEC)
 
 
 def age_seconds(age: Duration) -> float:
-    """Duration -> seconds; inf when it is not known."""
+    """Convert a Duration to seconds; an unknown age becomes inf."""
     return math.inf if age.sec >= NOT_KNOWN_SEC else seconds(age)

@@ -1,9 +1,10 @@
-"""What a message must fulfil before a node uses it: one function for each type, None or the reason to drop it.
+"""Check a message before a node uses it. There is one function per type; it returns None, or the reason to drop it.
 
-The rules of a TaxelArray are those of `skin/taxel_array.py`, which hold for bags too.
+The rules for a TaxelArray are in `skin/taxel_array.py`, because they also hold for bags.
 
-DDS guarantees the types of the fields, not that they fit together: any node can publish on our topics. Sizes are
-checked first, so that no check costs more than the message itself and nothing is allocated by a size that it names.
+DDS guarantees the types of the fields, but any node can publish on these topics, and fields may not fit together. Sizes
+are checked first. No check therefore costs more than the message itself, and no memory is allocated for a size that a
+message claims.
 """
 
 import math
@@ -33,19 +34,19 @@ from tactile_node.skin.taxel_array import check_taxel_array as check_taxel_array
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, Grasp
 
-MAX_CLASSES = 1000  #: of one message; ours have far fewer
-PROBABILITY_TOLERANCE = 1e-3  #: of probabilities, which are float32
+MAX_CLASSES = 1000  #: largest number of classes in one message; this package has far fewer
+PROBABILITY_TOLERANCE = 1e-3  #: tolerance for probabilities, which are float32
 NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
 SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))
 UNKNOWN_REASONS = frozenset(UnknownReason) - {UnknownReason.NOT_KNOWN}
 
 Message = TypeVar('Message')
-#: Returns None for a message that can be used
+#: returns None for a message that can be used, else the reason to drop it
 Check = Callable[[Message], RejectReason | None]
 
 
 def check_contact(message: Contact) -> RejectReason | None:
-    """Check the taxels as `check_taxel_array` does, and that labels, counts and state belong together."""
+    """Check the taxels as `check_taxel_array` does, and that labels, counts and state are consistent."""
     return (check_grid(message.rows, message.cols, len(message.values), len(message.status), len(message.labels))
             or (RejectReason.TOO_LARGE if len(message.contact_taxels) > len(message.labels) else None)
             or check_scale(message.unit, message.pitch)
@@ -60,7 +61,7 @@ def check_contact(message: Contact) -> RejectReason | None:
 
 
 def check_contact_shape(message: ContactShape) -> RejectReason | None:
-    """Check codes, classes, probabilities, place and fit. A default-constructed message has no shape."""
+    """Check codes, classes, probabilities, place and fit. A default-constructed message is not a valid shape."""
     return (_shapes(message)
             or _classes(message)
             or _probabilities(message.probabilities)
@@ -75,7 +76,7 @@ def check_contact_shape(message: ContactShape) -> RejectReason | None:
 
 
 def _noise_floor(message: Contact) -> RejectReason | None:
-    """NaN: not known of this taxel."""
+    """Check the noise floor; NaN means that the noise of a taxel is not known."""
     if not len(message.noise_floor):
         return None
     if len(message.noise_floor) != len(message.values):
@@ -91,7 +92,7 @@ def _state(state: int, contacts: int) -> RejectReason | None:
 
 
 def _labels(message: Contact) -> RejectReason | None:
-    """Each contact has its label and its count; an empty pad was seen."""
+    """Check that each contact has its label and its count, and that a pad reported as empty was seen."""
     if len(message.contact_taxels) != min(message.contacts, MOST_LABELS):
         return RejectReason.WRONG_LENGTH
     if not message.smallest_contact:
@@ -112,7 +113,7 @@ def _shapes(message: ContactShape) -> RejectReason | None:
 
 
 def _classes(message: ContactShape) -> RejectReason | None:
-    """Every number of ours goes with its name, and OTHER with none of these."""
+    """Check that each number of this package has its own name, and that OTHER has none of these names."""
     names = message.class_names
     if len(names) > MAX_CLASSES:
         return RejectReason.TOO_LARGE
@@ -146,7 +147,7 @@ def _confidence(message: ContactShape) -> RejectReason | None:
 
 
 def _counts(message: ContactShape) -> RejectReason | None:
-    """An empty pad was seen; no more taxels are hidden or saturated than there are."""
+    """Check that an empty pad was seen, and that hidden or saturated taxels do not outnumber all taxels."""
     fits = (message.others_present == (message.contacts > 1)
             and (message.shape != ContactShape.NONE or message.pad_seen and not message.contacts)
             and max(message.hidden_taxels, message.saturated_taxels) <= message.taxels
@@ -157,7 +158,7 @@ def _counts(message: ContactShape) -> RejectReason | None:
 
 
 def _place(message: ContactShape) -> RejectReason | None:
-    """A shape without taxels is legal: of a pad that is not seen, it has no place and no fit."""
+    """Check place and fit. A shape without taxels is allowed, for an unseen pad; it has no place and no fit."""
     is_none = message.shape == ContactShape.NONE
     if any(map(math.isinf, message.pressure_slope)):
         return RejectReason.NOT_FINITE

@@ -1,4 +1,4 @@
-"""What a node does with the messages that it receives: counts, ages, and their diagnostic."""
+"""Counts and ages of the messages that a node receives, and the diagnostic made from them."""
 
 import math
 from collections import Counter
@@ -10,60 +10,72 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from tactile_node.ros.message_checks import RejectReason
 
-OLD = 1.0  #: s: data that still comes, and is older, was held back
-LONGEST_WAY = 0.5  #: s: stamps that are further behind are of another clock, if not held back each
-MOST_OVERTAKEN = 0.05  #: of the messages received since the last look: more is an overload
+OLD = 1.0  #: age above which data that still arrive count as held back [s]
+LONGEST_WAY = 0.5  #: longest usual delay of a message [s]; stamps further behind come from another clock
+MOST_OVERTAKEN = 0.05  #: fraction of the messages received since the last status above which the node is overloaded
 
 
 class StreamFault(IntEnum):
-    """What is wrong with the messages of a node; the codes are stable."""
+    """Faults of the messages that a node receives. The codes are stable."""
 
     NOT_KNOWN = 0
     NONE = 1
     DROPPED = 2             #: messages were dropped, see RejectReason
-    SKIPPED = 3             #: frames that the node never saw: their sequence numbers are missing
-    OLD = 4                 #: messages come, and their data is more than OLD old
-    SEVERAL_PUBLISHERS = 5  #: of one pad's topic: its messages are of two sources
-    SILENT = 6              #: a topic has brought none
-    OVERLOADED = 7          #: the node cannot keep up: more than MOST_OVERTAKEN were overtaken by newer ones
+    SKIPPED = 3             #: frames never reached the node: their sequence numbers are missing
+    OLD = 4                 #: messages arrive, but their data are older than OLD
+    SEVERAL_PUBLISHERS = 5  #: the messages on one pad's topic come from two sources
+    SILENT = 6              #: no message was received on a topic
+    OVERLOADED = 7          #: the node cannot keep up: newer messages overtook more than MOST_OVERTAKEN
     CLOCKS_APART = 8        #: stamps are ahead of the clock of this host, or seem to be behind it
-    OTHER_TYPE = 9          #: a publisher has another version of the message; nothing of the topic is used
+    OTHER_TYPE = 9          #: a publisher uses another version of the message; no message on the topic is used
 
 
 class MessageCounts(NamedTuple):
-    """Counts of one subscription since its node started. received = processed + overtaken + the sum of ``dropped``."""
+    """Counts of one subscription since its node started: received = processed + overtaken + the sum of ``dropped``."""
 
     received: int
     processed: int
-    dropped: Mapping[RejectReason, int]  #: only the reasons that have occurred
-    skipped: int = 0  #: frames between those received
-    overtaken: int = 0  #: usable ones that a newer one came behind before the node got to them
+    dropped: Mapping[RejectReason, int]  #: number of messages for each reason that has occurred
+    skipped: int = 0  #: number of frames missing between received ones
+    overtaken: int = 0  #: number of usable messages that were replaced by a newer one before the node processed them
 
 
 def total(counts: Iterable[MessageCounts]) -> MessageCounts:
-    """Return the counts of all subscriptions together."""
+    """Return the sum of the counts of all subscriptions."""
     received, processed, dropped, skipped, overtaken = zip(MessageCounts(0, 0, {}), *counts)
     return MessageCounts(sum(received), sum(processed), sum(map(Counter, dropped), Counter()), sum(skipped),
                          sum(overtaken))
 
 
 class StreamHealth(NamedTuple):
-    """One subscription now."""
+    """Present state of one subscription."""
 
     counts: MessageCounts
-    age: float = math.inf  #: of the newest message's data [s]; inf: not known
-    publishers: tuple[str, ...] = ()  #: full names of the nodes that publish its topic; of our chain only
-    other_types: tuple[str, ...] = ()  #: of these, those that have another version of the message
-    stamps_offset: float = math.nan  #: stamp + age of the newest message - the clock of this host [s]; NaN: not known
+    age: float = math.inf  #: age of the newest message's data [s]; inf if not known
+    publishers: tuple[str, ...] = ()  #: full names of the nodes that publish the topic; only for topics of the chain
+    other_types: tuple[str, ...] = ()  #: the publishers that use another version of the message
+    stamps_offset: float = math.nan  #: stamp + age of the newest message - clock of this host [s]; NaN if not known
 
 
 def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
                   period: float, max_clock_offset: float = math.inf) -> DiagnosticStatus:
-    """Return the status of ``node``, by its full name; by topic: the state now and the counts ``period`` [s] before.
+    """Return the diagnostic status of a node.
 
-    WARN: messages were dropped, skipped or, many, overtaken since then, are old, or have two sources, or stamps are
-    more than ``max_clock_offset`` [s] apart from the clock of this host (inf: they are not compared); STALE: a topic
-    has brought none; else OK.
+    The level is WARN if messages were dropped or skipped, if many were overtaken, if data are old, if a topic has two
+    sources, or if stamps and clock differ. It is STALE if a topic was silent, else OK.
+
+    Parameters
+    ----------
+    node
+        Full name of the node.
+    now
+        Topic -> its present state.
+    before
+        Topic -> its counts at the last status.
+    period
+        Time since the last status [s].
+    max_clock_offset
+        Largest offset between stamps and the clock of this host [s]; inf if they are not compared.
     """
     counts, earlier = total(stream.counts for stream in now.values()), total(before.values())
     found = dict(_found(now, before, counts, earlier, max_clock_offset))
@@ -77,12 +89,12 @@ def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[st
 
 
 def dropped_values(counts: MessageCounts) -> dict[str, object]:
-    """Return how many messages were dropped by each reason, as values of a diagnostic."""
+    """Return the number of dropped messages for each reason, as values of a diagnostic."""
     return {f'dropped_{reason.key}': counts.dropped.get(reason, 0) for reason in RejectReason if reason}
 
 
 def dropped_since(counts: MessageCounts, before: MessageCounts) -> str:
-    """Return how many messages were dropped since ``before``, by reason; '' for none."""
+    """Return the number of messages dropped since ``before`` for each reason, as text; '' for none."""
     grown = Counter(counts.dropped) - Counter(before.dropped)
     return ', '.join(f'{count} ({reason.key})' for reason, count in sorted(grown.items()))
 
@@ -94,13 +106,13 @@ def status_of(name: str, level: bytes, message: str, values: Mapping[str, object
 
 
 def topics_of_several(now: Mapping[str, StreamHealth]) -> dict[str, tuple[str, ...]]:
-    """Return the topics that more than one node publishes, with their names."""
+    """Return the topics that more than one node publishes, with the names of these nodes."""
     return {topic: stream.publishers for topic, stream in now.items() if len(stream.publishers) > 1}
 
 
 def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts], counts: MessageCounts,
            earlier: MessageCounts, max_clock_offset: float) -> Iterable[tuple[StreamFault, str]]:
-    """Give each fault with its sentence; ``counts``, ``earlier``: of all topics together."""
+    """Yield each fault with its sentence; ``counts`` and ``earlier`` are the sums over all topics."""
     if dropped := dropped_since(counts, earlier):
         yield StreamFault.DROPPED, f'messages dropped: {dropped}'
     if counts.skipped > earlier.skipped:
@@ -128,9 +140,9 @@ def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
 
 
 def is_apart(stamps_offset: float, limit: float) -> bool:
-    """Whether stamps [s] are ahead by more than ``limit``, or behind by more than that and any usual way takes.
+    """Return True if stamps [s] are ahead by more than ``limit``, or behind by more than ``limit`` and LONGEST_WAY.
 
-    The way takes no time below 0, so stamps that are ahead are of another clock for certain.
+    No message arrives before it is sent, so stamps that are ahead certainly come from another clock.
 
     >>> is_apart(0.06, limit=0.05), is_apart(-0.4, limit=0.05), is_apart(-0.6, limit=0.05)
     (True, False, True)
@@ -139,21 +151,21 @@ def is_apart(stamps_offset: float, limit: float) -> bool:
 
 
 def clock_text(topic: str, stamps_offset: float) -> str:
-    """The sentence for a topic whose stamps are apart from the clock of this host by ``stamps_offset`` [s]."""
+    """Return the sentence for a topic whose stamps differ from the clock of this host by ``stamps_offset`` [s]."""
     if stamps_offset > 0:
         return f'stamps on {topic} are {stamps_offset:.3f} s ahead of the clock here: tf lookups fail, ages are right'
-    return (f'stamps on {topic} are {-stamps_offset:.3f} s behind the clock here: the clocks differ, a replay, or '
-            'each message comes that late and is older than its age says')
+    return (f'stamps on {topic} are {-stamps_offset:.3f} s behind the clock here: the clocks differ, it is a replay, '
+            'or each message is so late and older than its age says')
 
 
 def several_text(topic: str, publishers: Iterable[str]) -> str:
-    """The sentence for a topic that several nodes publish."""
+    """Return the sentence for a topic that several nodes publish."""
     return f'{topic} has several publishers: {", ".join(publishers)}'
 
 
 def other_type_text(topic: str, publishers: Iterable[str]) -> str:
-    """The sentence for a topic of which a publisher has another version of the message."""
-    return (f'{topic}: expected the message of this version of tactile_skin, got another of {", ".join(publishers)}; '
+    """Return the sentence for a topic on which a publisher uses another version of the message."""
+    return (f'{topic}: expected the message of this version of tactile_skin, got another from {", ".join(publishers)}; '
             'install the same version on every host')
 
 
@@ -165,12 +177,12 @@ def _level(found: Iterable[StreamFault]) -> bytes:
 
 
 def _age(now: Mapping[str, StreamHealth]) -> str:
-    """Return the age of the topic whose newest data is oldest."""
+    """Return the age of the newest data on the topic where this age is largest."""
     oldest = max((stream.age for stream in now.values()), default=math.inf)
     return f'{oldest:.3f}' if oldest < math.inf else 'not known'
 
 
 def _stamps_offset(now: Mapping[str, StreamHealth], max_clock_offset: float) -> str:
-    """Return the offset of the topic whose stamps are farthest from the clock of this host."""
+    """Return the offset of the topic whose stamps differ most from the clock of this host."""
     known = [stream.stamps_offset for stream in now.values() if not math.isnan(stream.stamps_offset)]
     return f'{max(known, key=abs):+.3f}' if known and max_clock_offset < math.inf else 'not known'

@@ -1,4 +1,4 @@
-"""What a contact does and what has happened to it, as messages, and what these must fulfil before they are used."""
+"""Motions and events of a contact as messages, and the checks of these messages before they are used."""
 
 import math
 
@@ -11,11 +11,12 @@ from tactile_node.ros.message_age import age_message, age_seconds
 from tactile_node.skin.taxel_array import RejectReason, check_duration, check_time
 from tactile_skin.msg import ContactEvent, ContactMotion
 
-MOST_MOVING, MOST_OBSERVABLE = max(Moving) | Moving.SLIDING, sum(Observable)
+MOST_MOVING = max(Moving) | Moving.SLIDING
+MOST_OBSERVABLE = sum(Observable)
 
 
 def motion_message(motion: Motion, stamp: float) -> ContactMotion:
-    """Return ``motion`` in the frame of ``stamp`` [s]: the age of the last event is the time until then."""
+    """Return a motion as a message for the frame with ``stamp`` [s]; the age of the last event refers to this stamp."""
     event = motion.last_event
     return ContactMotion(
         moving=int(motion.moving), speed=single(motion.speed), direction=single(motion.direction),
@@ -24,7 +25,7 @@ def motion_message(motion: Motion, stamp: float) -> ContactMotion:
 
 
 def current_motion(motion: ContactMotion, age: float, is_current: bool) -> ContactMotion:
-    """Return what is known now of what was known ``age`` [s] ago; nothing where that is not current."""
+    """Return a motion with the age of its last event increased by ``age`` [s], or no motion if it is not current."""
     if not is_current:
         return motion_message(Motion(), 0.0)
     return ContactMotion(
@@ -34,12 +35,12 @@ def current_motion(motion: ContactMotion, age: float, is_current: bool) -> Conta
 
 
 def is_moving(motion: ContactMotion) -> bool:
-    """Return whether it slides or turns."""
+    """Return True if the contact slides or turns."""
     return bool(motion.moving & (ContactMotion.SLIDING | ContactMotion.TURNING))
 
 
 def event_message(event: Event, header: Header, sequence: int, age: Duration) -> ContactEvent:
-    """Return ``event``, which the frame of ``header`` and ``sequence`` has shown."""
+    """Return an event as a message; ``header`` and ``sequence`` are those of the frame that showed it."""
     return ContactEvent(
         header=header, sequence=sequence, age=age, kind=int(event.kind), seen_by=int(event.seen_by),
         probability=single(event.probability), speed=single(event.speed), direction=single(event.direction),
@@ -47,7 +48,7 @@ def event_message(event: Event, header: Header, sequence: int, age: Duration) ->
 
 
 def check_motion(message: ContactMotion) -> RejectReason | None:
-    """Check the codes, and that only what moves has a speed, and only what turns a rate."""
+    """Check the codes, and that only a sliding contact has a speed and only a turning contact has a rate."""
     if (message.moving > MOST_MOVING or message.moving & Moving.STILL and message.moving != Moving.STILL
             or message.observable > MOST_OBSERVABLE or message.last_event > max(EventKind)):
         return RejectReason.UNKNOWN_CODE
@@ -61,7 +62,7 @@ def check_motion(message: ContactMotion) -> RejectReason | None:
 
 
 def check_contact_event(message: ContactEvent) -> RejectReason | None:
-    """Check codes, times and numbers. A default-constructed message is no event."""
+    """Check codes, times and numbers. A default-constructed message is not a valid event."""
     if not (0 < message.kind <= max(EventKind) and 0 < message.seen_by <= max(SeenBy)):
         return RejectReason.UNKNOWN_CODE
     values = message.speed, message.direction, message.rate, message.force_before, message.force

@@ -1,4 +1,4 @@
-"""Messages of the opening of a gripper: what it is computed from, their checks, and its diagnostic."""
+"""Messages about the opening of a gripper: their use, their checks, and the diagnostic of the opening."""
 
 import math
 from collections.abc import Sequence
@@ -19,11 +19,11 @@ from tactile_node.skin.taxel_array import RejectReason, check_finite, check_time
 if TYPE_CHECKING:
     from sensor_msgs.msg import JointState  # 40 ms, which only a grasp node that needs it pays
 
-QUATERNION_TOLERANCE = 1e-2  #: of its length, as in tf2
+QUATERNION_TOLERANCE = 1e-2  #: allowed error of a quaternion's length, as in tf2
 
 
 def sum_of_positions(message: 'JointState', joints: Sequence[str]) -> float:
-    """Return the sum of the positions of ``joints``, which the message has [m or rad]."""
+    """Return the sum of the positions of ``joints`` [m or rad]; the message must contain all of them."""
     positions = dict(zip(message.name, message.position))
     return sum(positions[joint] for joint in joints)
 
@@ -34,7 +34,21 @@ def transform(message: TransformMessage) -> Transform:
 
 
 def pad_transform(pose: PadPose, gap: float, frame: str, parent: str, stamp: Time) -> TransformStamped:
-    """Return where the pad of a gripper that is open by ``gap`` [m] is in the frame ``parent`` of the gripper."""
+    """Return the transform of a pad in the frame of the gripper.
+
+    Parameters
+    ----------
+    pose
+        Pose of the pad on the gripper.
+    gap
+        Opening of the gripper [m].
+    frame
+        Frame of the pad.
+    parent
+        Frame of the gripper.
+    stamp
+        Stamp of the transform.
+    """
     made = TransformStamped(child_frame_id=frame)
     made.header.frame_id = parent
     made.header.stamp = stamp
@@ -44,30 +58,30 @@ def pad_transform(pose: PadPose, gap: float, frame: str, parent: str, stamp: Tim
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return the rotation by roll, pitch and yaw about fixed axes (REP-103)."""
+    """Return the rotation by roll, pitch and yaw about the fixed axes (REP-103)."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(np.array((roll, pitch, yaw)) / 2), np.sin(np.array((roll, pitch, yaw)) / 2)
     return Quaternion(x=float(sr * cp * cy - cr * sp * sy), y=float(cr * sp * cy + sr * cp * sy),
                       z=float(cr * cp * sy - sr * sp * cy), w=float(cr * cp * cy + sr * sp * sy))
 
 
 def frame_name(name: str) -> str:
-    """Return the name as tf2 has it; some publishers still lead it with a slash."""
+    """Return a frame name as tf2 uses it; some publishers still put a slash before it."""
     return name.lstrip('/')
 
 
 def tf_message_type(where: str) -> type:
-    """Return the message of /tf, which ``where`` needs. Raises ConfigurationError where tf2_msgs is not installed."""
+    """Return the message type of /tf. Raises ConfigurationError for ``where`` if tf2_msgs is not installed."""
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError as error:
         raise ConfigurationError(
             where, expected='the ROS package tf2_msgs', got=f'{error}',
-            remedy='Install ros-$ROS_DISTRO-tf2-msgs, or leave it out.') from None
+            remedy='Install ros-$ROS_DISTRO-tf2-msgs, or leave the option out.') from None
     return TFMessage
 
 
 def check_joint_state(message: 'JointState', joints: Sequence[str], law: LinearGap) -> RejectReason | None:
-    """Check that it has one position of each of ``joints``, which make an opening. Other joints are not checked."""
+    """Check that the message has one position for each of ``joints``, and that the opening computed is plausible."""
     if len(message.position) != len(message.name):
         return RejectReason.WRONG_LENGTH
     if not set(joints) <= set(message.name):
@@ -81,7 +95,7 @@ def check_joint_state(message: 'JointState', joints: Sequence[str], law: LinearG
 
 
 def check_transforms(transforms: Sequence[TransformStamped]) -> RejectReason | None:
-    """Check a message of tf: each transform joins two frames, and its quaternion is of length 1 as tf2 requires."""
+    """Check a tf message: each transform joins two frames, and its quaternion has length 1 as tf2 requires."""
     return next((reason for each in transforms if (reason := _transform(each))), None)
 
 
@@ -97,19 +111,32 @@ def _transform(message: TransformStamped) -> RejectReason | None:
 
 
 def why_not_known(opening: Opening, remedy: str) -> str:
-    """Return why the gap of ``opening`` is NaN; ``remedy``: what its source lacks without a value."""
+    """Return the reason why the gap of ``opening`` is NaN; ``remedy`` says what its source needs."""
     if opening.source is GapSource.NOT_KNOWN:
         return remedy
     if opening.age == math.inf:
-        return 'its stamps do not advance with time, so it may be of any age (one publisher? a clock that is set?)'
+        return 'its stamps do not advance with time, so its age is not known (one publisher? a clock that is set?)'
     return f'its last value is {opening.age:.1f} s old; {remedy}'
 
 
 def opening_status(node: str, opening: Opening, counts: MessageCounts, before: MessageCounts,
                    remedy: str) -> DiagnosticStatus:
-    """Return the status of the opening of ``node``; ``counts``: of its messages, ``before``: at the last status.
+    """Return the diagnostic status of the opening.
 
-    STALE: the opening is not known; WARN: it is, and messages were dropped since the last status; else OK.
+    The level is STALE if the opening is not known, WARN if messages were dropped since the last status, else OK.
+
+    Parameters
+    ----------
+    node
+        Full name of the node.
+    opening
+        Present opening.
+    counts
+        Counts of the opening's messages.
+    before
+        These counts at the last status.
+    remedy
+        Text that says what the source needs.
     """
     dropped = dropped_since(counts, before)
     is_known = not math.isnan(opening.gap)

@@ -1,4 +1,4 @@
-"""ROS 2 parameters from the tables of settings: declared, read and changed in one way for every node."""
+"""ROS 2 parameters from the tables of settings. All nodes declare, read and change them in the same way."""
 
 import math
 from array import array
@@ -15,15 +15,23 @@ from rclpy.parameter import Parameter as RosParameter
 from tactile_node.errors import ConfigurationError
 from tactile_node.ros.settings import NodeSettings, Parameter, table
 
-SIMILAR = 0.8  # ratio of two names from which on one is taken for the other, misspelt
+SIMILAR = 0.8  #: similarity of two names from which on one is taken for the other, misspelt
 
 Settings = TypeVar('Settings', bound=NodeSettings)
 
 
 def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collection[str] = ()) -> None:
-    """Declare the parameters of ``settings`` on ``node``; what is not live is read-only once declared.
+    """Declare the parameters of a node. A parameter that is not live becomes read-only.
 
-    Those that a lifecycle node reads at configure are not: the node itself refuses a change while it is configured.
+    Parameters
+    ----------
+    node
+        Node that gets the parameters.
+    settings
+        Table of the parameters.
+    read_at_configure
+        Names of the parameters that a lifecycle node reads when it is configured. They are not read-only; the node
+        itself refuses a change while it is configured.
     """
     rows = table(settings)
     overrides = getattr(node, '_parameter_overrides', {})
@@ -42,9 +50,9 @@ def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collect
 
 
 def _declare_without_values(node: Node, row: Parameter, descriptor: ParameterDescriptor) -> None:
-    """Declare a parameter whose override is an empty list, of which ROS does not know the type.
+    """Declare a parameter whose override is an empty list. ROS does not know the type of an empty list.
 
-    An empty list means the default if that consists of empty strings, and a list without values otherwise.
+    An empty list means the default if the default consists of empty strings. Otherwise it means a list without values.
     """
     if not isinstance(row.default, tuple):
         raise ConfigurationError(f'parameter {row.name!r}', expected=row.properties.description, got='an empty list',
@@ -65,7 +73,7 @@ def read(node: Node, settings: type[Settings]) -> Settings:
 
 def follow_changes(node: Node, settings: type[Settings], check: Callable[[Settings], None],
                    apply: Callable[[Settings], None]) -> None:
-    """Check every change of the parameters of ``settings``, and apply it only when no callback can refuse it any more.
+    """Check every change of the parameters, and apply it only when no callback can refuse it any more.
 
     Parameters
     ----------
@@ -85,13 +93,13 @@ def follow_changes(node: Node, settings: type[Settings], check: Callable[[Settin
 
 
 def changed(settings: Settings, parameters: Iterable[RosParameter]) -> Settings:
-    """Return ``settings`` with the new values of ``parameters``; those of others, as use_sim_time, are left out."""
+    """Return ``settings`` with new values; parameters that are not settings, such as use_sim_time, are ignored."""
     names = {each.name for each in fields(settings)}
     return replace(settings, **{each.name: _immutable(each.value) for each in parameters if each.name in names})
 
 
 def _immutable(value: Any) -> Any:
-    """A parameter's value, which rclpy does not type, as a frozen dataclass holds it."""
+    """Return a parameter's value as a frozen dataclass stores it. rclpy has no type for it."""
     return tuple(value) if isinstance(value, (list, array)) else value
 
 
@@ -111,7 +119,7 @@ def _descriptor(row: Parameter, read_at_configure: bool) -> ParameterDescriptor:
 
 
 def _warn_of_misspelt(node: Node, known: list[str]) -> None:
-    """ROS accepts any name in a parameter file, since one file may serve several nodes."""
+    """Warn of unknown names that resemble a known one. ROS accepts any name, since one file may serve several nodes."""
     for name in set(getattr(node, '_parameter_overrides', {})) - set(known):
         for similar in get_close_matches(name, known, 1, SIMILAR):
-            node.get_logger().warning(f'parameter {name!r} is not known: is {similar!r} meant?')
+            node.get_logger().warning(f'parameter {name!r} is not known. Did you mean {similar!r}?')

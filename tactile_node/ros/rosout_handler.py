@@ -1,4 +1,4 @@
-"""Forwards the records of Python's logger `tactile_node` to a node's logger, and so to /rosout and the console."""
+"""Forward the records of Python's logger `tactile_node` to a node's logger, and so to /rosout and the console."""
 
 import logging
 
@@ -9,9 +9,10 @@ PACKAGE_LOGGER = 'tactile_node'
 
 
 class RosoutHandler(logging.Handler):
-    """Forwards each record of level INFO and above once, from any thread, to ``node``.
+    """Forwards each record of level INFO or above once to ``node``, from any thread.
 
-    Of several nodes in one process, the node of the record publishes it (`of_node`); the oldest one if it names none.
+    If a process has several nodes, the node named in the record publishes it (see `of_node`). If the record names no
+    node, the oldest node publishes it.
     """
 
     def __init__(self, node: Node) -> None:
@@ -31,33 +32,33 @@ class RosoutHandler(logging.Handler):
 
 
 def of_node(node: Node, **facts: object) -> dict[str, object]:
-    """Return the ``extra`` of a record that ``node`` reports, with ``facts``."""
+    """Return the ``extra`` of a log record that ``node`` reports, with further ``facts``."""
     return {'node': node.get_logger().name, **facts}
 
 
 def forward_logs_to(node: Node) -> None:
-    """Begin to forward records to ``node``; call `stop_forwarding_to` before it is destroyed."""
+    """Start to forward records to ``node``; call `stop_forwarding_to` before the node is destroyed."""
     package = logging.getLogger(PACKAGE_LOGGER)
     if all(handler.node is not node for handler in _handlers()):
         package.addHandler(RosoutHandler(node))
     if package.level == logging.NOTSET:
-        package.setLevel(logging.INFO)  # the root's default would withhold INFO
+        package.setLevel(logging.INFO)  # because the default of the root logger would suppress INFO
 
 
 def stop_forwarding_to(node: Node) -> None:
-    """Forward no record to ``node`` any more; where no node is left, warnings go to stderr, as Python does it."""
+    """Stop forwarding records to ``node``. If no node is left, Python writes warnings to stderr."""
     for handler in _handlers():
         if handler.node is node:
             logging.getLogger(PACKAGE_LOGGER).removeHandler(handler)
 
 
 def _handlers() -> list[RosoutHandler]:
-    """Return those of the nodes, of the oldest node first."""
+    """Return the handlers of all nodes, oldest node first."""
     return [each for each in logging.getLogger(PACKAGE_LOGGER).handlers if isinstance(each, RosoutHandler)]
 
 
 def _log(logger: RcutilsLogger, level: int, message: str) -> None:
-    """One line for each severity: rclpy refuses a line of code that logs with another severity than before."""
+    """Log with one line of code per severity, because rclpy refuses a line that logs with a changed severity."""
     if level >= logging.CRITICAL:
         logger.fatal(message)
     elif level >= logging.ERROR:

@@ -1,4 +1,4 @@
-"""Recognised, fused and fitted contacts as messages."""
+"""Convert recognised, fused and fitted contacts to messages."""
 
 from functools import cached_property
 
@@ -17,23 +17,29 @@ from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 from tactile_skin.msg import ContactShape, ContactShapes
 
-#: ContactShape.msg numbers of our shapes.
+#: shape -> its number in ContactShape.msg
 SHAPE_NUMBERS: dict[Shape, int] = {shape: getattr(ContactShape, shape.name) for shape in Shape}
 SHAPE_OF_NUMBER = {number: shape for shape, number in SHAPE_NUMBERS.items()}
-MOST_SHAPES = 4  #: of a ContactShapes message
+MOST_SHAPES = 4  #: largest number of shapes in a ContactShapes message
 SOLIDS = {'box': SolidPrimitive.BOX, 'cylinder': SolidPrimitive.CYLINDER}
 
 
 def number_of(shape: ShapeClass) -> int:
-    """Return its number in ContactShape.msg: OTHER for one that was taught."""
+    """Return the number of a shape in ContactShape.msg; a taught shape has the number OTHER."""
     return int(ContactShape.OTHER) if isinstance(shape, TaughtShape) else int(SHAPE_NUMBERS[shape])
 
 
 class PadShape:
-    """The shape on a pad: its box takes as long as the rest of the message, and is made when somebody reads it.
+    """The shape on a pad as a message. Its box takes as long as the rest, so it is computed only when it is read.
 
-    ``bare``: the message without box, `hollow` and solid, made of ``result``; None: it was received, with all.
-    ``solid_height`` [m]: of the solid to add, 0 for none.
+    Parameters
+    ----------
+    bare
+        Message without box, `hollow` and solid; a received message has all fields.
+    result
+        Result from which the message was made; None for a received message.
+    solid_height
+        Height of the solid to add [m]; 0 for none.
     """
 
     def __init__(self, bare: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
@@ -41,7 +47,7 @@ class PadShape:
 
     @cached_property
     def whole(self) -> ContactShape:
-        """The message with all of its fields."""
+        """Message with all its fields."""
         if self._result is not None:
             _add_box(self.bare, self._result, self._solid_height)
         return self.bare
@@ -60,7 +66,19 @@ class PadShape:
 
 
 def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> PadShape:
-    """Return the shape of ``result`` as a message; ``solid_height`` as in PadShape."""
+    """Return the shape of a result as a message.
+
+    Parameters
+    ----------
+    frame
+        Frame of the pad.
+    result
+        Recognised, fused and fitted contact in this frame.
+    method
+        Name of the recognition method.
+    solid_height
+        Height of the solid to add [m]; 0 for none.
+    """
     fused, alone, pattern = result.fused.recognition, result.recognition, result.contact
     seen = result.found.visibility
     message = ContactShape(
@@ -87,13 +105,13 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
 
 
 def shapes_message(contact: PadContact, contacts: int, shapes: list[ContactShape]) -> ContactShapes:
-    """``shapes``: of the largest of so many ``contacts``, at most MOST_SHAPES."""
+    """Return a message with the ``shapes`` of the largest contacts, at most MOST_SHAPES, out of ``contacts`` in all."""
     return ContactShapes(header=contact.header, sequence=contact.sequence, state=pad_state(contact.found),
                          contacts=contacts, pad_seen=contact.found.visibility.pad_seen, shapes=shapes)
 
 
 def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
-    """The fitted pose alone, as localisation tools take it."""
+    """Return only the fitted pose, in the form that localisation tools use."""
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
 
 
@@ -130,7 +148,7 @@ def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
 
 
 def _nowhere() -> PoseWithCovariance:
-    """A pose of NaN, which no reader can take for a pose."""
+    """Return a pose of NaN, which no reader can mistake for a valid pose."""
     message = PoseWithCovariance(covariance=np.full(36, np.nan))
     for part in (message.pose.position, message.pose.orientation):
         for axis in part.get_fields_and_field_types():

@@ -1,25 +1,25 @@
-"""Recognises that the messages of one topic come from two sources: two drivers, on two hosts, say, of the same name."""
+"""Detect that the messages on one topic come from two sources, for example from drivers with one name on two hosts."""
 
 import math
 
-#: s for which a source that has sent nothing still counts as one. A busy machine may hold up a driver for some tenths
-#: of a second just as another one begins. A driver that is started again takes longer until its first message.
+#: Time for which a source counts as present after its last message [s]. A busy machine may hold up a driver for some
+#: tenths of a second just as another one begins. A restarted driver takes longer until its first message.
 SOURCE_HOLD = 1.0
-SOURCE_REACH = 10  #: frames by which a source may advance at any time; more takes as long as its frames take
-SOURCE_LEAP = 1.5  #: a source may be faster than it was by this factor
-MOST_SOURCES = 16  #: that are remembered
+SOURCE_REACH = 10  #: number of frames by which a source may advance at any time; for more, enough time must have passed
+SOURCE_LEAP = 1.5  #: factor by which a source may be faster than before
+MOST_SOURCES = 16  #: number of sources that are remembered
 
 
 class Source:
-    """Messages whose sequence numbers follow one another."""
+    """A sequence of messages with consecutive sequence numbers."""
 
     def __init__(self, arrival: float, sequence: int, stamp: float):
         self.arrival, self.sequence, self.stamp = arrival, sequence, stamp
-        self.is_confirmed = False  #: a single message may be a false one
-        self._period = math.inf  # s between two frames
+        self.is_confirmed = False  #: True from the second message on, because a single message may be a false one
+        self._period = math.inf  # time between two frames [s]
 
     def advance(self, sequence: int, stamp: float, left_out: int) -> int | None:
-        """Return the frames from its newest message to this one; None when this cannot be its next."""
+        """Return the number of frames since the last message, or None if this message cannot be the next one."""
         frames = sequence - self.sequence
         passed = max(0.0, stamp - self.stamp) / self._period
         return frames if 0 <= frames <= SOURCE_REACH + left_out + SOURCE_LEAP * passed else None
@@ -31,12 +31,15 @@ class Source:
 
 
 class SourceGuard:
-    """Compares sequence numbers of the messages of one topic, which follow one another when they have one source.
+    """Detects a second source on a topic by the sequence numbers, which follow one another if there is one source.
 
-    While two sources send, no message is accepted: which of them is the right one is not known. A source is one from
-    its second message on; the first is not accepted while another source sends. So a source that has started again is
-    used once the one before has been silent for SOURCE_HOLD. The middleware cannot decide it: a publisher that was
-    killed stays in its graph for 20 s.
+    While two sources send, no message is accepted, because it is not known which source is the right one. A source
+    counts from its second message on. Its first message is not accepted while another source sends. A restarted source
+    is therefore used once the previous one has been silent for SOURCE_HOLD. The middleware cannot decide this: a killed
+    publisher stays in its graph for 20 s.
+
+    Examples
+    --------
 
     >>> guard = SourceGuard()
     >>> [guard.accepts(0.02 * n, number, 100 + 0.02 * n) for n, number in enumerate([70, 71, 5, 72, 6, 73])]
@@ -47,10 +50,18 @@ class SourceGuard:
         self._sources: list[Source] = []
 
     def accepts(self, arrival: float, sequence: int, stamp: float, left_out: int = 0) -> bool:
-        """Return whether the message is of the only source.
+        """Return True if the message comes from the only source.
 
-        ``arrival`` [s, our steady clock], ``stamp`` [s, the sender's clock]; ``left_out``: frames before it that its
-        sender left out on purpose.
+        Parameters
+        ----------
+        arrival
+            Time of arrival, by this host's steady clock [s].
+        sequence
+            Sequence number of the message.
+        stamp
+            Stamp of the message, by the sender's clock [s].
+        left_out
+            Number of frames before it that its sender left out on purpose.
         """
         self._sources = [each for each in self._sources if arrival - each.arrival <= SOURCE_HOLD][-MOST_SOURCES:]
         advances = {frames: each for each in self._sources
@@ -66,31 +77,34 @@ class SourceGuard:
         return is_alone
 
 
-STAMP_TOLERANCE = 1.0  #: s that a stamp may be ahead of the ones before
-CONFIRMING_STAMPS = 3  #: messages in a row that agree: the clock was set, or the source jumped
-STAMP_FADING = 10.0  #: s with messages in which what earlier stamps allow fades: a clock may be set back, too
-LONGEST_GAP = 0.1  #: s: a longer silence counts as this long
+STAMP_TOLERANCE = 1.0  #: time by which a stamp may be ahead of the earlier ones [s]
+CONFIRMING_STAMPS = 3  #: number of consistent messages in a row that confirm a new time: a set clock, or another source
+#: time with messages in which the limit from earlier stamps decays [s], because a clock may also be set back
+STAMP_FADING = 10.0
+LONGEST_GAP = 0.1  #: longest silence that counts as time with messages [s]
 
 
 class StampGuard:
-    """Compares stamps [s, the sender's clock] with arrivals [s, our steady clock] of the messages of one topic.
+    """Compares stamps [s, the sender's clock] with arrivals [s, this host's steady clock] on one topic.
 
-    A stamp may advance as far as the time that has passed, and STAMP_TOLERANCE more. What is late is another matter:
-    see DelayEstimator. A replay at another pace advances by small steps and is accepted.
+    A stamp may advance by the time that has passed plus STAMP_TOLERANCE. `DelayEstimator` handles late messages. A
+    replay at another pace advances in small steps and is accepted.
 
+    Examples
+    --------
     >>> guard = StampGuard()
     >>> [guard.accepts(arrival, stamp) for arrival, stamp in [(5.00, 100.00), (5.02, 3700.0), (5.04, 100.04)]]
     [True, False, True]
     """
 
     def __init__(self) -> None:
-        self._ahead: float | None = None  # the most that a stamp was ahead of its arrival
+        self._ahead: float | None = None  # largest lead of a stamp over its arrival
         self._arrival = 0.0
-        self._suspect = 0.0  # how far the last refused stamp was ahead
-        self._refused = 0  # in a row, that agree
+        self._suspect = 0.0  # lead of the last refused stamp
+        self._refused = 0  # number of refused stamps in a row that agree
 
     def accepts(self, arrival: float, stamp: float) -> bool:
-        """Whether the message is no more than STAMP_TOLERANCE ahead, or the CONFIRMING_STAMPS-th in a row that is."""
+        """Return True if the stamp is at most STAMP_TOLERANCE ahead, or if CONFIRMING_STAMPS stamps in a row agree."""
         ahead = stamp - arrival
         passed, self._arrival = min(arrival - self._arrival, LONGEST_GAP), arrival
         if self._ahead is not None and ahead > self._ahead + STAMP_TOLERANCE and not self._is_confirmed(ahead):

@@ -1,4 +1,4 @@
-"""What the driver counts and sees, as SkinStatus; its levels are those of /diagnostics."""
+"""State and counts of the driver as a SkinStatus, with the levels of /diagnostics."""
 
 import math
 from array import array
@@ -19,7 +19,7 @@ from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
-#: NodeStatus.msg numbers of the NMT states; None: never heard.
+#: NMT state -> its number in NodeStatus.msg; None stands for a node that was never heard
 NMT_NUMBERS: Mapping[int | None, int] = {None: NodeStatus.NMT_NOT_KNOWN, NmtState.BOOT_UP: NodeStatus.NMT_BOOT_UP,
                NmtState.STOPPED: NodeStatus.NMT_STOPPED, NmtState.OPERATIONAL: NodeStatus.NMT_OPERATIONAL,
                NmtState.PRE_OPERATIONAL: NodeStatus.NMT_PRE_OPERATIONAL}
@@ -27,7 +27,7 @@ SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, 
 
 
 class PrimaryState(IntEnum):
-    """The primary states of a lifecycle node; the codes are those of lifecycle_msgs/State and of SkinStatus."""
+    """Primary states of a lifecycle node, with the codes of lifecycle_msgs/State and of SkinStatus."""
 
     NOT_KNOWN = State.PRIMARY_STATE_UNKNOWN
     UNCONFIGURED = State.PRIMARY_STATE_UNCONFIGURED
@@ -39,7 +39,21 @@ class PrimaryState(IntEnum):
 def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: BusHealth,
                    conditions: Mapping[str, PadCondition] = MappingProxyType({}),
                    lifecycle: PrimaryState = PrimaryState.NOT_KNOWN) -> SkinStatus:
-    """``diagnostics``: what BusDiagnostics made of the same ``counts`` and ``health``: the bus, then its pads."""
+    """Return the status of the driver.
+
+    Parameters
+    ----------
+    diagnostics
+        Message of BusDiagnostics for the same counts and health: the bus, then its pads.
+    counts
+        Counts of the bus and its pads.
+    health
+        State of the bus and its nodes.
+    conditions
+        Pad name -> condition of its taxels.
+    lifecycle
+        Lifecycle state of the driver.
+    """
     bus, *pads = diagnostics.status
     worst = max((status.level for status in diagnostics.status), key=SEVERITY.index)
     return SkinStatus(
@@ -58,7 +72,7 @@ def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: 
 
 
 def _level(level: bytes) -> int:
-    """Return the number of SkinStatus: 0 is its default, so it counts from 1."""
+    """Return the level as a number of SkinStatus, which counts from 1 because 0 is its default."""
     return level[0] + 1
 
 

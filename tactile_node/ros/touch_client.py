@@ -1,4 +1,4 @@
-"""A client of `touch_gripper` for planners: a goal, and how that goal ended, by its id."""
+"""A client of `touch_gripper` for planners. It sends a goal and finds the goal's outcome by its id."""
 
 import math
 import time
@@ -16,37 +16,37 @@ from unique_identifier_msgs.msg import UUID
 from tactile_node.ros.gripper_messages import PARALLEL, Command, GripperState, gripper_interface
 from tactile_skin.msg import GripperOutcome
 
-OUTCOME_WAIT = 1.0  #: s after the result; then the outcome is taken for lost
-LOOK_PERIOD = 0.005  #: s
+OUTCOME_WAIT = 1.0  #: time after the result for which the outcome is awaited [s]; then it counts as lost
+LOOK_PERIOD = 0.005  #: period at which the end of a goal is checked [s]
 
 
 class TouchEnding(NamedTuple):
-    """How a goal ended."""
+    """The end of a goal."""
 
-    status: int                     #: GoalStatus; STATUS_UNKNOWN: rejected, or the result was requested too late
+    status: int                     #: GoalStatus; STATUS_UNKNOWN if rejected, or if the result was requested too late
     state: GripperState
-    outcome: GripperOutcome | None  #: None: it was lost
+    outcome: GripperOutcome | None  #: None if the outcome was lost
 
 
 class TouchGoal:
-    """A goal that was sent. ``handle``: of rclpy, None until it is accepted."""
+    """A goal that was sent. ``handle`` is the goal handle of rclpy, or None until the goal is accepted."""
 
     def __init__(self, steady: Callable[[], float]):
         self._steady = steady
         self._result: tuple[int, GripperState] | None = None
-        self._result_at = math.inf  # [s]
+        self._result_at = math.inf  # time of the result [s]
         self.handle: Any = None
         self.outcome: GripperOutcome | None = None
-        self.of_hold: GripperOutcome | None = None  #: how the hold after it ended, once it has
+        self.of_hold: GripperOutcome | None = None  #: outcome of the hold after this goal; None until it ends
 
     @property
     def ending(self) -> TouchEnding | None:
-        """How it ended, whichever of result and outcome came first; None: it is under way."""
+        """End of the goal, from its result and its outcome in any order; None while the goal is under way."""
         is_known = self.outcome is not None or self._steady() - self._result_at > OUTCOME_WAIT
         return TouchEnding(*self._result, self.outcome) if self._result is not None and is_known else None
 
     def cancel(self) -> Any:
-        """Cancel it, which must have been accepted; return rclpy's future."""
+        """Cancel the goal, which must have been accepted; return the future of rclpy."""
         return self.handle.cancel_goal_async()
 
     def _accept(self, handle: Any, state: Callable[[Any], GripperState]) -> None:
@@ -62,27 +62,51 @@ class TouchGoal:
 
 
 class TouchClient:
-    """Sends goals to the ``action`` of a gripper node and finds the outcome of each; see docs/closing.md.
+    """Sends goals to the action of a gripper node and finds the outcome of each; see docs/closing.md.
 
-    ``steady``: the clock [s]. Raises ConfigurationError for another ``action_type``, and without control_msgs.
+    Parameters
+    ----------
+    node
+        Node of the caller.
+    action
+        Name of the gripper node's action.
+    action_type
+        Type of the action: ParallelGripperCommand or GripperCommand.
+    joint
+        Name of the joint in a ParallelGripperCommand; '' for none.
+    steady
+        Steady clock [s].
+
+    Raises
+    ------
+    ConfigurationError
+        If the action type is unknown, or if control_msgs is not installed.
     """
 
     def __init__(self, node: Node, action: str = 'touch_gripper/gripper_cmd', *, action_type: str = PARALLEL,
                  joint: str = '', steady: Callable[[], float] = time.monotonic):
         self._node, self._steady = node, steady
         self._interface = gripper_interface(action_type, joint)
-        self._goals: WeakValueDictionary[bytes, TouchGoal] = WeakValueDictionary()  # those that the caller keeps
+        self._goals: WeakValueDictionary[bytes, TouchGoal] = WeakValueDictionary()  # goals that the caller still keeps
         self._client = ActionClient(node, self._interface.action, action)
         self._outcomes = node.create_subscription(GripperOutcome, f'{action.rpartition("/")[0]}/outcome',
                                                   self._on_outcome, 10)
 
     @property
     def is_ready(self) -> bool:
-        """True if a gripper node was found, with its outcomes."""
+        """True if a gripper node, with its topic of outcomes, was found."""
         return self._client.server_is_ready() and self._node.count_publishers(self._outcomes.topic_name) > 0
 
     def send(self, position: float, speed: float = 0.0, effort: float = 0.0, *, goal: Any = None) -> TouchGoal:
-        """Send a goal in the gripper's own units, or a whole ``goal`` of the action; keep what it returns."""
+        """Send a goal. Keep the returned object, because the client finds the outcome only for goals that are kept.
+
+        Parameters
+        ----------
+        position, speed, effort
+            Values of the goal, in the gripper's own units.
+        goal
+            Complete goal of the action, used instead of these values.
+        """
         sent, goal_id = TouchGoal(self._steady), uuid4().bytes
         self._goals[goal_id] = sent
         message = self._interface.goal(Command(position, speed, effort)) if goal is None else goal
@@ -91,9 +115,22 @@ class TouchClient:
         return sent
 
     def wait(self, goal: TouchGoal, timeout: float) -> TouchEnding:
-        """Return how ``goal`` ended; spin the node unless an executor has it. Raises TimeoutError after ``timeout``.
+        """Wait for the end of a goal and return it; spin the node unless an executor already spins it.
 
-        A goal whose server died never ends. Not for a callback of the node: look at `TouchGoal.ending` there.
+        Do not call this from a callback of the node; read `TouchGoal.ending` there. A goal whose server died never
+        ends.
+
+        Parameters
+        ----------
+        goal
+            Goal to wait for.
+        timeout
+            Longest time to wait [s].
+
+        Raises
+        ------
+        TimeoutError
+            If the goal has not ended after ``timeout``.
         """
         end = self._steady() + timeout
         while (ending := goal.ending) is None:

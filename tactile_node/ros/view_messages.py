@@ -1,11 +1,11 @@
-"""What viewers draw of a pad: a contact and its shape as markers, taxels as images, what presses as one wrench.
+"""Messages for viewers: a contact and its shape as markers, taxels as images, and the pressures as one wrench.
 
-Each message of markers has the same ones, each alone in its namespace, id 0: added, or deleted where nothing of its
-kind holds. So no viewer keeps what an earlier message drew, whatever it has missed. All are in the frame of the pad,
-and of one taxel frame: the outline is never drawn over newer taxels.
+Each marker message has the same markers, each in a namespace of its own with id 0. A marker is added, or deleted if
+there is nothing to draw. A viewer therefore keeps no marker of an earlier message, even if it has missed messages. All
+markers are in the frame of the pad and come from one taxel frame, so the outline is never drawn over newer taxels.
 
-Row 0 of an image is row 0 of the pad. A viewer draws it at the top, so that y of the pad runs down and z points away:
-the picture is that of the pad from behind, as from inside the finger.
+Row 0 of an image is row 0 of the pad. A viewer draws row 0 at the top, so that y of the pad points down and z points
+away. The image therefore shows the pad from behind, as seen from inside the finger.
 """
 
 import math
@@ -30,17 +30,22 @@ from tactile_node.shape.recognition import UnknownReason
 from tactile_node.taxel_frame import ON_OFF_UNIT, SkinSide, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
-WHOLE_COLOUR = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan: as fitted
-BOUND_COLOUR = ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)  #: orange: what is seen; the whole may be another (*_is_bound)
+WHOLE_COLOUR = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan: fitted, and known completely
+BOUND_COLOUR = ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)  #: orange: visible part; the whole may differ (*_is_bound)
 TEXT = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
-X_AXIS, Y_AXIS = ColorRGBA(r=1.0, g=0.2, b=0.2, a=1.0), ColorRGBA(r=0.3, g=0.5, b=1.0, a=1.0)
-# In units of the pitch:
-TAXEL, THICKNESS, LINE_WIDTH, ABOVE, DOT, LETTER = 0.9, 0.2, 0.25, 0.15, 0.8, 1.5
-SHORTEST_LIFETIME = 0.5  #: s; a viewer that is late for a moment does not flicker
-LONGEST_LIFETIME = 30.0  #: s; three periods of the slowest SYNC
-PERIODS = 3.0   #: between two messages
-#: Names of sensor_msgs/image_encodings.hpp
-VALUES, COLOURS = '32FC1', 'rgb8'
+X_AXIS = ColorRGBA(r=1.0, g=0.2, b=0.2, a=1.0)
+Y_AXIS = ColorRGBA(r=0.3, g=0.5, b=1.0, a=1.0)
+TAXEL = 0.9        #: side of a taxel [pitches]
+THICKNESS = 0.2    #: thickness of a taxel [pitches]
+LINE_WIDTH = 0.25  #: width of a line [pitches]
+ABOVE = 0.15       #: height of lines above the skin [pitches]
+DOT = 0.8          #: diameter of the centre of pressure [pitches]
+LETTER = 1.5       #: height of letters [pitches]
+SHORTEST_LIFETIME = 0.5  #: shortest lifetime of a marker [s], so that a short delay does not make a viewer flicker
+LONGEST_LIFETIME = 30.0  #: longest lifetime of a marker [s]: three periods of the slowest SYNC
+PERIODS = 3.0   #: lifetime of a marker in periods between two messages
+VALUES = '32FC1'  #: encoding from sensor_msgs/image_encodings.hpp
+COLOURS = 'rgb8'  #: encoding from sensor_msgs/image_encodings.hpp
 
 
 class ContactMarkers:
@@ -50,10 +55,20 @@ class ContactMarkers:
         self._scale = scale
         self._palette = [ColorRGBA(r=r, g=g, b=b, a=1.0) for r, g, b in (RGB_TABLE / 255.0).tolist()]
         self._grid: tuple[int, int, float] | None = None
-        self._centres: list[Point] = []  # of the taxels of _grid, kept: 256 new ones take longer than all else
+        self._centres: list[Point] = []  # taxel centres of _grid; kept, since making 256 takes longer than all the rest
 
     def message(self, contact: Contact, shape: ContactShape, lifetime: float) -> MarkerArray:
-        """Return the markers of ``shape``, which was made of ``contact``; ``lifetime`` [s] of those that are added."""
+        """Return the markers of a contact.
+
+        Parameters
+        ----------
+        contact
+            Contact to draw.
+        shape
+            Shape that was recognised in this contact.
+        lifetime
+            Lifetime of the added markers [s].
+        """
         found = {'taxels': self._taxels(contact), 'outline': _outline(contact, shape), 'axes': _axes(contact, shape),
                  'centre_of_pressure': _centre_of_pressure(contact, shape), 'name': _name(contact, shape)}
         duration = duration_message(lifetime)
@@ -68,7 +83,7 @@ class ContactMarkers:
         return MarkerArray(markers=markers)
 
     def _taxels(self, contact: Contact) -> Marker | None:
-        """Each taxel of the pad in the colour of its value; its upper side is the skin's surface."""
+        """Return all taxels of the pad in the colours of their values; their upper side is the surface of the skin."""
         numbers = self._scale.numbers(taxel_values(contact), taxels_of(contact, TaxelStatus.SATURATED), contact.unit)
         places = np.flatnonzero(~taxels_of(contact, TaxelStatus.UNMAPPED)).tolist()
         if not places:
@@ -76,7 +91,7 @@ class ContactMarkers:
         centres, palette, pitch = self._centres_of(contact), self._palette, contact.pitch
         colours = numbers.reshape(-1).tolist()
         marker = _marker(Marker.CUBE_LIST, TAXEL * pitch, TAXEL * pitch, THICKNESS * pitch)
-        marker.color = TEXT  # not used: each has its own
+        marker.color = TEXT  # required, but not used, because each taxel has its own colour
         marker.points = [centres[place] for place in places]
         marker.colors = [palette[colours[place]] for place in places]
         return marker
@@ -92,7 +107,7 @@ class ContactMarkers:
 
 
 def _outline(contact: Contact, shape: ContactShape) -> Marker | None:
-    """The fitted outline, closed; without a fit there is none."""
+    """Return the fitted outline, closed, or None without a fit."""
     if not shape.fit_valid or not shape.outline.points:
         return None
     marker = _marker(Marker.LINE_STRIP, LINE_WIDTH * contact.pitch)
@@ -103,7 +118,7 @@ def _outline(contact: Contact, shape: ContactShape) -> Marker | None:
 
 
 def _axes(contact: Contact, shape: ContactShape) -> Marker | None:
-    """The shape's own x (red) and y axis (blue) from its centre; a circle has none."""
+    """Return the shape's own x axis (red) and y axis (blue) from its centre, or None for a circle."""
     if not shape.fit_valid or not shape.symmetry:
         return None
     pose = shape.pose.pose
@@ -112,7 +127,7 @@ def _axes(contact: Contact, shape: ContactShape) -> Marker | None:
     x, y = length * math.cos(angle), length * math.sin(angle)
     centre = _above(contact, pose.position.x, pose.position.y)
     marker = _marker(Marker.LINE_LIST, LINE_WIDTH * contact.pitch)
-    marker.color = TEXT  # not used: each point has its own
+    marker.color = TEXT  # required, but not used, because each point has its own colour
     marker.points = [centre, _above(contact, centre.x + x, centre.y + y),
                      centre, _above(contact, centre.x - y, centre.y + x)]
     marker.colors = [X_AXIS, X_AXIS, Y_AXIS, Y_AXIS]
@@ -130,7 +145,7 @@ def _centre_of_pressure(contact: Contact, shape: ContactShape) -> Marker | None:
 
 
 def _name(contact: Contact, shape: ContactShape) -> Marker:
-    """Class and its probability, beyond the last row: always there, also of an empty or unseen pad."""
+    """Return the class and its probability as text beyond the last row; an empty or unseen pad also gets this text."""
     marker = _marker(Marker.TEXT_VIEW_FACING, height=LETTER * contact.pitch)
     marker.color = TEXT
     marker.pose.position = Point(x=(contact.cols - 1) / 2 * contact.pitch, y=(contact.rows + LETTER) * contact.pitch)
@@ -146,21 +161,22 @@ def _words(shape: ContactShape) -> str:
 
 
 def _marker(kind: int, width: float = 0.0, depth: float = 0.0, height: float = 0.0) -> Marker:
-    """A marker at the origin of the pad's frame; its scale has what RViz uses of its ``kind``, else 0."""
+    """Return a marker at the origin of the pad's frame; RViz ignores the components of its scale that are 0."""
     return Marker(type=kind, action=Marker.ADD, scale=Vector3(x=width, y=depth, z=height),
                   pose=Pose(orientation=Quaternion(w=1.0)))
 
 
 def _above(contact: Contact, x: float, y: float) -> Point:
-    """A point of a line over the skin [m], which the taxels do not hide."""
+    """Return a point of a line [m], above the skin so that the taxels do not hide it."""
     return Point(x=float(x), y=float(y), z=ABOVE * contact.pitch)
 
 
 class MarkerLifetime:
-    """From the time between the messages that are drawn.
+    """Computes the lifetime of markers from the time between messages.
 
-    A viewer measures by its own clock, which in a replay with use_sim_time is that of the log, else the steady one:
-    the longer of both counts. Of the last two times the shorter counts: what follows an outage is not shown as long.
+    A viewer measures lifetimes by its own clock: the clock of the log in a replay with use_sim_time, else the steady
+    clock. The longer of both times counts. Of the last two intervals, the shorter one counts, so that an outage does
+    not prolong the lifetime of the markers after it.
     """
 
     def __init__(self) -> None:
@@ -168,7 +184,7 @@ class MarkerLifetime:
         self._gaps: deque[float] = deque(maxlen=2)
 
     def after(self, steady: float, stamp: float) -> float:
-        """Return the lifetime [s] of markers that are sent at ``steady`` [s] of a message of ``stamp`` [s]."""
+        """Return the lifetime [s] of markers sent at ``steady`` [s], for a message with ``stamp`` [s]."""
         if self._last is not None:
             self._gaps.append(max(steady - self._last[0], stamp - self._last[1]))
         self._last = steady, stamp
@@ -177,13 +193,13 @@ class MarkerLifetime:
 
 
 def value_image(taxels: TaxelArray) -> Image:
-    """Return the values as they are [unit of the taxels], NaN = no valid value; of saturated taxels a lower bound."""
+    """Return the values as an image [unit of the taxels]. NaN = no valid value; a saturated value is a lower bound."""
     return Image(header=taxels.header, height=taxels.rows, width=taxels.cols, encoding=VALUES,
                  is_bigendian=sys.byteorder == 'big', step=4 * taxels.cols, data=array('B', taxels.values.tobytes()))
 
 
 def colour_image(taxels: TaxelArray, scale: ColourScale) -> Image:
-    """Return the colours of the values by ``scale``."""
+    """Return the values as an image in the colours of ``scale``."""
     numbers = scale.numbers(taxel_values(taxels), taxels_of(taxels, TaxelStatus.SATURATED), taxels.unit)
     return Image(header=taxels.header, height=taxels.rows, width=taxels.cols, encoding=COLOURS, is_bigendian=False,
                  step=3 * taxels.cols, data=as_array('B', RGB_TABLE[numbers], np.uint8))
@@ -191,17 +207,24 @@ def colour_image(taxels: TaxelArray, scale: ColourScale) -> Image:
 
 class _Pressing(NamedTuple):
     force: float  # [N]
-    x: float      # of its centre [m]
+    x: float      # centre of the force [m]
     y: float
 
 
 def wrench_message(contact: Contact, pattern: ContactPattern) -> WrenchStamped:
-    """Return the wrench that the pressures of all contacts exert on the pad, about the origin of the pad's frame.
+    """Return the wrench that all contacts exert on the pad, about the origin of the pad's frame.
 
-    z points out of the skin: what presses has a force.z below 0. With a force F at (x, y) the torque is (-y F, x F, 0).
-    Pressures give nothing along x and y and no torque about z: these are 0, whatever shear there is. All six are NaN
-    where the force is not known: taxels are hidden where something may press, are saturated, or are on/off.
-    ``pattern``: of ``contact``.
+    The axis z points out of the skin, so a pressing object has force.z < 0. A force F at (x, y) has the torque
+    (-y F, x F, 0). Pressures show no force along x and y and no torque about z; these components are 0, whatever the
+    shear is. All six components are NaN if the force is not known: if taxels are saturated or on/off, or if taxels are
+    hidden where something may press.
+
+    Parameters
+    ----------
+    contact
+        Contact message.
+    pattern
+        Contact pattern of this message.
     """
     pressing = _known(contact, pattern)
     wrench = Wrench(force=Vector3(), torque=Vector3())
@@ -216,7 +239,7 @@ def wrench_message(contact: Contact, pattern: ContactPattern) -> WrenchStamped:
 
 
 def _known(contact: Contact, pattern: ContactPattern) -> list[_Pressing] | None:
-    """Return the force and centre of each contact, None unless all of them are known and whole."""
+    """Return the force and the centre of each contact, or None unless all of them are completely known."""
     if not contact.pad_seen or contact.unit == ON_OFF_UNIT or pattern.contacts > MOST_LABELS:
         return None
     found = []

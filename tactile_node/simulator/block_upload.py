@@ -1,4 +1,4 @@
-"""The server's side of SDO block upload (CiA 301, 7.2.4.3.9 on), which canopen's server leaves out."""
+"""Server side of the SDO block upload (CiA 301, 7.2.4.3.9 and following), which the server of canopen lacks."""
 
 import binascii
 from collections.abc import Callable
@@ -9,20 +9,30 @@ from tactile_node.cia301 import sdo
 
 
 class BlockUploadServer:
-    """Answers block uploads of object ``index``, ``subindex`` with what ``read()`` gives when one begins."""
+    """Answers block uploads of one object.
+
+    Parameters
+    ----------
+    index, subindex
+        Object that may be uploaded.
+    read
+        Called when an upload begins; returns the bytes to upload.
+    send
+        Called with each answer frame.
+    """
 
     def __init__(self, index: int, subindex: int, read: Callable[[], bytes], send: Callable[[bytes], None]):
         self._object = bytes([index & 0xFF, index >> 8, subindex])
         self._read = read
         self._send = send
         self._data = b''
-        self._acknowledged = 0  # segments
-        self._in_block = 0  # segments sent of this block
-        self._block_size = 0  # segments
+        self._acknowledged = 0  # number of segments
+        self._in_block = 0  # number of segments sent in this block
+        self._block_size = 0  # number of segments
         self._is_running = False
 
     def takes(self, request: bytes) -> bool:
-        """Whether it has answered; what it has not is for the common SDO server."""
+        """Answer a request. Return False if the request is for the common SDO server instead."""
         if len(request) == sdo.SDO_BYTES and request[0] & sdo.BLOCK_COMMAND == sdo.INITIATE_BLOCK_REQUEST:
             if request[1:4] != self._object:
                 return False

@@ -1,4 +1,4 @@
-"""A CANopen skin made of software: for a bus without hardware."""
+"""A simulated CANopen skin, for a bus without hardware."""
 
 import logging
 import threading
@@ -23,17 +23,28 @@ logger = logging.getLogger(__name__)
 
 #: seconds since the device became operational -> taxel values (rows, cols) in the layout's unit
 TaxelSource = Callable[[float], np.ndarray]
-#: takes COB-ID and bytes of each TPDO of a sweep; takes none when the device has no room for a sweep
+#: sends the TPDOs of a sweep, given as COB-ID and bytes; reads none of them if the device has no room for a sweep
 SendSweep = Callable[[Iterator[tuple[int, bytes]]], None]
 
 
 class SimulatedDevice:
-    """One node of a pad as a CANopen slave on ``network``: boot-up, heartbeat, NMT, SDO server, synchronous TPDOs.
+    """One node of a pad as a CANopen slave: boot-up, heartbeat, NMT, SDO server and TPDOs.
 
-    What it sends is what has been written to 0x1005, 0x1800... and 0x1A00..., not what the layout says; the
-    layout says which mapped object holds which taxel. ``source`` is called once a SYNC while OPERATIONAL. TPDOs of
-    the types 254 and 255 with an event timer are sent without SYNC, as EventSchedule says. ``send_sweep`` sends in
-    place of ``network`` what a SYNC asks for.
+    The objects 0x1005, 0x1800... and 0x1A00..., as the master has written them, decide what the device sends. The
+    layout only says which mapped object holds which taxel. TPDOs of the types 254 and 255 with an event timer are sent
+    without SYNC, as `EventSchedule` decides.
+
+    Parameters
+    ----------
+    network
+        Network on which the device lives.
+    node
+        Node-ID, object dictionary and layout.
+    source
+        Called at each SYNC while the device is OPERATIONAL, with the time since it became OPERATIONAL [s]. Returns the
+        taxel values, shape (rows, cols), in the layout's unit.
+    send_sweep
+        Sends the TPDOs that a SYNC requests. None: they are sent on ``network``.
     """
 
     def __init__(self, network: canopen.Network, node: CanopenNode, source: TaxelSource,
@@ -48,7 +59,7 @@ class SimulatedDevice:
         self._node = canopen.LocalNode(node.node_id, node.dictionary)
         self._node.add_write_callback(self._before_write)
         self._node.add_read_callback(self._read_taxels)
-        self._zero: np.ndarray | None = None  # what its auto-zero takes off
+        self._zero: np.ndarray | None = None  # values that the device's auto-zero subtracts
         self._words = [bytes(8)] * len(node.layout.tpdos)
         self._domain = node.layout.domain
         self._blocks = None if self._domain is None else BlockUploadServer(
@@ -62,11 +73,11 @@ class SimulatedDevice:
         self._syncs = 0
         self._lock = threading.RLock()
         self.frames_sent = 0
-        self.refuses_blocks = False  #: as a device whose SDO server knows no block upload
-        self.refuses_start = False  #: as a device with an error that stays PRE-OPERATIONAL
+        self.refuses_blocks = False  #: True to behave like a device whose SDO server has no block upload
+        self.refuses_start = False  #: True to behave like a device with an error that stays PRE-OPERATIONAL
 
     def boot(self) -> None:
-        """Power on: appear on the bus with a boot-up message, then PRE-OPERATIONAL."""
+        """Switch the device on: it sends its boot-up message and becomes PRE-OPERATIONAL."""
         self._network.add_node(self._node)
         self._network.unsubscribe(NMT, self._node.nmt.on_command)
         self._network.subscribe(NMT, self._on_nmt)
@@ -76,7 +87,7 @@ class SimulatedDevice:
         self._announce()
 
     def power_off(self) -> None:
-        """Leave the bus without a message; ``boot`` brings it back with its defaults."""
+        """Switch the device off: it leaves the bus without a message. `boot` switches it on with its defaults."""
         with self._lock:
             if self._node_id not in self._network:
                 return
@@ -91,7 +102,7 @@ class SimulatedDevice:
         self._events.stop()  # outside the lock, which its thread takes
 
     def lie(self, index: int, subindex: int, data: bytes) -> None:
-        """Until the next reset answer reads of this object with ``data``."""
+        """Answer reads of this object with ``data`` until the next reset."""
         self._node.data_store.setdefault(index, {})[subindex] = data
 
     @property
@@ -113,13 +124,13 @@ class SimulatedDevice:
     def _on_nmt(self, _can_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) < 2 or data[1] not in (objects.ALL_NODES, self._node_id):
             return
-        self._obey(data, timestamp)
+        self._apply_nmt(data, timestamp)
         if not self.operational:
             self._events.stop()
         elif self._records.has_event_timers:
             self._events.start()
 
-    def _obey(self, data: bytearray, timestamp: float) -> None:
+    def _apply_nmt(self, data: bytearray, timestamp: float) -> None:
         with self._lock:
             if data[0] in (objects.NmtCommand.RESET_NODE, objects.NmtCommand.RESET_COMMUNICATION):
                 self._node.nmt.stop_heartbeat()
@@ -148,7 +159,7 @@ class SimulatedDevice:
                 return
 
     def _send_due(self, now: float) -> float:
-        """Send the TPDOs that are due without SYNC; when the next are."""
+        """Send the TPDOs that are due without SYNC; return the time at which the next ones may be due."""
         with self._lock:
             if not self.operational:
                 return now + SCAN
@@ -167,7 +178,7 @@ class SimulatedDevice:
         return values if self._zero is None else values - self._zero
 
     def _zero_channel(self, channel: int, data: bytes) -> None:
-        """Channel 1 is taxel (0, 0), row by row."""
+        """Zero one channel; channel 1 is taxel (0, 0), and the others follow row by row."""
         if data != objects.ZERO_SIGNATURE:
             raise SdoAbortedError(AbortCode.INVALID_VALUE)
         values = np.asarray(self._source(time.time() - self._started))
@@ -176,7 +187,7 @@ class SimulatedDevice:
         self._zero = zero
 
     def _on_sdo(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        if len(data) != SDO_BYTES:  # no SDO request; canopen's server stumbles over it
+        if len(data) != SDO_BYTES:  # not an SDO request; the server of canopen would raise an exception
             return
         with self._lock:
             if self._blocks is None or self.refuses_blocks or not self._blocks.takes(bytes(data)):
@@ -204,7 +215,7 @@ class SimulatedDevice:
             self._network.send_message(can_id, data)
 
     def _answer(self, tpdo: ConfiguredTpdo) -> Iterator[tuple[int, bytes]]:
-        """What the TPDO sends at this SYNC."""
+        """Yield the frames that the TPDO sends at this SYNC."""
         if tpdo.every and self._syncs % tpdo.every:
             return
         if not tpdo.head:
@@ -215,7 +226,7 @@ class SimulatedDevice:
         yield from self._frames(tpdo)
 
     def _frames(self, tpdo: ConfiguredTpdo) -> Iterator[tuple[int, bytes]]:
-        """What it sends now."""
+        """Yield the frame that the TPDO sends now."""
         self.frames_sent += 1
         yield tpdo.can_id, self._data(tpdo)
 
@@ -233,7 +244,7 @@ class SimulatedDevice:
         return int.from_bytes(self._words[piece.rank], 'little') >> piece.start & (1 << piece.bits) - 1
 
     def _compile(self, now: float) -> list[ConfiguredTpdo]:
-        """Compile the TPDOs as their records stand now, and schedule what is due without SYNC from now on."""
+        """Compile the TPDOs from the present content of their records, and schedule those that need no SYNC."""
         known = self._node.object_dictionary
         numbers = [i for i in range(objects.MAX_TPDOS) if objects.TPDO_COMMUNICATION + i in known]
         self._tpdos = self._records.compile(numbers)
@@ -254,7 +265,8 @@ class SimulatedDevice:
         return value - (value >> place[2] - 1 << place[2]) if signed else value
 
     def _before_write(self, index: int, subindex: int, data: bytes, **_: object) -> None:
-        """CiA 301's rules for PDO records; raises the SDO abort that a strict device sends."""
+        """Apply the rules of CiA 301 for writes to PDO records. Raises the SDO abort that a strict device sends."""
+
         if index == objects.AUTO_ZERO:
             self._zero_channel(subindex, bytes(data))
             return

@@ -1,7 +1,7 @@
-"""Figures that are none of the five shapes, by name or by their silhouette, as what touches a pad.
+"""Figures other than the five shapes, given by a name or by a silhouette, that can touch a pad.
 
-They stand for users' own shapes: what `tactile teach` learns and `tactile simulate` presses. Lengths and places are in
-taxel pitches, as in world.py.
+They stand for a user's own shapes, which `tactile teach` learns and `tactile simulate` presses. Lengths and positions
+are in taxel pitches, as in world.py.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,38 +16,38 @@ from tactile_node.errors import InputError
 from tactile_node.simulator.world import PAD
 from tactile_node.taxel_frame import read_only
 
-DRAWN_CELLS = 192  #: along the square, x and y from -1 to 1, that a named figure is drawn in
-LEAST_CELLS = 30  #: that a silhouette has: fewer have no outline worth pressing
-MOST_SIDE = 2048  #: rows or columns of a silhouette
+DRAWN_CELLS = 192  #: number of cells along each side of the square, from -1 to 1, in which a named figure is drawn
+LEAST_CELLS = 30  #: smallest number of filled cells; a smaller silhouette has no useful outline
+MOST_SIDE = 2048  #: largest number of rows or columns of a silhouette
 
 Drawing = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Silhouette:
-    """A figure without a size, read-only."""
+    """A figure without a size. Its array is read-only."""
 
     name: str
-    distance: np.ndarray          #: signed distance from the outline, positive inside [cells], (rows, cols)
-    cells: int                    #: filled
+    distance: np.ndarray          #: signed distance from the outline, positive inside [cells], shape (rows, cols)
+    cells: int                    #: number of filled cells
     middle: tuple[float, float]   #: centre of area, x and y [cells]
 
     @property
     def reach(self) -> float:
-        """Distance of the farthest filled cell from the centre of area [cells]."""
+        """Distance from the centre of area to the farthest filled cell [cells]."""
         rows, cols = (self.distance > 0).nonzero()
         return float(np.hypot(cols - self.middle[0], rows - self.middle[1]).max() + 1)
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A silhouette on a pad: its centre of area, its rotation (x towards y) and its area [taxels]."""
+    """A silhouette on a pad."""
 
     silhouette: Silhouette
-    area: float
-    x: float
+    area: float         #: area [taxels]
+    x: float            #: centre of area [pitches]
     y: float
-    angle: float = 0.0
+    angle: float = 0.0  #: rotation from x towards y [rad]
 
     @property
     def shape(self) -> str:
@@ -55,16 +55,16 @@ class Figure:
 
     @property
     def cell(self) -> float:
-        """Side of the silhouette's cells [pitches]."""
+        """Side of one cell of the silhouette [pitches]."""
         return float(np.sqrt(self.area / self.silhouette.cells))
 
     @property
     def reach(self) -> float:
-        """Distance of its farthest point from the centre [pitches]."""
+        """Distance from the centre of area to the farthest point of the figure [pitches]."""
         return self.silhouette.reach * self.cell
 
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Signed distance of points from the outline, positive inside; exact to a cell of the silhouette."""
+        """Return the signed distance of points from the outline [pitches], positive inside, exact to one cell."""
         u, v = (x - self.x) / self.cell, (y - self.y) / self.cell
         cos, sin = np.cos(self.angle), np.sin(self.angle)
         col, row = self.silhouette.middle
@@ -73,27 +73,41 @@ class Figure:
         return found * self.cell
 
     def pattern(self, rows: int, cols: int) -> np.ndarray:
-        """On/off pattern, bool, shape (rows, cols): a taxel is active when its centre is inside."""
+        """Return the on/off pattern, bool, shape (rows, cols); a taxel is active if its centre is inside."""
         y, x = np.indices((rows, cols), float)
         return self.depth(x, y) >= 0
 
 
 def silhouette_of(name: str, filled: np.ndarray) -> Silhouette:
-    """Return the silhouette of the ``filled`` cells, (rows, cols). Raises InputError for what has no outline.
+    """Return the silhouette of a figure that is given by its filled cells.
 
+    Parameters
+    ----------
+    name
+        Name of the figure.
+    filled
+        Cells of the figure, bool, shape (rows, cols).
+
+    Raises
+    ------
+    InputError
+        If the array is too large, or has too few filled cells for an outline.
+
+    Examples
+    --------
     >>> round(silhouette_of('square', np.ones((8, 8), bool)).reach)
     6
     """
     filled = np.asarray(filled)
     if filled.ndim != 2 or max(filled.shape) > MOST_SIDE or np.count_nonzero(filled) < LEAST_CELLS:
-        raise InputError(f'silhouette of {name!r}', expected=f'up to {MOST_SIDE} cells a side, {LEAST_CELLS} or more '
-                         'of them of the figure',
-                         got=f'shape {filled.shape}, {np.count_nonzero(filled)} cells of the figure',
-                         remedy='Draw it larger, dark on white.')
+        raise InputError(f'silhouette of {name!r}', expected=f'at most {MOST_SIDE} cells per side, and at least '
+                         f'{LEAST_CELLS} filled cells',
+                         got=f'shape {filled.shape}, {np.count_nonzero(filled)} filled cells',
+                         remedy='Draw the figure larger, dark on white.')
     filled = np.pad(filled.astype(bool), 2)
-    filled = np.pad(filled, max(filled.shape) // 2)  # so that the distance is known where a taxel near it may lie
+    filled = np.pad(filled, max(filled.shape) // 2)  # so that the distance is known at all taxels near the figure
     distance = ndimage.distance_transform_edt(filled) - ndimage.distance_transform_edt(~filled)
-    distance -= np.sign(distance) / 2  # from the cells' border, not from the next cell's middle
+    distance -= np.sign(distance) / 2  # measured from the border of the cells, not from the centre of the next cell
     rows, cols = filled.nonzero()
     return Silhouette(name, read_only(distance), len(rows), (float(cols.mean()), float(rows.mean())))
 
@@ -102,22 +116,22 @@ def named_silhouette(name: str) -> Silhouette:
     """Return the silhouette of one of NAMED. Raises InputError for another name."""
     if name not in NAMED:
         raise InputError('figure', expected=f'one of {", ".join(NAMED)}', got=repr(name),
-                         remedy='Give a picture of it to press another one.')
+                         remedy='Use one of these names, or give a picture of the figure.')
     y, x = (np.mgrid[:DRAWN_CELLS, :DRAWN_CELLS] + 0.5) * (2 / DRAWN_CELLS) - 1
     return silhouette_of(name, NAMED[name](x, y))
 
 
 def random_figure(rng: np.random.Generator, silhouette: Silhouette, area: float, rows: int, cols: int) -> Figure:
-    """Draw a figure of ``area`` [taxels] in general position, in the middle of a pad."""
+    """Draw a figure with the given area [taxels] in general position, in the middle of a pad."""
     x, y = rng.uniform(-0.5, 0.5, 2) + ((cols - 1) / 2, (rows - 1) / 2)
     return Figure(silhouette, area, x=float(x), y=float(y), angle=float(rng.uniform(0, 2 * np.pi)))
 
 
 def _star(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Five points; its inner corners at 0.45 of the radius."""
+    """Draw a star with five points; its inner corners are at 0.45 of the radius."""
     angle = np.arctan2(y, x) % (2 * np.pi / 5) - np.pi / 5
     towards, inner = np.hypot(x, y), 0.45
-    # The edge from a point (1, at pi/5 from the middle of the sector) to the inner corner in its middle.
+    # The edge runs from a point (radius 1, pi/5 from the middle of the sector) to the inner corner in the middle.
     u, v = towards * np.cos(angle), np.abs(towards * np.sin(angle))
     point = np.cos(np.pi / 5), np.sin(np.pi / 5)
     return np.greater_equal(0.95 * inner * point[1] - u * point[1] + v * (point[0] - inner), 0)
@@ -141,11 +155,11 @@ NAMED: Mapping[str, Drawing] = MappingProxyType({
 })
 
 
-SUBSAMPLES = 8  #: a taxel's coverage is counted on 8×8 points
+SUBSAMPLES = 8  #: the coverage of a taxel is counted on 8 x 8 points
 
 
 class Touching(Protocol):
-    """What can touch a pad."""
+    """Interface of a contact or figure that can touch a pad; lengths are in pitches."""
 
     @property
     def x(self) -> float: ...
@@ -161,26 +175,40 @@ class Touching(Protocol):
 
 @dataclass(frozen=True)
 class Skin:
-    """How a skin answers to pressure."""
+    """Response of a skin to pressure."""
 
     full_scale: float = 100_000.0  #: [Pa]
-    blur: float = 0.0              #: standard deviation of the elastomer's spread [pitches]
-    noise: float = 0.0             #: standard deviation [fraction of full scale]
-    dead: float = 0.0              #: fraction of taxels without a valid value (NaN), drawn again for each frame
+    blur: float = 0.0              #: standard deviation with which the elastomer spreads the pressure [pitches]
+    noise: float = 0.0             #: standard deviation of the noise [fraction of full scale]
+    dead: float = 0.0              #: fraction of taxels without a valid value (NaN), drawn anew for each frame
 
 
 def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
-    """Return the fraction of each taxel's square that the contact covers, shape (rows, cols).
+    """Return the fraction of each taxel's square that the contact covers.
 
-    Counted on points, not exact as `pose.outlines.coverages`: what touches need not be a polygon (hollow, rounded, any
-    outlier), and the committed weights and figures come from these very numbers.
+    Parameters
+    ----------
+    contact
+        Contact that touches the pad.
+    rows, cols
+        Size of the pad.
+
+    Returns
+    -------
+    numpy.ndarray
+        Fractions from 0 to 1, shape (rows, cols).
+
+    Notes
+    -----
+    The function counts points, whereas `pose.outlines.coverages` is exact. A contact need not be a polygon: it may be
+    hollow, rounded or any outlier. The published weights and figures were computed with these counts.
     """
     covered, near = np.zeros((rows, cols)), _window(contact, rows, cols)
     y, x = np.indices((rows, cols))[(slice(None), *near)].astype(float)
     depth = contact.depth(x, y)
     part = (depth >= 0).astype(float)
-    # half of a taxel's diagonal
-    rim = np.abs(depth) < 0.708  # only there a taxel can be covered in part
+    # A taxel can be partly covered only within half of its diagonal from the outline.
+    rim = np.abs(depth) < 0.708
     step = (np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5
     dy, dx = (offset.reshape(-1) for offset in np.meshgrid(step, step, indexing='ij'))
     part[rim] = (contact.depth(x[rim][:, None] + dx, y[rim][:, None] + dy) >= 0).mean(1)
@@ -189,7 +217,7 @@ def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
 
 
 def _window(contact: Touching, rows: int, cols: int) -> tuple[slice, slice]:
-    """The part of the pad that the contact can touch."""
+    """Return the rows and columns of the pad that the contact can touch."""
     low = np.floor(np.array([contact.y, contact.x]) - contact.reach).astype(int)
     high = np.ceil(np.array([contact.y, contact.x]) + contact.reach).astype(int) + 1
     return slice(*np.clip((low[0], high[0]), 0, rows)), slice(*np.clip((low[1], high[1]), 0, cols))
@@ -198,10 +226,27 @@ def _window(contact: Touching, rows: int, cols: int) -> tuple[slice, slice]:
 def pressure_frame(contact: Touching | None, rng: np.random.Generator, rows: int = PAD, cols: int = PAD, *,
                    pressure: float = 0.5, tilt: tuple[float, float] = (0.0, 0.0),
                    skin: Skin = Skin()) -> np.ndarray:
-    """Return taxel values [Pa], float, shape (rows, cols); ``contact`` None is an untouched pad.
+    """Return the taxel values that a contact causes.
 
-    ``pressure``: mean pressure [fraction of full scale]; ``tilt``: relative rise of pressure a pitch
-    along x and y from the contact's centre; never below 0 or above full scale before noise.
+    Parameters
+    ----------
+    contact
+        Contact that touches the pad; None for an untouched pad.
+    rng
+        Source of the noise and of the dead taxels.
+    rows, cols
+        Size of the pad.
+    pressure
+        Mean pressure [fraction of full scale]. Before noise, the pressure is limited to the range from 0 to full scale.
+    tilt
+        Relative rise of the pressure along x and along y, from the contact's centre [1/pitch].
+    skin
+        Response of the skin.
+
+    Returns
+    -------
+    numpy.ndarray
+        Values [Pa], float, shape (rows, cols), NaN for dead taxels.
     """
     values = np.zeros((rows, cols))
     if contact is not None:

@@ -1,4 +1,4 @@
-"""Simulated pads on one python-can bus."""
+"""Simulate the CANopen devices of one or more pads on one python-can bus."""
 
 import random
 import time
@@ -22,18 +22,30 @@ from tactile_node.skin.pads import LivePad, check_pads
 
 @dataclass(frozen=True)
 class WireSettings:
-    """How long frames and answers take."""
+    """Timing of the simulated wire and of the devices on it."""
 
-    bitrate: int = DEFAULT_BITRATE  #: bit/s
-    delay: float = 0.0003   #: from the end of the frame that a device answers until its answer is ready [s]
-    jitter: float = 0.0001  #: by which that may be longer, evenly distributed [s]
-    most_sweeps: int = 2    #: that a device has not sent to the end, when it begins no other
-    batch: float = 0.0005   #: that a frame waits, at most, to be handed to the host with those after it [s]
-    seed: int = 0
+    bitrate: int = DEFAULT_BITRATE  #: bit rate of the wire [bit/s]
+    delay: float = 0.0003   #: time from the end of a request until the device has its answer ready [s]
+    jitter: float = 0.0001  #: largest random addition to ``delay``, evenly distributed [s]
+    most_sweeps: int = 2    #: a device with this many unsent sweeps skips the next sweep
+    batch: float = 0.0005   #: longest time for which a frame waits to be delivered to the host with later frames [s]
+    seed: int = 0           #: seed of the random jitter
 
 
 class WireNetwork(Network):
-    """A canopen Network over its queue on the segment; ``to_wall_clock`` is added to stamps [s]."""
+    """A canopen Network that sends through its own queue on a simulated wire.
+
+    Parameters
+    ----------
+    segment
+        Wire on which the network sends and receives.
+    settings
+        Timing of the wire.
+    node_id
+        Node-ID of the device; it also selects the sequence of random numbers.
+    to_wall_clock
+        Time that is added to the stamps of received frames [s].
+    """
 
     def __init__(self, segment: Segment, settings: WireSettings, node_id: int, to_wall_clock: float = 0.0):
         super().__init__()
@@ -44,23 +56,23 @@ class WireNetwork(Network):
         self._sender = segment.join(self._receive)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """From any thread."""
+        """Queue a frame; may be called from any thread."""
         frame = Frame(can_id, bytes(data), is_extended=can_id > 0x7FF, is_remote=remote)
         self._segment.submit(lambda: self._sender.put(self._next_ready(), frame))
 
     def send_sweep(self, frames: Iterator[tuple[int, bytes]]) -> None:
-        """Queue a whole sweep; it is skipped, and ``frames`` not taken, while too many wait."""
+        """Queue a whole sweep. If too many sweeps wait, the sweep is skipped and ``frames`` is not read."""
         self._segment.submit(lambda: self._sender.put_sweep(
             self._next_ready(), (Frame(can_id, data) for can_id, data in frames), self._settings.most_sweeps))
 
     def send_periodic(self, can_id: int, data: Iterable[int], period: float, remote: bool = False) -> 'PeriodicFrame':
-        """Send a frame now and every ``period`` [s] of the wire's time."""
+        """Send a frame now and then every ``period`` seconds of the wire's time."""
         periodic = PeriodicFrame(self, can_id, bytes(data), period, remote)
         self._segment.submit(lambda: periodic.send(self._segment))
         return periodic
 
     def __delitem__(self, node_id: int) -> None:
-        """A device without supply sends nothing."""
+        """Remove a device and drop the frames that it still had to send, because a device without power is silent."""
         super().__delitem__(node_id)
         self._segment.submit(self._sender.clear)
 
@@ -76,7 +88,7 @@ class WireNetwork(Network):
 
 
 class PeriodicFrame(PeriodicMessageTask):
-    """A cyclic task like python-can's, in wire time."""
+    """A cyclic task like that of python-can, in the time of the wire."""
 
     def __init__(self, network: WireNetwork, can_id: int, data: bytes, period: float, remote: bool):
         self._network = network
@@ -97,9 +109,19 @@ class PeriodicFrame(PeriodicMessageTask):
 
 
 class WireGateway(LiveSegment):
-    """What the host sends on ``bus`` takes its place on the wire; what devices send is handed over as it ends.
+    """Connects the host's bus with a simulated wire.
 
-    ``on_failure`` is called with the error when the bus takes no frame.
+    Each frame that the host sends on ``bus`` takes part in the arbitration on the wire. Each frame of a device is
+    delivered to the host when the frame ends.
+
+    Parameters
+    ----------
+    bus
+        Bus of the host.
+    settings
+        Timing of the wire.
+    on_failure
+        Called with the error if the bus accepts no frame.
     """
 
     def __init__(self, bus: can.BusABC, settings: WireSettings, on_failure: Callable[[Exception], None]):
@@ -112,11 +134,11 @@ class WireGateway(LiveSegment):
         self.start()
 
     def network(self, node_id: int) -> WireNetwork:
-        """A device's place on the wire."""
+        """Return the network through which the device ``node_id`` uses the wire."""
         return WireNetwork(self, self._settings, node_id, self._to_wall_clock)
 
     def received(self, batch: Batch) -> None:
-        """The host has sent these frames."""
+        """Put the frames that the host has sent on the wire."""
         for message in batch.messages:
             if not message.is_error_frame and not message.is_fd:
                 self.send(frame_of(message))
@@ -138,10 +160,21 @@ def message_of(frame: Frame) -> can.Message:
 
 
 class SkinSimulator:
-    """Devices for ``pads``, each with its ``sources[pad.name]``, from ``start`` to ``stop`` on one bus.
+    """Simulated devices of pads, on one bus from ``start`` to ``stop``.
 
-    ``on_failure`` is called with the error when the bus fails. ``wire``: frames take their time on a simulated wire
-    before they are on the bus; None: they are sent at once.
+    Parameters
+    ----------
+    pads
+        Pads to simulate.
+    sources
+        For each pad name, the function that returns the taxel values at a time.
+    on_failure
+        Called with the error if the bus fails.
+    wire
+        Timing of the simulated wire that carries the frames; None to send frames at once.
+
+    Examples
+    --------
 
     >>> from tactile_node.skin.pads import make_pad
     >>> import numpy as np
@@ -159,14 +192,14 @@ class SkinSimulator:
         self._wire = wire
         self._network: BusNetwork | None = None
         self._gateway: WireGateway | None = None
-        self.devices: dict[int, SimulatedDevice] = {}  #: by node-ID
+        self.devices: dict[int, SimulatedDevice] = {}  #: node-ID -> device
 
     def start(self, interface: str, channel: str, bitrate: int = DEFAULT_BITRATE) -> None:
-        """Open the bus by name and boot the devices; BusError."""
+        """Open the bus by name and boot the devices. Raises BusError if the bus cannot be opened."""
         self.start_on(open_bus(interface, channel, bitrate))
 
     def start_on(self, bus: can.BusABC) -> None:
-        """Boot the devices on ``bus``, which is closed by ``stop``."""
+        """Boot the devices on ``bus``. ``stop`` closes the bus."""
         if self._wire is not None:
             self._gateway = WireGateway(bus, self._wire, self._on_failure)
         received = self._gateway.received if self._gateway is not None else lambda batch: None
@@ -181,10 +214,10 @@ class SkinSimulator:
             self.devices[node.node_id] = device
             device.boot()
         if self._gateway is not None:
-            self._gateway.wait_until_idle(timeout=1.0)  # boot-ups are over, as without a wire
+            self._gateway.wait_until_idle(timeout=1.0)  # the boot-up messages are sent on return, as without a wire
 
     def report(self) -> WireReport | None:
-        """What the wire has carried since the report before; None without a wire."""
+        """Return a report about the wire since the last report, or None without a wire."""
         return self._gateway.report() if self._gateway is not None else None
 
     def stop(self) -> None:

@@ -1,6 +1,6 @@
 """A serial CAN adapter on a pseudo-terminal: the device side of the slcan protocol (Lawicel CAN232).
 
-The bus behind the adapter is the holder of this object; the program with ``interface: slcan`` and
+The owner of this object is the bus behind the adapter. A program that opens ``interface: slcan`` and
 ``channel: <port>`` sees an ordinary adapter.
 """
 
@@ -20,23 +20,29 @@ import can
 from tactile_node.cia301.frame_bits import Frame
 from tactile_node.errors import ConfigurationError
 
-OK, REFUSED = b'\r', b'\a'
-# Bytes not yet read by the other side; beyond this frames are lost, as in an adapter
-MAX_WAITING = 1 << 16
-#: bit/s by command
+OK = b'\r'
+REFUSED = b'\a'
+MAX_WAITING = 1 << 16  #: unread bytes above which frames are lost, as in an adapter
+#: slcan command -> bit rate [bit/s]
 BIT_RATES = {b'S0': 10_000, b'S1': 20_000, b'S2': 50_000, b'S3': 100_000, b'S4': 125_000, b'S5': 250_000,
              b'S6': 500_000, b'S7': 800_000, b'S8': 1_000_000}
 
 
 class SlcanPty(can.BusABC):
-    """A python-can bus whose wire is the pseudo-terminal ``port``; ``link`` gives it a lasting name.
+    """A python-can bus whose wire is a pseudo-terminal.
 
-    With a ``bitrate`` [bit/s] of the bus, a client that sets another one neither receives nor is received.
+    Parameters
+    ----------
+    link
+        Symbolic link to the pseudo-terminal, so that its name stays the same; '' for none.
+    bitrate
+        Bit rate of the bus [bit/s]. A client that sets another bit rate neither receives frames nor is received.
+        None accepts every bit rate.
     """
 
     def __init__(self, link: str = '', bitrate: int | None = None):
         self._bitrate, self._set_rate = bitrate, bitrate
-        # Our own end of the port stays open, so clients may come and go
+        # This process keeps its own end of the port open, so that clients may come and go.
         self._master, self._port_fd = pty.openpty()
         tty.setraw(self._port_fd)
         os.set_blocking(self._master, False)
@@ -44,9 +50,9 @@ class SlcanPty(can.BusABC):
         self._link = Path(link) if link else None
         if self._link:
             _point(self._link, self.port)
-        self._lock = threading.Lock()  # heartbeats are sent by their own thread
+        self._lock = threading.Lock()  # because heartbeats are sent by another thread
         self._open = False
-        self._is_silent = False  # listen-only: it refuses to send
+        self._is_silent = False  # True in listen-only mode, in which frames from the client are refused
         self._unsent = bytearray()
         self._line = bytearray()
         self._received: deque[can.Message] = deque()
@@ -55,11 +61,14 @@ class SlcanPty(can.BusABC):
         super().__init__(self.port)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Hand a frame to the client that has opened the channel; lost and counted when it does not read."""
+        """Deliver a frame to the client that has opened the channel. If the client does not read, the frame is lost.
+
+        The attribute ``lost`` counts these frames.
+        """
         self._send_lines([encode(msg)])
 
     def send_all(self, frames: Iterable[Frame]) -> None:
-        """Send many frames at once, each as ``send`` does."""
+        """Send many frames at once, each as `send` does."""
         self._send_lines([line_of(frame) for frame in frames])
 
     def _send_lines(self, lines: list[bytes]) -> None:
@@ -115,7 +124,7 @@ class SlcanPty(can.BusABC):
                                                                  OK if command in b'SsMmZX' else REFUSED)
 
     def _set_open(self, is_open: bool) -> bytes:
-        if not is_open:  # what a client before did not read is no news to the next
+        if not is_open:  # frames that the last client did not read are not for the next one
             with self._lock:
                 self._unsent.clear()
             termios.tcflush(self._port_fd, termios.TCIFLUSH)
@@ -132,7 +141,7 @@ class SlcanPty(can.BusABC):
             del self._unsent[:written]
 
     def shutdown(self) -> None:
-        """Take the port away."""
+        """Close the pseudo-terminal and remove its link."""
         if not self._is_shutdown:
             super().shutdown()
             if self._link and self._link.is_symlink() and os.readlink(self._link) == self.port:
@@ -153,7 +162,7 @@ def _point(link: Path, port: str) -> None:
 
 
 def encode(message: can.Message) -> bytes:
-    """A frame as slcan line: ``t1A02AABB`` is COB-ID 0x1A0 with bytes AA BB."""
+    """Return a frame as an slcan line: ``t1A02AABB`` is COB-ID 0x1A0 with the bytes AA BB."""
     return line_of(frame_of(message))
 
 
@@ -163,7 +172,8 @@ def frame_of(message: can.Message) -> Frame:
 
 
 def line_of(frame: Frame) -> bytes:
-    """
+    """Return a frame as an slcan line.
+
     >>> line_of(Frame(0x1A0, bytes.fromhex('AABB'))), line_of(Frame(0x180, is_remote=True, requested=8))
     (b't1A02AABB\\r', b'r1808\\r')
     """
@@ -173,7 +183,7 @@ def line_of(frame: Frame) -> bytes:
 
 
 def decode(line: bytes) -> can.Message | None:
-    """The inverse, without the final CR; None when it is no frame."""
+    """Return the frame in an slcan line without its final CR, or None if the line holds no frame."""
     try:
         digits = 8 if line[:1].isupper() else 3
         length, remote = int(line[1 + digits:2 + digits]), line[:1] in b'rR'

@@ -1,4 +1,4 @@
-"""A programme of touches, as taxel values over time: which shape presses a simulated pad when, and in a gripper."""
+"""A programme of touches on simulated pads, as taxel values over time; also for the two fingers of a gripper."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -14,31 +14,38 @@ from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import PRESS_BY_UNIT
 
-RAMP = 0.1  # s of pressing and of letting go
-TOUCH_AREAS = (40.0, 60.0, 80.0)  # taxels
+RAMP = 0.1  #: time in which the pressure rises, and in which it falls [s]
+TOUCH_AREAS = (40.0, 60.0, 80.0)  #: areas of the contacts [taxels]
 
 
 @dataclass(frozen=True)
 class SimulatedTouch:
-    """One object pressed on one pad from ``begin`` to ``end`` [s since the skin became operational]."""
+    """One object, pressed on one pad from ``begin`` to ``end`` [s after the skin became operational]."""
 
     contact: Touching
     begin: float
     end: float
 
     def load(self, time: float) -> float:
-        """How much of the full pressure acts at ``time``: 0..1, with ramps at both ends."""
+        """Return the fraction of the full pressure at ``time``, with ramps at both ends."""
         return float(np.clip(min(time - self.begin, self.end - time) / RAMP, 0, 1))
 
     def is_steady(self, time: float) -> bool:
-        """Whether the full pressure acts."""
+        """Return True if the full pressure acts at ``time``."""
         return self.begin + RAMP <= time <= self.end - RAMP
 
 
 class TouchProgram:
-    """A sequence of touches, repeated for ever; calling it with a time [s] gives the taxels' values.
+    """A sequence of touches that repeats for ever. Calling it with a time [s] returns the taxel values.
 
-    ``values[i]``: the taxels at the full pressure of ``touches[i]``, shape (rows, cols).
+    Parameters
+    ----------
+    touches
+        Touches in the order of time.
+    values
+        For each touch, the taxel values under its full pressure, shape (rows, cols).
+    duration
+        Time after which the sequence repeats [s].
     """
 
     def __init__(self, touches: Sequence[SimulatedTouch], values: Sequence[np.ndarray], duration: float):
@@ -51,14 +58,30 @@ class TouchProgram:
         time %= self.duration
         number = max(0, bisect_right(self._begins, time) - 1)
         load, values = self.touches[number].load(time), self._values[number]
-        # An on/off taxel has no part of a value: it is on while the load is more than half.
+        # An on/off taxel has no intermediate values. It is on while the load is above one half.
         return values * (load if values.dtype != bool else load > 0.5)
 
 
 def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASSES,
                   areas: tuple[float, ...] = TOUCH_AREAS,
                   seed: int = 0, hold: float = 1.0, pause: float = 0.5) -> TouchProgram:
-    """Every shape in every area [taxels], in general position, held ``hold``, parted by ``pause`` [s]."""
+    """Return a programme that presses every shape with every area, each in general position.
+
+    Parameters
+    ----------
+    layout
+        Layout of the pad.
+    shapes
+        Shapes that touch the pad.
+    areas
+        Areas of the contacts [taxels].
+    seed
+        Seed of the random positions, angles and ratios.
+    hold
+        Duration of each contact [s].
+    pause
+        Time between two contacts [s].
+    """
     rng, now = np.random.default_rng(seed), pause
     touches, values = [], []
     for area in areas:
@@ -72,7 +95,7 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASS
 
 
 def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Generator) -> np.ndarray:
-    """The contact as ``layout`` would measure it: a pattern for on/off taxels, else values in its unit."""
+    """Return the values that the pad would measure: a pattern for on/off taxels, else values in the layout's unit."""
     if layout.value.bits == 1:
         return contact.pattern(layout.rows, layout.cols)
     full = abs(float(layout.value.to_value(np.array(layout.value.saturated_count))))
@@ -80,21 +103,38 @@ def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Genera
                           skin=Skin(full_scale=full))
 
 
-TOUCH_HOLD = 3.0  #: s for which a contact is held: long enough for a grasp to become stable
-TOUCH_PAUSE = 2.5  #: s between two contacts: of tares of 1 s that follow one another, one meets no contact
-TAXEL_NOISE = 0.005  #: standard deviation of a taxel [fraction of full scale], unless a quiet pad would seem pressed
-MOST_NOISE = 1 / 60  #: [fraction of the reading from which on a taxel is pressed]
-SLIDE_WAY = 2.0  #: pitches that a contact slides to either side
+TOUCH_HOLD = 3.0  #: duration of a contact [s], long enough for a grasp to become stable
+TOUCH_PAUSE = 2.5  #: time between two contacts [s]; if tares of 1 s follow one another, one of them meets no contact
+TAXEL_NOISE = 0.005  #: standard deviation of a taxel [fraction of full scale], unless MOST_NOISE is lower
+#: largest default noise [fraction of the press threshold]; with more noise, a quiet pad would seem pressed
+MOST_NOISE = 1 / 60
+SLIDE_WAY = 2.0  #: distance that a contact slides to either side [pitches]
 
 
 def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouette] = CLASSES,
                     seed: int = 0, areas: tuple[float, ...] = TOUCH_AREAS, *, hold: float = TOUCH_HOLD,
                     pause: float = TOUCH_PAUSE, slide: float = 0.0,
                     noise: float | None = None) -> dict[str, TaxelSource]:
-    """One source a pad, by its name; every second pad sees the touch from behind.
+    """Return one source of taxel values for each pad name. Every second pad sees the touch from behind.
 
-    ``areas`` [taxels], ``hold``, ``pause`` [s] and ``slide`` [m/s] of each touch; ``noise`` of each taxel [fraction of
-    full scale], None: TAXEL_NOISE, limited by MOST_NOISE.
+    Parameters
+    ----------
+    pads
+        Pads of the gripper.
+    shapes
+        Shapes that touch the pads.
+    seed
+        Seed of the touches and of the noise.
+    areas
+        Areas of the contacts [taxels].
+    hold
+        Duration of each contact [s].
+    pause
+        Time between two contacts [s].
+    slide
+        Speed at which a held contact slides back and forth [m/s].
+    noise
+        Standard deviation of each taxel [fraction of full scale]. None: TAXEL_NOISE, limited by MOST_NOISE.
     """
     return {pad.name: _felt(pad, touch_program(pad.layout, shapes, areas, seed, hold, pause), -1 if i % 2 else 1, slide,
                             noise, np.random.default_rng((seed, i))) for i, pad in enumerate(pads)}
@@ -102,12 +142,12 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
 
 def _felt(pad: PadSettings, program: TouchProgram, step: int, slide: float, noise: float | None,
           rng: np.random.Generator) -> TaxelSource:
-    """Return what the taxels read, with columns in the sense of ``step``; on/off taxels have no noise."""
+    """Return a source with noise; ``step`` -1 mirrors the columns. On/off taxels get no noise."""
     value, is_on_off = pad.layout.value, pad.layout.value.bits == 1
     lowest, full_scale = sorted(value.to_value(np.array(value.raw_range)).tolist())
     most = np.inf if noise is not None else MOST_NOISE * PRESS_BY_UNIT[value.unit]
     deviation = 0.0 if is_on_off else min(most, (TAXEL_NOISE if noise is None else noise) * full_scale)
-    rest = max(0.0, lowest + 3 * deviation) if deviation else 0.0  # or the lowest value would cut off its noise
+    rest = max(0.0, lowest + 3 * deviation) if deviation else 0.0  # at the lowest value, the noise would be cut off
 
     def source(time: float) -> np.ndarray:
         values = program(time)[:, ::step]

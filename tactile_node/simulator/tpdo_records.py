@@ -1,4 +1,7 @@
-"""The TPDOs of a simulated device, by its communication and mapping records (CiA 301, 7.5.2.37 on); their events."""
+"""TPDOs of a simulated device.
+
+The communication and mapping records (CiA 301, 7.5.2.37 and following) decide what the device sends, and when.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
@@ -9,36 +12,39 @@ from tactile_node.cia301 import objects
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import CanopenNode
 
-#: {index << 8 | sub: (rank, first bit, bits)} of every object that holds taxels
+#: {index << 8 | sub: (rank, first bit, number of bits)} for every object that holds taxels
 Places = dict[int, tuple[int, int, int]]
 
 
 class Piece(NamedTuple):
-    """A mapped object's place: from which word of the taxels, which bits, to which bits of the TPDO."""
+    """Place of a mapped object.
 
-    rank: int | None  #: None: the object holds no taxels
-    start: int
-    bits: int
-    to: int
+    The taxels are stored as words of 8 bytes, one word for each TPDO of the layout.
+    """
+
+    rank: int | None  #: number of the word that holds the object; None if the object holds no taxels
+    start: int  #: first bit in this word
+    bits: int  #: number of bits
+    to: int  #: first bit in the TPDO
 
 
 class ConfiguredTpdo(NamedTuple):
-    """A TPDO as the master has configured it, or one frame of a multiplexed one."""
+    """A TPDO as the master has configured it, or one frame of a multiplexed TPDO."""
 
     can_id: int
-    every: int  #: sent at each so many SYNCs; 0: when its bytes have changed
-    length: int
+    every: int  #: the TPDO is sent at every n-th SYNC; 0: at a SYNC, if its bytes have changed
+    length: int  #: number of bytes
     pieces: tuple[Piece, ...]
-    whole: int | None  #: the rank of the layout's TPDO that it equals
-    rank: int = 0  #: its place in the layout; those that are not in it come last
-    head: bytes = b''  #: the first bytes of the frame of a multiplexed one
-    event_timer: float = 0.0  #: > 0: not sent at a SYNC, but at least so often [s]
-    inhibit_time: float = 0.0  #: at most so often [s]
-    is_on_change: bool = False  #: without SYNC: also when its bytes have changed
+    whole: int | None  #: rank of the layout's TPDO with the same content, or None
+    rank: int = 0  #: position in the layout; TPDOs that the layout lacks come last
+    head: bytes = b''  #: first bytes of this frame of a multiplexed TPDO
+    event_timer: float = 0.0  #: if > 0, the TPDO ignores SYNC and is sent at least once in this time [s]
+    inhibit_time: float = 0.0  #: shortest time between two transmissions [s]
+    is_on_change: bool = False  #: the TPDO ignores SYNC and is also sent when its bytes have changed
 
 
 class TpdoRecords:
-    """Compiles the records of one node; ``number(index, sub)`` reads its objects."""
+    """Compiles the records of one node into TPDOs; ``number(index, sub)`` reads an object of the node."""
 
     def __init__(self, node: CanopenNode, number: Callable[[int, int], int]):
         self._node = node
@@ -50,7 +56,13 @@ class TpdoRecords:
         return any(self._has(number, objects.EVENT_TIMER) for number in range(objects.MAX_TPDOS))
 
     def compile(self, numbers: Iterable[int]) -> list[ConfiguredTpdo]:
-        """Return the TPDOs ``numbers`` (from 0) that are sent, as their records stand now, in the layout's order."""
+        """Return the active TPDOs according to the present content of their records, in the order of the layout.
+
+        Parameters
+        ----------
+        numbers
+            Numbers of the TPDOs to compile, counted from 0.
+        """
         found = []
         for number in numbers:
             frames = self._frames(number + 1)
@@ -70,7 +82,7 @@ class TpdoRecords:
         if count == objects.SAM_MPDO and (kind == objects.MANUFACTURER_EVENT or timer):
             return ConfiguredTpdo(can_id=cob_id & objects.ID_MASK, every=objects.EVERY_SYNC,
                                   length=objects.MAX_PDO_BYTES, pieces=(), whole=None,
-                                  event_timer=timer)  # without it: a scan for each SYNC
+                                  event_timer=timer)  # without a timer, each SYNC starts a scan
         if count in (0, objects.SAM_MPDO) or kind > objects.MAX_SYNCHRONOUS and not timer:
             return None
         pieces, bits = [], 0
@@ -86,7 +98,7 @@ class TpdoRecords:
                               is_on_change=kind == objects.PROFILE_EVENT and not is_multiplexed)
 
     def _time(self, number: int, sub: int, unit: float) -> float:
-        """A time of TPDO ``number`` [s]; 0 where the device does not have it."""
+        """Return a time of TPDO ``number`` [s], or 0 if the device has no such entry."""
         return self._number(objects.TPDO_COMMUNICATION + number, sub) * unit if self._has(number, sub) else 0.0
 
     def _has(self, number: int, sub: int) -> bool:
@@ -94,14 +106,14 @@ class TpdoRecords:
         return isinstance(record, ODRecord) and sub in record.subindices
 
     def _frames(self, number: int) -> list[tuple[int, bytes]]:
-        """Return the rank and the first bytes of each CAN frame of TPDO ``number``."""
+        """Return the rank and the first bytes of each CAN frame that TPDO ``number`` sends."""
         tpdos = self._node.layout.tpdos
         frames = [(rank, tpdo.prefix(self._node.node_id)) for rank, tpdo in enumerate(tpdos) if tpdo.number == number]
         return frames or [(len(tpdos) + number, b'')]
 
 
 def _object_places(layout: SkinLayout) -> Places:
-    """{index << 8 | sub: (rank, first bit, bits)} of every object that holds taxels."""
+    """Return the place of every object that holds taxels."""
     places: Places = {}
     for rank, tpdo in enumerate(layout.tpdos):
         start = 0
@@ -111,28 +123,44 @@ def _object_places(layout: SkinLayout) -> Places:
     return places
 
 
-SCAN = 0.005  # s between two looks at the taxels for what has changed
+SCAN = 0.005  #: period at which the taxels are checked for changes [s]
 
 
 class EventSchedule:
-    """Schedule of the ``tpdos`` that have an event timer, from ``now`` on; others are never due.
+    """Decides when TPDOs with an event timer are sent. Other TPDOs are never due.
 
-    Type 254: all that have the same event timer are due together, one scan after another. Type 255: each when its
-    bytes have changed, not sooner than its inhibit time after it was sent, and at the latest after its event timer.
+    TPDOs of type 254 with the same event timer are due together; each time, the device scans the taxels once. A TPDO
+    of type 255 is due when its bytes have changed, but not before its inhibit time since its last transmission has
+    passed. It is due at the latest when its event timer has expired.
+
+    Parameters
+    ----------
+    tpdos
+        TPDOs of the device.
+    now
+        Time at which the schedule begins [s].
     """
 
     def __init__(self, tpdos: Sequence[ConfiguredTpdo], now: float):
         self._tpdos = [tpdo for tpdo in tpdos if tpdo.event_timer]
         self._due = {tpdo: now for tpdo in self._tpdos}
-        self._sent: dict[int, tuple[float, bytes]] = {}  # when and what, by COB-ID
+        self._sent: dict[int, tuple[float, bytes]] = {}  # COB-ID -> time and bytes of the last transmission
 
     def due(self, now: float, data: Callable[[ConfiguredTpdo], bytes]) -> list[ConfiguredTpdo]:
-        """Return those to send now, in order; ``data``: what each would send."""
+        """Return the TPDOs to send now, in their order.
+
+        Parameters
+        ----------
+        now
+            Present time [s].
+        data
+            Function that returns the bytes that a TPDO would send now.
+        """
         return [tpdo for tpdo in self._tpdos
                 if (self._is_changed(tpdo, now, data(tpdo)) if tpdo.is_on_change else self._is_timed(tpdo, now))]
 
     def next(self, now: float) -> float:
-        """When something may be due again."""
+        """Return the earliest time at which a TPDO may be due again [s]."""
         scans = [now + SCAN for tpdo in self._tpdos if tpdo.is_on_change]
         return min([*scans, *(self._due[tpdo] for tpdo in self._tpdos if not tpdo.is_on_change)],
                    default=now + SCAN)
@@ -140,7 +168,7 @@ class EventSchedule:
     def _is_timed(self, tpdo: ConfiguredTpdo, now: float) -> bool:
         if now < self._due[tpdo]:
             return False
-        self._due[tpdo] = now + tpdo.event_timer  # CiA 301: the timer begins again with each transmission
+        self._due[tpdo] = now + tpdo.event_timer  # CiA 301: each transmission restarts the timer
         return True
 
     def _is_changed(self, tpdo: ConfiguredTpdo, now: float, data: bytes) -> bool:

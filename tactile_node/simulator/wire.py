@@ -1,4 +1,4 @@
-"""A CAN wire as a model without thread and clock: who may send next, and when the last bit is over."""
+"""Model of a CAN wire without thread and clock: which participant sends next, and when its frame ends."""
 
 import math
 from bisect import insort
@@ -11,19 +11,27 @@ from tactile_node.cia301.frame_bits import Frame, arbitration, worst_case_bits
 
 
 class Waiting(NamedTuple):
-    """A frame in a sender's queue."""
+    """A frame in the queue of a sender."""
 
-    ready: float  #: [s]
+    ready: float  #: time from which the frame may be sent [s]
     priority: int
-    seconds: float  #: that it takes
+    seconds: float  #: duration of the frame [s]
     frame: Frame
     ends_sweep: bool
 
 
 class Sender:
-    """The queue of one participant's controller, first in, first out; made by ``Wire.join``.
+    """The transmit queue of one participant's CAN controller; `Wire.join` creates it.
 
-    ``by_priority``: a gateway to several participants, of whose frames the lowest identifier goes first.
+    Parameters
+    ----------
+    bit
+        Duration of one bit [s].
+    limit
+        Largest number of frames in the queue.
+    by_priority
+        False: first in, first out. True: the frame with the lowest identifier is sent first, as for a gateway to
+        several participants.
     """
 
     def __init__(self, bit: float, limit: int, by_priority: bool):
@@ -31,18 +39,19 @@ class Sender:
         self._limit = limit
         self._by_priority = by_priority
         self._queue: deque[Waiting] = deque()
-        self.ready, self.priority = math.inf, 0  #: what the first has
-        self.backlog = 0.0  #: what waits takes so long [s]
-        self.sweeps = 0   #: not sent to the end
-        self.queued = 0   #: sweeps so far
-        self.skipped = 0  #: sweeps that were left out
-        self.refused = 0  #: frames beyond ``limit``
+        self.ready = math.inf  #: time from which the first frame may be sent [s]
+        self.priority = 0  #: priority of the first frame
+        self.backlog = 0.0  #: time that the queued frames take [s]
+        self.sweeps = 0   #: queued sweeps that are not completely sent
+        self.queued = 0   #: number of sweeps that were queued so far
+        self.skipped = 0  #: number of sweeps that were skipped
+        self.refused = 0  #: number of frames beyond ``limit``
 
     def __len__(self) -> int:
         return len(self._queue)
 
     def put(self, ready: float, frame: Frame, ends_sweep: bool = False) -> None:
-        """Queue a frame that may be sent from ``ready`` [s] on; refused and counted when the queue is full."""
+        """Queue a frame that may be sent from the time ``ready`` [s] on. A full queue refuses and counts the frame."""
         if len(self._queue) >= self._limit:
             self.refused += 1
             return
@@ -55,7 +64,10 @@ class Sender:
         self._look()
 
     def put_sweep(self, ready: float, frames: Iterable[Frame], most: int) -> None:
-        """Queue a sweep's frames; skipped and counted, ``frames`` not taken, while ``most`` sweeps are not sent."""
+        """Queue the frames of a sweep.
+
+        While ``most`` sweeps are not completely sent, the sweep is skipped and counted, and ``frames`` is not read.
+        """
         sweep = list(frames) if self.sweeps < most else []
         if self.sweeps >= most or len(self._queue) + len(sweep) > self._limit:
             self.skipped += 1
@@ -73,7 +85,7 @@ class Sender:
         return waiting
 
     def clear(self) -> None:
-        """Empty the queue, as when the supply is switched off."""
+        """Empty the queue, as a loss of power does."""
         self._queue.clear()
         self.sweeps = 0
         self._look()
@@ -88,14 +100,17 @@ class Sender:
 class Carried(NamedTuple):
     """A frame that the wire has carried."""
 
-    start: float  #: when its first bit begins [s]
-    end: float    #: when its last ends, the three bits between two frames included: the next frame may begin [s]
+    start: float  #: begin of the first bit [s]
+    end: float    #: end of the three bits of interframe space, after which the next frame may begin [s]
     frame: Frame
     sender: Sender
 
 
 class Wire:
-    """Senders that share a wire: at each start the lowest identifier among the first of all queues goes (ISO 11898-1).
+    """Senders that share a wire.
+
+    Among the first frames of all queues, the one with the lowest identifier is sent next (ISO 11898-1).
+
 
     >>> wire = Wire()
     >>> one, other = wire.join(), wire.join()
@@ -106,20 +121,21 @@ class Wire:
 
     def __init__(self, bitrate: int = 1_000_000):
         self._bit = 1 / bitrate
-        self.senders: list[Sender] = []  #: in the order in which they joined
-        self._current: Carried | None = None  # began, its end has not been reported
+        self.senders: list[Sender] = []  #: senders in the order in which they joined
+        self._current: Carried | None = None  # frame that has begun and whose end was not yet reported
         self._free = -math.inf
 
     def join(self, limit: int = 1 << 14, by_priority: bool = False) -> Sender:
-        """A further participant, whose queue holds ``limit`` frames at most."""
+        """Add a participant, whose queue holds at most ``limit`` frames, and return its queue."""
         sender = Sender(self._bit, limit, by_priority)
         self.senders.append(sender)
         return sender
 
     def carry(self, until: float) -> Carried | None:
-        """The next frame, when it ends up to ``until`` [s]. A frame that has begun by then keeps the wire.
+        """Return the next frame if it ends by ``until`` [s], else None.
 
-        What is put meanwhile takes part as soon as it is ready.
+        A frame that has begun by ``until`` keeps the wire. A frame that is queued between two calls takes part in the
+        arbitration as soon as it is ready.
         """
         if self._current is None and (start := self.next_start) <= until and start < math.inf:
             self._begin(start)
@@ -130,7 +146,7 @@ class Wire:
 
     @property
     def next_start(self) -> float:
-        """Start of the frame after the one under way [s]; infinite when none waits."""
+        """Time at which the frame after the present one begins [s]; infinite if no frame waits."""
         ready = math.inf
         for sender in self.senders:
             if sender.ready < ready:
@@ -139,13 +155,13 @@ class Wire:
 
     @property
     def next_end(self) -> float:
-        """When the next frame ends at the earliest [s]; infinite when none waits."""
+        """Earliest time at which the next frame can end [s]; infinite if no frame waits."""
         shortest = 47 * self._bit
         return self._current.end if self._current is not None else self.next_start + shortest
 
     @property
     def busy_until(self) -> float:
-        """When all that waits will have been carried, if nothing is added [s]; infinite when nothing waits."""
+        """Time at which all queued frames have been carried if none is added [s]; infinite if no frame waits."""
         start = self.next_start
         if self._current is not None:
             start = min(start, self._current.end)
@@ -162,29 +178,29 @@ class Wire:
         self._current = Carried(start, self._free, waiting.frame, winner)
 
 
-PEAK_WINDOW = 0.1     #: s, of which the busiest is reported
-LATENESS_STEP = 1e-5      #: s, resolution of the percentiles of lateness
+PEAK_WINDOW = 0.1     #: length of the interval for which the peak load is reported [s]
+LATENESS_STEP = 1e-5      #: resolution of the percentiles of lateness [s]
 
 
 class WireReport(NamedTuple):
-    """Report of the time since the one before."""
+    """Report about the time since the last report."""
 
-    seconds: float     #: that the wire has run
-    frames: int        #: carried, of all participants
-    load: float        #: share of the time in which the wire was busy
-    peak_load: float   #: share of the busiest PEAK_WINDOW
-    sweeps: int        #: that the devices have queued
-    skipped: int       #: sweeps that devices left out because too many were queued
-    refused: int       #: frames for which a queue had no room
-    handed: int        #: frames handed over to the host
-    lost: int          #: handed over, and not read by the host
-    late_p50: float    #: from a frame's end on the wire until it was handed over [s]
-    late_p99: float
-    late_max: float
-    cpu: float         #: processor time of the sender [s]
+    seconds: float     #: time covered by the report [s]
+    frames: int        #: frames carried, from all participants
+    load: float        #: fraction of the time in which the wire was busy
+    peak_load: float   #: load in the busiest interval of PEAK_WINDOW
+    sweeps: int        #: sweeps that the devices queued
+    skipped: int       #: sweeps that devices skipped because too many were queued
+    refused: int       #: frames that a full queue refused
+    handed: int        #: frames delivered to the host
+    lost: int          #: delivered frames that the host did not read
+    late_p50: float    #: time from a frame's end on the wire until its delivery to the host, median [s]
+    late_p99: float    #: the same, 99th percentile [s]
+    late_max: float    #: the same, maximum [s]
+    cpu: float         #: processor time of the simulator's process [s]
 
     def text(self) -> str:
-        """Three lines for a user."""
+        """Return the report as three lines of text."""
         return (f'wire: {self.frames} frames in {self.seconds:.1f} s, load {self.load:.1%}, '
                 f'at most {self.peak_load:.1%} of {PEAK_WINDOW:g} s\n'
                 f'devices: {self.sweeps} sweeps, {self.skipped} skipped; frames refused by a full queue: '
@@ -194,7 +210,7 @@ class WireReport(NamedTuple):
 
 
 class WireRecord:
-    """Counts busy time and lateness as the frames come."""
+    """Counts busy time and lateness while frames are carried."""
 
     def __init__(self, begin: float):
         self.begin = begin
@@ -205,7 +221,7 @@ class WireRecord:
         self._window_end, self._window_busy, self._peak = begin + PEAK_WINDOW, 0.0, 0.0
 
     def carried(self, start: float, end: float) -> None:
-        """The wire was busy from ``start`` to ``end`` [s]."""
+        """Count a frame that kept the wire busy from ``start`` to ``end`` [s]."""
         self.frames += 1
         start = max(start, self.begin)
         self.busy += end - start
@@ -217,7 +233,7 @@ class WireRecord:
         self._window_busy += end - start
 
     def handed_over(self, late: float) -> None:
-        """A frame was handed to the host so long after its end [s]."""
+        """Count a frame that was delivered to the host ``late`` [s] after its end."""
         self.handed += 1
         step = int(late / LATENESS_STEP)
         self._late[step] = self._late.get(step, 0) + 1
@@ -232,7 +248,7 @@ class WireRecord:
         return max(self._peak, self._window_busy / PEAK_WINDOW)
 
     def late(self, share: float) -> float:
-        """The lateness that ``share`` of the frames do not exceed [s], rounded up to LATENESS_STEP."""
+        """Return the quantile ``share`` of the lateness [s], rounded up to LATENESS_STEP."""
         seen = 0
         for step in sorted(self._late):
             seen += self._late[step]

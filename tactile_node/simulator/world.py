@@ -1,10 +1,14 @@
-"""The synthetic world: contacts of five shapes in general position, the ground truth of every figure.
+"""Synthetic contacts of five shapes in general position. They are the ground truth of the reported figures.
 
-Lengths and places are in taxel pitches, with taxel (row, col) centred at x = col, y = row; positive
-angles rotate x towards y. General position: angle uniform over the whole circle, the centre of area
-anywhere within one taxel in the middle of the pad. The classes of the benchmark: circle; square;
-rectangle, ratio of sides uniform 1.5-3; right triangle, ratio of legs uniform 1.5-2.5, either handedness;
-isosceles triangle, apex angle uniform 40-75 degrees. Size is set by the area in taxels.
+Lengths and positions are in taxel pitches. Taxel (row, col) is centred at x = col, y = row. A positive angle rotates x
+towards y. "General position" means: the angle is uniform over the whole circle, and the centre of area is uniform
+within one taxel in the middle of the pad. The area is given in taxels. The shapes of the benchmark are:
+
+- circle
+- square
+- rectangle, ratio of its sides uniform from 1.5 to 3
+- right triangle, ratio of its legs uniform from 1.5 to 2.5, either handedness
+- isosceles triangle, apex angle uniform from 40 to 75 degrees
 """
 
 from dataclasses import dataclass
@@ -14,17 +18,26 @@ import numpy as np
 from tactile_node.pose.outlines import OUTLINES, Outline, depth_inside, outline_of
 from tactile_node.shape.recognition import SHAPES
 
-CLASSES = tuple(shape.value for shape in SHAPES)  #: what touches
-PAD = 36  #: rows and columns of the benchmark's pad
+CLASSES = tuple(shape.value for shape in SHAPES)  #: names of the shapes that touch the pad
+PAD = 36  #: number of rows and of columns of the benchmark's pad
 
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact: what touches, where, at which angle, how large [pitches, radians].
+    """One contact: its shape, size, position and angle.
 
-    ``dimensions`` by shape: circle (radius,); square (side,); rectangle (long, short side);
-    right_triangle (leg along x, leg along y, handedness: +1, or -1 mirrored); isosceles_triangle (base, height).
-    ``x``, ``y``: its centre of area.
+    Attributes
+    ----------
+    shape
+        One of CLASSES.
+    dimensions
+        Lengths [pitches] that depend on the shape. circle: (radius,). square: (side,). rectangle: (long side, short
+        side). right_triangle: (leg along x, leg along y, handedness), where handedness is +1, or -1 if mirrored.
+        isosceles_triangle: (base, height).
+    x, y
+        Centre of area [pitches].
+    angle
+        Rotation from x towards y [rad].
     """
 
     shape: str
@@ -35,13 +48,13 @@ class Contact:
 
     @property
     def area(self) -> float:
-        """Area [taxels]."""
+        """Area of the contact [taxels]."""
         a, b = self.dimensions[0], self.dimensions[min(1, len(self.dimensions) - 1)]
         return {'circle': np.pi * a * a, 'square': a * a, 'rectangle': a * b}.get(self.shape, a * b / 2)
 
     @property
     def reach(self) -> float:
-        """Distance of its farthest point from the centre [pitches]."""
+        """Distance from the centre of area to the farthest point of the contact [pitches]."""
         if self.shape == 'circle':
             return self.dimensions[0]
         corners = self._outline(0).placed(np.zeros(2), 0.0, self._lengths)
@@ -49,21 +62,35 @@ class Contact:
 
     @property
     def handedness(self) -> int:
-        """Handedness of a right triangle: 1, or -1 when mirrored; 1 for all others."""
+        """Handedness of a right triangle: 1, or -1 if mirrored. It is 1 for all other shapes."""
         return int(self.dimensions[2]) if self.shape == 'right_triangle' else 1
 
     def outline(self, points: int = 64) -> np.ndarray:
-        """Vertices as (x, y), shape (n, 2), in the sense from x to y; a circle as a polygon of ``points``."""
+        """Return the vertices of the outline.
+
+        Parameters
+        ----------
+        points
+            Number of vertices of the polygon that replaces a circle.
+
+        Returns
+        -------
+        numpy.ndarray
+            Vertices (x, y), shape (n, 2), in the direction from x to y.
+        """
         return self._outline(points).placed(np.array((self.x, self.y)), self.angle, self._lengths)
 
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Signed distance of points from the outline, positive inside (exact inside and near an edge)."""
+        """Return the signed distance of points from the outline [pitches], positive inside.
+
+        The distance is exact inside and near an edge.
+        """
         if self.shape == 'circle':
             return self.dimensions[0] - np.hypot(x - self.x, y - self.y)
         return depth_inside(self.outline(), x, y)
 
     def pattern(self, rows: int = PAD, cols: int = PAD) -> np.ndarray:
-        """On/off pattern, bool, shape (rows, cols): a taxel is active when its centre is inside."""
+        """Return the on/off pattern, bool, shape (rows, cols); a taxel is active if its centre is inside."""
         y, x = np.indices((rows, cols), float)
         return self.depth(x, y) >= 0
 
@@ -80,8 +107,21 @@ class Contact:
 
 def random_contact(rng: np.random.Generator, shape: str, area: float,
                    rows: int = PAD, cols: int = PAD) -> Contact:
-    """Draw a contact of ``shape`` and ``area`` [taxels] in general position, in the middle of a pad.
+    """Draw a contact in general position, in the middle of a pad.
 
+    Parameters
+    ----------
+    rng
+        Source of the random position, angle and ratio.
+    shape
+        One of CLASSES.
+    area
+        Area of the contact [taxels].
+    rows, cols
+        Size of the pad.
+
+    Examples
+    --------
     >>> random_contact(np.random.default_rng(1), 'square', 49).dimensions
     (7.0,)
     """

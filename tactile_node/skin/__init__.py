@@ -1,1 +1,1 @@
-"""What a skin is: layout, EDS, pads, and how payloads become taxel values."""
+"""Description of a skin: layout, EDS and pads, and the conversion of payloads into taxel values."""

@@ -1,4 +1,4 @@
-"""Loads an EDS (CiA 306) through canopen. An error names the section and the key that canopen cannot read."""
+"""Load an EDS (CiA 306) with canopen. Errors name the section and the key that canopen cannot read."""
 
 import pickle
 import re
@@ -27,28 +27,38 @@ _INFO_NUMBERS = ('VendorNumber', 'ProductNumber', 'RevisionNumber', 'Granularity
                  'LSS_Supported')
 _NUMBERS = (*_INFO_NUMBERS, 'ObjectType', 'DataType', 'PDOMapping', 'SubNumber', 'CompactSubObj',
             *(f'BaudRate_{rate}' for rate in (10, 20, 50, 125, 250, 500, 800, 1000)))
-_VALUES = 'DefaultValue', 'ParameterValue', 'LowLimit', 'HighLimit'  # numbers where the DataType is one
-#: as canopen looks for them; CiA 306 leaves the case open
+_VALUES = 'DefaultValue', 'ParameterValue', 'LowLimit', 'HighLimit'  # these are numbers if the DataType is a number
+#: lower-case key -> spelling that canopen expects; CiA 306 does not define upper and lower case
 _KEYS = {key.lower(): key for key in (
     *_NUMBERS, *_VALUES, 'VendorName', 'ProductName', 'OrderCode', 'ParameterName', 'AccessType', 'StorageLocation',
     'Denotation', 'Factor', 'Unit', 'Description', 'SupportedObjects', 'NrOfEntries')}
 _TITLES = {'deviceinfo': 'DeviceInfo', 'fileinfo': 'FileInfo'}
-_PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN: these carry the value themselves
+_PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN, which hold a value themselves
 _REMEDY = "Use the device maker's EDS, or correct this one (CiA 306)."
-_import_eds: Callable[[StringIO, int], ObjectDictionary] = import_eds  # canopen gives it no types
+_import_eds: Callable[[StringIO, int], ObjectDictionary] = import_eds  # canopen does not annotate its types
 
 
 class _Parser(RawConfigParser):
-    """Writes keys as canopen expects them."""
+    """Parser that spells keys as canopen expects them."""
 
     def optionxform(self, optionstr: str) -> str:
         return _KEYS.get(optionstr.lower(), optionstr)
 
 
 def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
-    """Return the object dictionary of ``path`` (a file or the name of one in ``config/``) for ``node_id``.
+    """Return the object dictionary of an EDS.
 
-    Raises ConfigurationError when it is no EDS or canopen cannot make sense of it.
+    Parameters
+    ----------
+    path
+        Path of the EDS, or the name of an EDS in ``config/``.
+    node_id
+        Node-ID for which the EDS is read.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file is not an EDS, or if canopen cannot read it.
     """
     path = config_path(str(path))
     try:
@@ -60,27 +70,27 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
     return dictionary
 
 
-@lru_cache(maxsize=8)  # pickled, because a caller may change its dictionary; canopen takes ten times as long to read it
+@lru_cache(maxsize=8)  # pickled, because callers may change their copy; reading anew takes canopen ten times as long
 def _pickled(path: Path, text: str, node_id: int) -> bytes:
-    """Return the object dictionary of ``text``, the content of ``path``. Raises ConfigurationError."""
+    """Return the pickled object dictionary of an EDS with the content ``text``. Raises ConfigurationError."""
     checked = _checked(path, text)
     try:
         return pickle.dumps(_import_eds(StringIO(checked), node_id))
-    except Exception as error:  # canopen lets KeyError, ValueError, configparser's and others through
+    except Exception as error:  # canopen also raises KeyError, ValueError and errors of configparser
         _refuse(path, 'an EDS that canopen can read', f'{type(error).__name__}: {error}'.replace('\n', ' '))
 
 
-@lru_cache(maxsize=8)  # the nodes of a bus share an EDS, and each check takes a tenth of a second
+@lru_cache(maxsize=8)  # because the nodes of a bus share an EDS, and each check takes 0.1 s
 def _checked(path: Path, text: str) -> str:
-    """Return ``text``, the content of ``path``, as canopen can read it. Raises ConfigurationError."""
+    """Return the content ``text`` of an EDS in a form that canopen can read. Raises ConfigurationError."""
     checked = StringIO()
     _check_text(path, text).write(checked)
     return checked.getvalue()
 
 
 def read_eds(path: Path) -> str:
-    """Return the text of an EDS, up to the end of file of DOS. Raises OSError."""
-    return _decode(path.read_bytes()).split('\x1a', 1)[0]  # DOS editors of the time of CiA 306 end a file with it
+    """Return the text of an EDS, up to a DOS end-of-file character. Raises OSError."""
+    return _decode(path.read_bytes()).split('\x1a', 1)[0]  # old DOS editors end a file with this character
 
 
 def _decode(content: bytes) -> str:
@@ -88,12 +98,12 @@ def _decode(content: bytes) -> str:
         return content.decode('utf-16', 'replace')
     try:
         return content.decode('utf-8-sig')
-    except UnicodeDecodeError:  # vendors' tools write their national code page in names and comments
+    except UnicodeDecodeError:  # tools of vendors write names and comments in a national code page
         return content.decode('latin-1')
 
 
 def _check_text(path: Path, text: str) -> _Parser:
-    """Refuse what canopen cannot read, with section and key; correct or leave out what is harmless."""
+    """Refuse content that canopen cannot read, and name section and key; correct or drop harmless content."""
     parser = _Parser(inline_comment_prefixes=(';',))
     try:
         parser.read_string(text)
@@ -118,12 +128,12 @@ def _check_text(path: Path, text: str) -> _Parser:
 
 
 def _tidy(path: Path, parser: _Parser) -> _Parser:
-    """Section names as canopen wants them, no empty values (as good as absent), no comments."""
+    """Spell section names as canopen expects them; drop empty values, which mean "absent", and comment sections."""
     tidied = _Parser()
     for name in parser.sections():
         sub = _SUBOBJECT.fullmatch(name)
         title = f'{sub[1]}sub{sub[2]}' if sub else _TITLES.get(name.lower(), name)
-        if title in ('Comments', 'DummyUsage', 'DeviceComissioning'):  # nothing in these concerns taxels
+        if title in ('Comments', 'DummyUsage', 'DeviceComissioning'):  # these do not concern taxels
             continue
         if tidied.has_section(title):
             _refuse(path, 'every section once', f'section [{title}] again as [{name}]')
@@ -133,9 +143,9 @@ def _tidy(path: Path, parser: _Parser) -> _Parser:
 
 
 def _tidy_numbers(section: SectionProxy) -> None:
-    """Write octal numbers as canopen reads them."""
+    """Rewrite octal numbers in a form that canopen reads."""
     section.update({key: read_octal(section[key]) for key in _NUMBERS if key in section})
-    with suppress(ValueError):  # a DataType that is no number is refused later
+    with suppress(ValueError):  # a DataType that is not a number is refused later
         if int(section.get('DataType', '0'), 0) in (BOOLEAN, *INTEGER_TYPES):
             section.update({key: read_octal(section[key]) for key in _VALUES if key in section})
 
@@ -155,7 +165,7 @@ def _check_object(path: Path, parser: RawConfigParser, name: str) -> None:
 
 
 def _check_identity(path: Path, parser: RawConfigParser) -> None:
-    """canopen leaves out an object of another type and a default that is no number: nothing would be compared."""
+    """Refuse an identity that canopen would skip, because a device could then not be compared with it."""
     title = f'{IDENTITY:04X}'
     if not parser.has_section(title):
         return
@@ -175,7 +185,7 @@ def _check_number(path: Path, section: str, key: str, value: str) -> None:
 
 
 def refuse_eds(eds: str, section: str, *, expected: str, got: str) -> NoReturn:
-    """Raise the ConfigurationError of a section of the EDS named ``eds``."""
+    """Raise ConfigurationError for a section of an EDS."""
     raise ConfigurationError(f'{eds}, {section}', expected=expected, got=got, remedy=_REMEDY)
 
 
@@ -184,14 +194,14 @@ def _refuse(path: Path, expected: str, got: str) -> NoReturn:
 
 
 class Entry(NamedTuple):
-    """A key of a section, or the section's title with the value ''."""
+    """A key of a section, or the title of a section, which has the value ''."""
 
     line: int
     value: str
 
 
 class EdsText:
-    """The sections and keys of the EDS named ``eds``, which canopen has read, in any case, with their lines."""
+    """Sections and keys of an EDS with their lines; upper and lower case are not distinguished."""
 
     def __init__(self, eds: str):
         self.eds = eds
@@ -207,16 +217,16 @@ class EdsText:
                 self._entries[section, key.strip().lower()] = Entry(number, value.strip())
 
     def entry(self, section: str, key: str = '') -> Entry | None:
-        """Return the entry of ``key``, or of the section's title; None where there is none."""
+        """Return the entry of a key, or of the section's title if no key is given; None if there is none."""
         return self._entries.get((section.lower(), key.lower()))
 
     def number(self, section: str, key: str) -> int | None:
-        """Return the value of ``key`` as a number; None where it is not given, or empty."""
+        """Return the value of ``key`` as a number, or None if it is missing or empty."""
         entry = self.entry(section, key)
         return int(read_octal(entry.value), 0) if entry is not None and entry.value else None
 
     def place(self, section: str, key: str = '') -> str:
-        """Name a section or key with its line, for messages; by the section alone where there is no such key."""
+        """Return a description of a section or key with its line, for messages; without the key if it is missing."""
         entry = self.entry(section, key) or self.entry(section)
         return (f'section [{section}]' + (f', key "{key}"' if key and self.entry(section, key) else '')
                 + (f', line {entry.line}' if entry else ''))

@@ -1,7 +1,7 @@
-"""Whether an EDS and a skin layout agree, and whether the EDS declares the objects that the driver sets as they are.
+"""Check that an EDS and a skin layout agree, and that the EDS correctly declares the objects that the driver sets.
 
-canopen cuts a value that it reads to the size that the EDS declares. An object declared too narrow, or with another
-shape, could therefore seem to be set already.
+canopen truncates each value that it reads to the size declared in the EDS. If an object is declared with too few bits
+or with another type, the driver could therefore take it for already set.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,17 +19,17 @@ from tactile_node.skin.layout_draft import variable_of
 
 
 class Identity(NamedTuple):
-    """Object 0x1018. In the identity of an EDS, None or 0 stands for a value that is not given."""
+    """Object 0x1018. In the identity from an EDS, None or 0 means that a value is not given."""
 
     vendor: int | None
     product: int | None
     revision: int | None
 
     def accepts(self, device: 'Identity') -> bool:
-        """Whether ``device`` is what this EDS describes.
+        """Return True if ``device`` is a device that this EDS describes.
 
-        Vendor and product must be equal, as far as they are given. Of the revision, the upper half (CiA 301: major,
-        "a specific CANopen behaviour") must be equal and the lower half (minor: same behaviour) must not be older.
+        Vendor and product must be equal if they are given. The upper half of the revision (CiA 301: major, "a specific
+        CANopen behaviour") must be equal. Its lower half (minor: same behaviour) must not be older than in the EDS.
         """
         same = all(ours in (None, 0, theirs) for ours, theirs in zip(self[:2], device[:2]))
         if not same or self.revision in (None, 0):
@@ -39,7 +39,7 @@ class Identity(NamedTuple):
 
     @property
     def not_given(self) -> tuple[str, ...]:
-        """Names of the values that are not given: of these, ``accepts`` accepts any."""
+        """Names of the values that are not given; `accepts` ignores them."""
         return tuple(name for name, value in zip(self._fields, self) if value in (None, 0))
 
     def __str__(self) -> str:
@@ -48,9 +48,19 @@ class Identity(NamedTuple):
 
 
 def identity_of(dictionary: ObjectDictionary, eds: str) -> Identity:
-    """Return object 0x1018 of the EDS named ``eds``; None for what it does not give.
+    """Return the identity (object 0x1018) in an EDS; a value that the EDS does not give is None.
 
-    Raises ConfigurationError when the EDS gives something that cannot be compared with a device's identity.
+    Parameters
+    ----------
+    dictionary
+        Object dictionary from the EDS.
+    eds
+        Name of the EDS, for messages.
+
+    Raises
+    ------
+    ConfigurationError
+        If the EDS gives a value that cannot be compared with the identity of a device.
     """
     entry = dictionary[objects.IDENTITY] if objects.IDENTITY in dictionary else None
     if entry is None:
@@ -63,7 +73,7 @@ def identity_of(dictionary: ObjectDictionary, eds: str) -> Identity:
 
 
 def _number(record: ODRecord | ODArray, sub: int, eds: str) -> int | None:
-    """The default of ``sub``. A sub that the EDS does not list is not looked up: canopen makes it up in an ARRAY."""
+    """Return the default of ``sub``. A sub that the EDS does not list is skipped: canopen makes one up in an ARRAY."""
     variable = record.subindices.get(sub)
     default = None if variable is None else variable.default
     if default is None or isinstance(default, int):
@@ -72,21 +82,22 @@ def _number(record: ODRecord | ODArray, sub: int, eds: str) -> int | None:
                got=repr(default))
 
 
-#: Bits of the sub-indices (CiA 301): COB-ID, transmission type; inhibit time, event timer; number of mapped objects,
-#: mapped objects
+#: sub-index -> bits (CiA 301): COB-ID and transmission type
 COMMUNICATION_BITS = {1: 32, objects.TRANSMISSION_TYPE: 8}
+#: sub-index -> bits: inhibit time and event timer
 TIME_BITS = {objects.INHIBIT_TIME: 16, objects.EVENT_TIMER: 16}
+#: sub-index -> bits: number of mapped objects, and the mapped objects
 MAPPING_BITS = {0: 8} | dict.fromkeys(range(1, objects.MAX_PDO_BITS + 1), 32)
 
 
 def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> None:
-    """Raise ConfigurationError where ``layout`` and the EDS named ``eds`` disagree, or the EDS cannot be used."""
+    """Raise ConfigurationError if layout and EDS disagree, or if the EDS cannot be used."""
     for check in eds_checks(dictionary, layout, eds):
         check()
 
 
 def eds_checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> Iterator[Callable[[], object]]:
-    """Give the rules, each as a call that raises ConfigurationError: the first problem of an object, or of a TPDO."""
+    """Yield the rules as functions. Each raises ConfigurationError for the first problem of an object or a TPDO."""
     text = EdsText(eds)
     yield partial(identity_of, dictionary, eds)
     yield partial(_check_value, dictionary, objects.PRODUCER_HEARTBEAT_TIME, 16, text)
@@ -105,7 +116,7 @@ def eds_checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> It
 
 
 def _check_value(dictionary: ObjectDictionary, index: int, bits: int, text: EdsText) -> None:
-    """An object that may be absent must be a single value of at least ``bits`` bits."""
+    """Check that an object is absent or a single value with at least ``bits`` bits."""
     if index not in dictionary:
         return
     entry = dictionary[index]
@@ -116,7 +127,7 @@ def _check_value(dictionary: ObjectDictionary, index: int, bits: int, text: EdsT
 
 
 def _check_record(dictionary: ObjectDictionary, index: int, bits: dict[int, int], where: str, text: EdsText) -> None:
-    """A record, or an array, whose subs have at least ``bits`` bits."""
+    """Check that an object is a record or array whose sub-indices have at least ``bits`` bits."""
     if index not in dictionary:
         raise ConfigurationError(where, expected=f'object 0x{index:04X} in {text.eds}', got='no such object',
                                  remedy='Correct the TPDO number, or use the EDS that belongs to this skin.')
@@ -154,7 +165,7 @@ def _check_mapping(dictionary: ObjectDictionary, tpdo: TpdoLayout, where: str, t
 
 
 def _check_elements(dictionary: ObjectDictionary, mapped: MappedObject, text: EdsText) -> None:
-    """canopen makes up what an ARRAY does not list: from sub 1, or, without it, not at all."""
+    """Check the unlisted elements of an ARRAY. canopen makes them up from sub 1; without sub 1, it makes up none."""
     title, sub = f'{mapped.index:04X}', mapped.subindex
     entry = dictionary[mapped.index] if mapped.index in dictionary else None
     if not isinstance(entry, ODArray) or text.entry(title) is None or text.entry(f'{title}sub{sub:X}') is not None:
@@ -169,11 +180,11 @@ def _check_elements(dictionary: ObjectDictionary, mapped: MappedObject, text: Ed
 
 
 def _check_mappable(variable: ODVariable, text: EdsText) -> None:
-    """What a TPDO sends must be readable from the network's side, and PDOMapping must not forbid it (CiA 306)."""
+    """Check that the network can read an object that a TPDO sends, and that PDOMapping does not forbid it (CiA 306)."""
     title = f'{variable.index:04X}'
     section = f'{title}sub{variable.subindex:X}'
-    section = section if text.entry(section) is not None else title  # VAR, CompactSubObj
-    if variable.access_type in ('wo', 'rww'):  # only a client writes these; rww may be in an RPDO
+    section = section if text.entry(section) is not None else title  # for a VAR or CompactSubObj
+    if variable.access_type in ('wo', 'rww'):  # the network can only write these; rww is for RPDOs
         refuse_eds(text.eds, text.place(section, 'AccessType'), got=variable.access_type,
                    expected='ro, rw, rwr or const for an object that a TPDO sends')
     if text.number(section, 'PDOMapping') == 0:

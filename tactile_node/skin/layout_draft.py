@@ -1,4 +1,4 @@
-"""A skin layout as far as an EDS says it; what is guessed or missing is marked."""
+"""Draft a skin layout from an EDS, and mark the values that are guessed or missing."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -16,17 +16,25 @@ from tactile_node.skin.layout import MAX_SIDE, MappedObject
 
 @dataclass(frozen=True)
 class EdsTpdo:
-    """One TPDO of an EDS; None for what the EDS does not give."""
+    """One TPDO of an EDS."""
 
     number: int
-    cob_id: objects.CobId | None
+    cob_id: objects.CobId | None  #: None if the EDS does not give it
     mapping: tuple[MappedObject, ...]
-    unknown: int   #: mapped objects that the EDS counts and does not name
-    is_mpdo: bool  #: in source addressing mode: it maps nothing itself
+    unknown: int   #: number of mapped objects that the EDS counts but does not name
+    is_mpdo: bool  #: True for source addressing mode, in which the TPDO itself maps nothing
 
 
 def eds_tpdos(dictionary: ObjectDictionary, node_id: int) -> list[EdsTpdo]:
-    """Return the TPDOs of an EDS that was read for ``node_id``, by number."""
+    """Return the TPDOs of an EDS, sorted by number.
+
+    Parameters
+    ----------
+    dictionary
+        Object dictionary from the EDS.
+    node_id
+        Node-ID for which the EDS was read.
+    """
     found = []
     for number in range(1, objects.MAX_TPDOS + 1):
         communication, mapping = objects.TPDO_COMMUNICATION + number - 1, objects.TPDO_MAPPING + number - 1
@@ -42,7 +50,7 @@ def eds_tpdos(dictionary: ObjectDictionary, node_id: int) -> list[EdsTpdo]:
 
 
 def variable_of(dictionary: ObjectDictionary, index: int, sub: int) -> ODVariable | None:
-    """Return one value of an EDS; None where it is not there."""
+    """Return one value of an EDS, or None if the EDS does not contain it."""
     entry = dictionary[index] if index in dictionary else None
     if isinstance(entry, ODVariable):
         return entry if sub == 0 else None
@@ -62,19 +70,19 @@ def _cob_id(dictionary: ObjectDictionary, index: int, node_id: int) -> objects.C
     return objects.CobId(base & objects.ID_MASK, bool(variable.relative))
 
 
-FILL_IN = 'FILL IN'     #: marks what an EDS cannot say
-GUESS = 'GUESS'         #: marks what it does not say
-MAX_BITS = 32           #: that a taxel has
-TAXELS_IN_LINE = 6
+FILL_IN = 'FILL IN'     #: mark for a value that no EDS contains
+GUESS = 'GUESS'         #: mark for a value that this EDS does not contain
+MAX_BITS = 32           #: largest number of bits per taxel
+TAXELS_IN_LINE = 6      #: number of taxels per line of a list
 
 
 @dataclass(frozen=True)
 class Known:
-    """What the user knows of the skin; None: it is guessed."""
+    """Facts that the user knows about the skin; None means that a fact is guessed."""
 
     rows: int | None = None
     cols: int | None = None
-    bits: int | None = None  #: that a taxel has
+    bits: int | None = None  #: bits per taxel
 
 
 @dataclass(frozen=True)
@@ -85,9 +93,23 @@ class PadShape:
 
 
 def draft(dictionary: ObjectDictionary, node_id: int, eds: str, known: Known) -> str:
-    """Return the YAML of a layout for the EDS named ``eds``, which was read for ``node_id``.
+    """Return the YAML text of a layout draft.
 
-    Raises ConfigurationError where the EDS maps nothing that could be taxels, or more than ``known`` has room for.
+    Parameters
+    ----------
+    dictionary
+        Object dictionary from the EDS.
+    node_id
+        Node-ID for which the EDS was read.
+    eds
+        Name of the EDS.
+    known
+        Facts that the user knows about the skin.
+
+    Raises
+    ------
+    ConfigurationError
+        If the EDS maps no object that could hold taxels, or more taxels than ``known`` allows.
     """
     tpdos = eds_tpdos(dictionary, node_id)
     bits = known.bits or _commonest_width(tpdos, eds)
@@ -116,7 +138,7 @@ def _commonest_width(tpdos: list[EdsTpdo], eds: str) -> int:
 
 
 def _starts(mapping: tuple[MappedObject, ...], bits: int, *, is_packed: bool) -> list[int]:
-    """Return where taxels start: at each object of so many ``bits``, or one behind the other."""
+    """Return the first bit of each taxel: of each object with ``bits`` bits, or, if packed, one after another."""
     total = min(sum(mapped.bits for mapped in mapping), objects.MAX_PDO_BITS)
     if is_packed:
         return list(range(0, total - bits + 1, bits))
@@ -150,21 +172,21 @@ def _is_signed(dictionary: ObjectDictionary, tpdos: list[EdsTpdo], bits: int) ->
 
 def _head(eds: str, taxels: int, shape: PadShape, is_width_guessed: bool, bits: int, signed: bool) -> Iterator[str]:
     guess = f'  # {GUESS}: the EDS maps {taxels} taxels; give --rows or --cols' if shape.is_guess else ''
-    yield f'# Draft of a skin layout, from {eds}. Replace what is marked {FILL_IN} and compare what is marked {GUESS}'
-    yield "# with the device's manual; then: tactile check THIS_FILE EDS. The keys are explained in sim16x16.yaml."
+    yield f'# Draft of a skin layout, from {eds}. Replace the values marked {FILL_IN}, and verify those marked {GUESS}'
+    yield "# with the device's manual. Then run: tactile check THIS_FILE EDS. sim16x16.yaml explains the keys."
     yield f'rows: {shape.rows}{guess}'
     yield f'cols: {shape.cols}{guess}'
-    yield f'pitch: 1.0  # {FILL_IN}: between the centres of neighbouring taxels [m]'
-    yield f'finger_ends: []  # {GUESS}: the finger goes on beyond the skin at every side, see sim16x16.yaml'
+    yield f'pitch: 1.0  # {FILL_IN}: distance between the centres of neighbouring taxels [m]'
+    yield f'finger_ends: []  # {GUESS}: the finger extends beyond the skin at every side, see sim16x16.yaml'
     yield 'value:'
     yield f'  unit: Pa  # {FILL_IN}: Pa, N, or 1 for on/off taxels'
     yield f'  scale: 1.0  # {FILL_IN}: unit per count'
     yield f'  offset: 0  # {FILL_IN}: counts without load'
-    yield f'  bits: {bits}' + (f'  # {GUESS}: the commonest width of a mapped object; give --bits' if is_width_guessed
+    yield f'  bits: {bits}' + (f'  # {GUESS}: most common width of a mapped object; give --bits' if is_width_guessed
                                else '')
     yield f'  signed: {str(signed).lower()}  # by the types in the EDS'
-    yield f'  pressure: rising  # {GUESS}: or falling, where counts fall under pressure'
-    yield f'# {GUESS}: taxels row by row, in the order in which the TPDOs map them; TPDOs sent by number'
+    yield f'  pressure: rising  # {GUESS}: or falling, if counts fall under pressure'
+    yield f'# {GUESS}: the TPDOs map the taxels row by row, and the device sends its TPDOs by number'
 
 
 def _entry(tpdo: EdsTpdo, starts: list[int], place: int, cols: int) -> Iterator[str]:
@@ -185,7 +207,7 @@ def _entry(tpdo: EdsTpdo, starts: list[int], place: int, cols: int) -> Iterator[
 
 
 def _usual_cob_id(number: int) -> objects.CobId:
-    """Return the COB-ID by CiA 301, 7.5.2.36, of the first four TPDOs; beyond, one that these leave free."""
+    """Return the COB-ID of one of the first four TPDOs (CiA 301, 7.5.2.36), or a free one for any other TPDO."""
     return objects.CobId(0x180 + 0x100 * ((number - 1) % 4) + (number - 1) // 4, True)
 
 

@@ -1,4 +1,4 @@
-"""Reads a skin layout from YAML; ``config/sim16x16.yaml`` shows every key with its meaning."""
+"""Read a skin layout from YAML. Comments in ``config/sim16x16.yaml`` and the other layouts explain the keys."""
 
 from dataclasses import replace
 from functools import partial
@@ -27,26 +27,38 @@ from tactile_node.yaml_section import Section, load_mapping, shown
 
 
 class Shift(NamedTuple):
-    """How far a repetition is from the entry as it is written."""
+    """Offset of a repetition from the entry as it is written."""
 
     number: int = 0
     cob_id: int = 0
     object: int = 0
     sub: int = 0
     node: int = 0
-    down: int = 0   #: rows that all taxels move by
-    right: int = 0
+    down: int = 0   #: number of rows by which all taxels move
+    right: int = 0  #: number of columns by which all taxels move
 
 
-#: what each step may be at most, either way
+#: largest absolute value of each step
 LARGEST_STEPS = {'number': objects.MAX_TPDOS, 'cob_id': objects.ID_MASK, 'object': objects.MAX_INDEX,
                  'sub': objects.MAX_SUBINDEX, 'node': objects.MAX_NODE_ID}
 
 
 def repeat_tpdos(section: Section, tpdos: tuple[TpdoLayout, ...]) -> tuple[TpdoLayout, ...]:
-    """Return the ``tpdos`` of an entry in all repetitions that its key ``repeat`` asks for, the last loop fastest.
+    """Return all repetitions that the key ``repeat`` of an entry asks for.
 
-    Raises ConfigurationError, also where a repetition leaves the range of a number.
+    If there are several loops, the last one runs fastest.
+
+    Parameters
+    ----------
+    section
+        Entry of the layout.
+    tpdos
+        TPDOs of the entry as it is written.
+
+    Raises
+    ------
+    ConfigurationError
+        If ``repeat`` is wrong, or if a number of a repetition is out of range.
     """
     if (written := section.take('repeat', None)) is None:
         return tpdos
@@ -56,7 +68,7 @@ def repeat_tpdos(section: Section, tpdos: tuple[TpdoLayout, ...]) -> tuple[TpdoL
     for loop in loops:
         count, step = _loop(loop)
         total *= count
-        if total > objects.MAX_TPDOS:  # bounds what a mistyped layout can allocate
+        if total > objects.MAX_TPDOS:  # so that a typing error cannot allocate too much memory
             section.refuse('repeat', expected=f'at most {objects.MAX_TPDOS} repetitions', got=f'{total} or more',
                            remedy='Correct the counts.')
         shifts.append([Shift._make(i * part for part in step) for i in range(count)])
@@ -95,13 +107,21 @@ def _check(section: Section, key: str, value: int, low: int, high: int) -> None:
                        got=f'{value}' if value < 0 else f'{value}, 0x{value:X}', remedy=f'Correct count or {key}.')
 
 
-UNITS = ('Pa', 'N', '1')  # '1': on/off
+UNITS = ('Pa', 'N', '1')  #: units of the values; '1' means on/off
 
 
 def load_layout(path: str | Path) -> SkinLayout:
-    """Read a skin layout; ``path`` is a file or the name of one in ``config/``.
+    """Read a skin layout and check it.
 
-    Raises ConfigurationError naming file and key for anything wrong: see the module ``layout_rules``.
+    Parameters
+    ----------
+    path
+        Path of the layout, or the name of a layout in ``config/``.
+
+    Raises
+    ------
+    ConfigurationError
+        If the layout breaks a rule of the module ``layout_rules``. The error names file and key.
     """
     layout = read_layout(path)
     for check in layout_checks(layout):
@@ -110,7 +130,7 @@ def load_layout(path: str | Path) -> SkinLayout:
 
 
 def read_layout(path: str | Path) -> SkinLayout:
-    """Read a skin layout as it is written, whether or not it obeys the rules. Raises ConfigurationError."""
+    """Read a skin layout without checking it against the rules. Raises ConfigurationError for wrong syntax."""
     path = config_path(str(path))
     top = load_mapping(path, 'a skin layout')
     rows = top.integer('rows', 1, MAX_SIDE)
@@ -134,12 +154,12 @@ def read_layout(path: str | Path) -> SkinLayout:
 
 
 def _finger_ends(top: Section) -> SkinSide:
-    """Read ``finger_ends``: the sides at which the finger ends with the skin."""
+    """Read ``finger_ends``: the sides at which the finger ends together with the skin."""
     named = top.sequence('finger_ends', [])
     for name in named:
         if name not in tuple(SIDES):
             top.refuse('finger_ends', expected=f'some of {", ".join(SIDES)}', got=shown(name),
-                       remedy='Name the sides at which the finger ends with the skin; [] where it goes on everywhere.')
+                       remedy='Name the sides at which the finger ends with the skin, or [] if there is no such side.')
     return SkinSide(sum(side for name, side in SIDES.items() if name in named))
 
 
@@ -157,7 +177,7 @@ def _value_format(section: Section) -> ValueFormat:
 
 
 def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
-    """Read ``domain``: where the object is and how the taxels lie in it, row by row or column by column."""
+    """Read ``domain``: the object, and the order of the taxels in it (row by row or column by column)."""
     if top.take('domain', None) is None:
         return None
     section = top.section('domain')
@@ -173,7 +193,10 @@ def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
 
 
 def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
-    """Read one entry of ``tpdos``: a plain TPDO, all rows of a multiplexed one, or a run of MPDOs, each repeated."""
+    """Read one entry of ``tpdos``, with its repetitions.
+
+    An entry is a plain TPDO, all rows of a multiplexed TPDO, or a run of MPDOs.
+    """
     number = section.integer('number', 1, objects.MAX_TPDOS)
     cob_id = _cob_id(section)
     node = section.integer('node', 0, objects.MAX_NODE_ID - 1, 0)
@@ -196,7 +219,7 @@ def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
 
 
 def _repeats(run: Section, most: int) -> list[tuple[int, int]]:
-    """Read ``count`` and ``step``: how far [row, col] each frame's taxels are from the first's."""
+    """Read ``count`` and ``step``; return for each frame the offset [row, col] of its taxels from the first frame."""
     count = run.integer('count', 1, most)
     down, right = run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
     run.done()
@@ -215,11 +238,11 @@ def _cob_id(section: Section) -> objects.CobId:
     except ValueError:
         section.refuse('cob_id', expected="an 11-bit COB-ID such as 0x1A0 or '$NODEID+0x180'",
                        got=shown(written),
-                       remedy='Write it as in the EDS, without the flags of bits 29 to 31.')
+                       remedy='Write it as in the EDS, but without the flags in bits 29 to 31.')
 
 
 def _mapping(section: Section) -> tuple[MappedObject, ...]:
-    """Read ``map``: a list of [index, sub, bits], or {object, sub, bits, count} for consecutive subs."""
+    """Read ``map``: a list of [index, sub, bits], or {object, sub, bits, count} for consecutive sub-indices."""
     written = section.take('map')
     if isinstance(written, dict):
         run = section.subsection('map', written)

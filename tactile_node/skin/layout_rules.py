@@ -1,4 +1,4 @@
-"""The rules that a skin layout must obey beyond its syntax; each violation is a ConfigurationError."""
+"""Rules for skin layouts beyond their syntax. Each violation is a ConfigurationError."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -11,7 +11,7 @@ from tactile_node.skin.layout import DomainLayout, EventDriven, SkinLayout, Tpdo
 
 
 def collect_errors(checks: Iterable[Callable[[], object]]) -> list[ConfigurationError]:
-    """Make every check and return what they raise."""
+    """Run every check and return the errors that they raise."""
     found = []
     for check in checks:
         try:
@@ -21,11 +21,11 @@ def collect_errors(checks: Iterable[Callable[[], object]]) -> list[Configuration
     return found
 
 
-PITCHES = 0.0003, 0.025  #: skins on the market have, with room [m]
+PITCHES = 0.0003, 0.025  #: smallest and largest usual pitch [m]; skins on the market lie well within
 
 
 def layout_checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:
-    """Give the rules, each as a call that raises ConfigurationError: the first problem of a rule, or of a TPDO."""
+    """Yield the rules as functions. Each raises ConfigurationError for the first problem of a rule or a TPDO."""
     yield partial(_check_pitch, layout)
     if layout.event_driven is not None:
         yield partial(_check_event_driven, layout, layout.event_driven)
@@ -51,7 +51,7 @@ def _check_pitch(layout: SkinLayout) -> None:
     least, most = PITCHES
     if not (least <= layout.pitch <= most or layout.unusual_pitch):
         _refuse(layout, 'pitch', expected=f'{least:g} to {most:g} m', got=f'{layout.pitch:g} m',
-                remedy='Write it in metres, 2 mm as 0.002. Where it is meant, add "unusual_pitch: true".')
+                remedy='Write it in metres: 2 mm is 0.002. If the value is correct, add "unusual_pitch: true".')
 
 
 def _check_tpdos(layout: SkinLayout) -> None:
@@ -69,14 +69,14 @@ def _check_event_driven(layout: SkinLayout, event: EventDriven) -> None:
     if not event.is_sweeps:
         if event.max_age <= event.event_timer:
             _refuse(layout, 'event_driven.max_age', expected=f'more than the event timer, {event.event_timer:g} s',
-                    got=f'{event.max_age:g}', remedy='Values that have not changed come again after the event timer.')
+                    got=f'{event.max_age:g}', remedy='A TPDO without changes is repeated only after the event timer.')
         return
     if layout.nodes > 1:
-        _refuse(layout, 'event_driven.frames', expected='snapshots, as without SYNC the nodes scan at different times',
+        _refuse(layout, 'event_driven.frames', expected='snapshots, because nodes without SYNC scan at different times',
                 got='sweeps', remedy='Write snapshots.')
     if 0 < event.event_timer < event.period:
         _refuse(layout, 'event_driven.period', expected=f'at most the event timer, {event.event_timer:g} s',
-                got=f'{event.period:g}', remedy='It is the least time between the beginnings of two sweeps.')
+                got=f'{event.period:g}', remedy='The period is the shortest time between the beginnings of two sweeps.')
     frames = Counter(tpdo.number for tpdo in layout.tpdos)
     if frames and (least := event.inhibit_time * (max(frames.values()) - 1)) > event.sweep_time:
         _refuse(layout, 'event_driven.inhibit_time', expected=f'a whole sweep within {event.sweep_time:g} s',
@@ -86,14 +86,14 @@ def _check_event_driven(layout: SkinLayout, event: EventDriven) -> None:
 
 def _check_node(layout: SkinLayout, node: int, own: list[TpdoLayout]) -> None:
     if not own:
-        _refuse(layout, 'tpdos', expected=f'a TPDO of each of the {layout.nodes} nodes', got=f'none with node: {node}',
+        _refuse(layout, 'tpdos', expected=f'a TPDO for each of the {layout.nodes} nodes', got=f'none with node: {node}',
                 remedy='Give each TPDO its "node", or correct "nodes".')
 
 
 def _check_domain(layout: SkinLayout, domain: DomainLayout) -> None:
     if layout.tpdos or layout.nodes > 1:
-        _refuse(layout, 'domain', expected='no "tpdos" beside it and one node', got='tpdos or nodes',
-                remedy='Choose which of the two carries the taxels.')
+        _refuse(layout, 'domain', expected='a single node and no "tpdos" beside the domain', got='tpdos or nodes',
+                remedy='Choose whether the domain or TPDOs carry the taxels.')
     for field in domain.taxels:
         _check_inside(layout, 'domain.taxels', field.row, field.col)
         if (end := field.start_bit + layout.value.bits) > 8 * domain.length:
@@ -116,7 +116,7 @@ def _check_tpdo(layout: SkinLayout, key: str, tpdo: TpdoLayout) -> None:
                 got=str(tpdo.node), remedy='Correct it, or "nodes".')
     if not 1 <= mapped <= MAX_PDO_BITS:
         _refuse(layout, f'{key}.map', expected=f'1..{MAX_PDO_BITS} mapped bits in one TPDO', got=f'{mapped} bits',
-                remedy='Share the objects among more TPDOs.')
+                remedy='Distribute the objects over more TPDOs.')
     if not tpdo.cob_id.relative and (use := reserved_for(tpdo.cob_id.base)):
         _refuse(layout, f'{key}.cob_id', expected='a COB-ID that a PDO may use',
                 got=f'{tpdo.cob_id}, which CiA 301 reserves: {use}',
@@ -159,7 +159,7 @@ def _check_unique_taxels(layout: SkinLayout) -> None:
 
 
 def _distinct_pdos(layout: SkinLayout) -> list[TpdoLayout]:
-    """Return the TPDOs; of frames that are one multiplexed PDO only the first."""
+    """Return the TPDOs; if several frames belong to one multiplexed PDO, only the first of them."""
     first: dict[object, TpdoLayout] = {}
     for rank, tpdo in enumerate(layout.tpdos):
         mapping = None if tpdo.is_mpdo else tpdo.mapping
@@ -188,7 +188,7 @@ def _check_unique(layout: SkinLayout, key: str, values: list[tuple[object, str]]
 def _check_sync(layout: SkinLayout) -> None:
     if use := reserved_for(layout.sync_cob_id):
         _refuse(layout, 'sync_cob_id', expected='a COB-ID that SYNC may use', got=f'0x{layout.sync_cob_id:03X}: {use}',
-                remedy=f'Use 0x{SYNC:03X} unless the device is set otherwise.')
+                remedy=f'Use 0x{SYNC:03X}, unless the device is configured otherwise.')
 
 
 def _refuse(layout: SkinLayout, key: str, *, expected: str, got: str, remedy: str) -> NoReturn:

@@ -1,4 +1,4 @@
-"""One object's value as text, and its place in an EDS by name."""
+"""Convert the value of an object to and from text, and find objects of an EDS by name."""
 
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODVariable, datatypes
@@ -6,7 +6,7 @@ from canopen.objectdictionary import ODVariable, datatypes
 from tactile_node.cia301.objects import ObjectAddress
 from tactile_node.skin.layout import raw_range
 
-#: data types (CiA 301, 7.4.7) as they are written on a command line; hex: bytes as they are on the wire
+#: name on the command line -> data type (CiA 301, 7.4.7); hex: the bytes in the order of the wire
 TYPES = {'bool': datatypes.BOOLEAN, 'str': datatypes.VISIBLE_STRING, 'hex': datatypes.DOMAIN,
          **{f'u{bits}': getattr(datatypes, f'UNSIGNED{bits}') for bits in (8, 16, 24, 32, 40, 48, 56, 64)},
          **{f'i{bits}': getattr(datatypes, f'INTEGER{bits}') for bits in (8, 16, 24, 32, 40, 48, 56, 64)},
@@ -17,7 +17,7 @@ Value = int | float | str
 
 
 class WrongValueError(ValueError):
-    """A text or bytes that are no value of a type; ``expected`` says what would be."""
+    """A text or bytes that are not a value of a type; ``expected`` describes a valid value."""
 
     def __init__(self, expected: str):
         super().__init__(expected)
@@ -25,7 +25,7 @@ class WrongValueError(ValueError):
 
 
 def type_name(data_type: int | None) -> str:
-    """Return the name in TYPES; 'hex' for a type that is not there.
+    """Return the name of a data type in TYPES; 'hex' for a type that TYPES lacks.
 
     >>> type_name(0x0006), type_name(0x000F)
     ('u16', 'hex')
@@ -34,13 +34,23 @@ def type_name(data_type: int | None) -> str:
 
 
 def encode_value(name: str, text: str) -> bytes:
-    """Return the bytes on the wire of ``text``, a value of the type ``name``. Raises WrongValueError.
+    """Return the bytes on the wire for a value. Raises WrongValueError.
+
+    Parameters
+    ----------
+    name
+        Name of the type in TYPES.
+    text
+        Value as text.
+
+    Examples
+    --------
 
     >>> encode_value('u16', '0x64'), encode_value('i8', '-1'), encode_value('hex', 'DE ad')
     (b'd\\x00', b'\\xff', b'\\xde\\xad')
     """
     variable = _variable(name)
-    if not text.strip():  # canopen would send nothing
+    if not text.strip():  # canopen would send no bytes
         raise WrongValueError(_expected(name))
     try:
         if name == 'hex':
@@ -55,7 +65,17 @@ def encode_value(name: str, text: str) -> bytes:
 
 
 def decode_value(name: str, data: bytes) -> Value:
-    """Return the value of ``data``; WrongValueError where they are no value of the type ``name``.
+    """Return the value of bytes from the wire. Raises WrongValueError.
+
+    Parameters
+    ----------
+    name
+        Name of the type in TYPES.
+    data
+        Bytes.
+
+    Examples
+    --------
 
     >>> decode_value('i16', bytes.fromhex('FEFF')), decode_value('hex', bytes.fromhex('0100'))
     (-2, '0100')
@@ -72,14 +92,14 @@ def decode_value(name: str, data: bytes) -> Value:
 
 
 def find_named(dictionary: ObjectDictionary, name: str) -> list[ObjectAddress]:
-    """Return every value of an EDS that is called so: 'Identity.Vendor-ID', or 'Vendor-ID' alone, in any case."""
+    """Return every value in an EDS with this name: 'Identity.Vendor-ID' or just 'Vendor-ID', in any case."""
     wanted = name.strip().lower()
     return [ObjectAddress(variable.index, variable.subindex) for variable in _variables(dictionary)
             if wanted in (variable.qualname.lower(), variable.name.lower())]
 
 
 def find_declared(dictionary: ObjectDictionary, address: ObjectAddress) -> ODVariable | None:
-    """Return what an EDS says of a value; None where it has none."""
+    """Return the declaration of a value in an EDS, or None if the EDS has none."""
     return next((variable for variable in _variables(dictionary)
                  if ObjectAddress(variable.index, variable.subindex) == address), None)
 
@@ -109,7 +129,7 @@ def _expected(name: str) -> str:
 
 
 def _text(data: bytes) -> str:
-    """CiA 301 has ASCII; devices also send UTF-8 or their national code page."""
+    """Decode a text. CiA 301 allows only ASCII, but devices also send UTF-8 or a national code page."""
     try:
         return data.decode()
     except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""The pads of one CAN bus: their names, node-IDs, layouts and EDS, and whether they can share it."""
+"""The pads of one CAN bus with their names, node-IDs, layouts and EDS. Check that they can share the bus."""
 
 import itertools
 from collections.abc import Sequence
@@ -17,9 +17,9 @@ from tactile_node.skin.layout_file import load_layout
 
 @dataclass(frozen=True)
 class PadSettings:
-    """One pad: its name, the node-IDs of the CANopen nodes that make it up, and what their TPDOs mean.
+    """One pad: its name, the node-IDs of its CANopen nodes, and its layout.
 
-    This is all that a recorded log needs; a live bus needs a ``LivePad``.
+    A recorded log needs no more than this. A live bus needs a `LivePad`.
     """
 
     name: str
@@ -32,36 +32,49 @@ class CanopenNode:
     """One CANopen node of a pad on a live bus."""
 
     node_id: int
-    pad: str  #: the name of its pad
-    position: int  #: among the pad's nodes, from 0
-    layout: SkinLayout  #: the part of the pad's layout that this node sends
-    eds: str  #: path
-    dictionary: ObjectDictionary = field(repr=False, compare=False)  #: the EDS, read for this node-ID
+    pad: str  #: name of its pad
+    position: int  #: number of the node among the pad's nodes, from 0
+    layout: SkinLayout  #: part of the pad's layout that this node sends
+    eds: str  #: path of the EDS
+    dictionary: ObjectDictionary = field(repr=False, compare=False)  #: object dictionary from the EDS for this node-ID
 
     @property
     def label(self) -> str:
-        """The node and its pad, for messages."""
+        """Node and pad, for messages."""
         return f'node {self.node_id} (pad {self.pad!r})'
 
 
 @dataclass(frozen=True)
 class LivePad(PadSettings):
-    """A pad on a live bus: each of its nodes has an object dictionary."""
+    """A pad on a live bus, with an object dictionary for each of its nodes."""
 
     nodes: tuple[CanopenNode, ...]
 
 
 def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> LivePad:
-    """Make the pad of one node, with its EDS; see ``make_pads``."""
+    """Return a pad with a single node and its EDS; see `make_pads`."""
     return with_dictionaries(make_pads([layout], [node_id], [name]), [eds])[0]
 
 
 def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[str] = ()) -> tuple[PadSettings, ...]:
-    """Make pads from their layouts alone, as a log needs them.
+    """Return pads without an EDS, as a log needs them.
 
-    Each pad takes, in order, as many of ``node_ids`` as its layout has nodes; one layout may serve all pads. A pad
-    without a name is named after its first node: pad32. Raises ConfigurationError, also when the numbers do not match.
+    Parameters
+    ----------
+    layouts
+        Layout of each pad, or one layout for all pads.
+    node_ids
+        Node-IDs of all pads. Each pad takes as many of them, in order, as its layout has nodes.
+    names
+        Name of each pad. Without names, a pad is named after its first node: pad32.
 
+    Raises
+    ------
+    ConfigurationError
+        If a layout is wrong, or if the numbers of layouts, node-IDs and names do not match.
+
+    Examples
+    --------
     >>> [(pad.name, pad.node_ids) for pad in make_pads(['sim16x16.yaml'], [32, 64])]
     [('pad32', (32,)), ('pad64', (64,))]
     """
@@ -72,7 +85,7 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
         needed = ' + '.join(str(layout.nodes) for layout in loaded)
         raise ConfigurationError('node-IDs', expected=f"a node-ID for each of the pads' nodes: {needed} of them",
                                  got=str(list(node_ids)),
-                                 remedy='Give one for each pad; several where its layout has "nodes".')
+                                 remedy='Give one for each pad, or several if its layout has "nodes".')
     left = iter(node_ids)
     shared = [tuple(itertools.islice(left, layout.nodes)) for layout in loaded]
     pads = tuple(PadSettings(name, shares, layout) for name, shares, layout
@@ -83,18 +96,40 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
 
 
 def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> tuple[LivePad, ...]:
-    """Give each pad its EDS (default: the layout's name with .eds), as a live bus needs it, and check that they agree.
+    """Return the pads with their EDS, as a live bus needs them, and check that EDS and layout agree.
 
-    One EDS serves all nodes of a pad; it is read for the node-ID of each. Raises ConfigurationError.
+    Parameters
+    ----------
+    pads
+        Pads without an EDS.
+    eds
+        EDS of each pad, or one for all pads. It is read for each node of a pad. '' stands for the layout's name with
+        the suffix .eds.
+
+    Raises
+    ------
+    ConfigurationError
+        If an EDS cannot be read, or does not agree with the layout.
     """
     return tuple(_with_dictionary(pad, path) for pad, path in zip(pads, one_for_each('eds', eds, pads)))
 
 
 def identities_of(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> dict[str, Identity]:
-    """Return the identity in each pad's EDS, by the pad's name.
+    """Return the identity in the EDS of each pad, by pad name.
 
-    A log needs no EDS: a pad without one beside its layout is left out. Raises ConfigurationError for one that was
-    given or is there, but cannot be read.
+    A log needs no EDS, so a pad without an EDS beside its layout is left out.
+
+    Parameters
+    ----------
+    pads
+        Pads of the log.
+    eds
+        EDS of each pad, or one for all pads; '' stands for the layout's name with the suffix .eds.
+
+    Raises
+    ------
+    ConfigurationError
+        If an EDS that was given, or that exists, cannot be read.
     """
     paths = zip(pads, one_for_each('eds', eds, pads))
     read = [(pad, _eds_path(pad, path)) for pad, path in paths if path or is_found(_eds_path(pad, path))]
@@ -102,18 +137,18 @@ def identities_of(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> di
 
 
 def check_node_ids(pad: PadSettings) -> None:
-    """Raise ConfigurationError for node-IDs out of range, or another number of them than the layout has nodes."""
+    """Raise ConfigurationError if a node-ID is out of range, or if their number differs from the layout's nodes."""
     for node_id in pad.node_ids:
         if not MIN_NODE_ID <= node_id <= MAX_NODE_ID:
             raise ConfigurationError(f'pad {pad.name!r}', expected=f'a node-ID {MIN_NODE_ID}..{MAX_NODE_ID}',
-                                     got=str(node_id), remedy='Give the node-ID set on the device.')
+                                     got=str(node_id), remedy='Give the node-ID that is set on the device.')
     if len(pad.node_ids) != pad.layout.nodes:
         raise ConfigurationError(f'pad {pad.name!r}', expected=f'{pad.layout.nodes} node-IDs for {pad.layout.source}',
-                                 got=str(list(pad.node_ids)), remedy='Give one for each of its nodes.')
+                                 got=str(list(pad.node_ids)), remedy='Give one node-ID for each node.')
 
 
 def one_for_each(what: str, given: Sequence[str], pads: Sequence[object]) -> list[str]:
-    """Return a value for each pad from one for all or one each. Raises ConfigurationError otherwise."""
+    """Return one value per pad. Raises ConfigurationError unless one value, or one per pad, was given."""
     if len(given) not in (1, len(pads)):
         raise ConfigurationError(what, expected=f'one value, or one for each of the {len(pads)} pads',
                                  got=str(list(given)), remedy='Give as many values as pads.')
@@ -134,7 +169,7 @@ def _with_dictionary(pad: PadSettings, path: str) -> LivePad:
 
 
 def check_pads(pads: tuple[PadSettings, ...]) -> None:
-    """Raise ConfigurationError when these pads cannot share one bus."""
+    """Raise ConfigurationError if these pads cannot share one bus."""
     if not pads:
         raise ConfigurationError('pads', expected='at least one pad on the bus', got='none',
                                  remedy='Name a pad.')
@@ -154,7 +189,7 @@ def check_pads(pads: tuple[PadSettings, ...]) -> None:
 
 
 def live_pads(pads: tuple[PadSettings, ...]) -> tuple[LivePad, ...]:
-    """Return the same pads; ConfigurationError when one is without the EDS that a live bus needs."""
+    """Return the same pads. Raises ConfigurationError if one of them has no EDS, which a live bus needs."""
     return tuple(_live(pad) for pad in pads)
 
 
@@ -181,7 +216,7 @@ def _check_names_and_sync(pads: tuple[PadSettings, ...]) -> None:
                         ('node_id', [node_id for pad in pads for node_id in pad.node_ids])):
         if len(set(values)) != len(values):
             raise ConfigurationError('pads', expected=f'a different {key} for each', got=str(values),
-                                     remedy='Give every pad a different one.')
+                                     remedy=f'Give every pad its own {key}.')
     syncs = {pad.layout.sync_cob_id for pad in pads}
     if len(syncs) > 1:
         raise ConfigurationError('pads', expected='one SYNC COB-ID on a bus',

@@ -1,4 +1,4 @@
-"""What a TaxelArray must fulfil before it is used, from a topic or a bag, and the parts that other messages share."""
+"""Check a TaxelArray from a topic or a bag before it is used, and the fields that it shares with other messages."""
 
 import math
 from collections.abc import Sequence
@@ -11,49 +11,50 @@ from tactile_node.skin.layout import MAX_SIDE
 from tactile_node.taxel_frame import PRESS_BY_UNIT, SkinSide, TaxelStatus
 
 NANOSECONDS = 10**9
-#: By TaxelStatus, to its largest number: whether a taxel of this status has a value
+#: status code -> True if a taxel with this `TaxelStatus` has a value
 GIVES_VALUE = np.isin(np.arange(256), (TaxelStatus.VALID, TaxelStatus.SATURATED))
 
 
 class Time(Protocol):
-    """builtin_interfaces/Time or Duration."""
+    """Interface of builtin_interfaces/Time and Duration."""
 
     sec: int
     nanosec: int
 
 
 class RejectReason(IntEnum):
-    """Why a message was dropped. The codes are stable."""
+    """Reason why a message was dropped. The codes are stable."""
 
     NOT_KNOWN = 0
-    UNKNOWN_UNIT = 1  #: not "Pa", "N" or "1"
+    UNKNOWN_UNIT = 1  #: the unit is not "Pa", "N" or "1"
     NO_TAXELS = 2  #: rows or cols is 0, as in a default-constructed message
     TOO_LARGE = 3  #: more rows, columns or features than any skin has
-    WRONG_LENGTH = 4  #: an array that does not fit rows * cols, the classes or the names of its elements
-    WRONG_PITCH = 5  #: not a length > 0
-    UNKNOWN_CODE = 6  #: a number that its enumeration does not have
-    NOT_FINITE = 7  #: NaN or infinite where a number is needed
-    WRONG_PROBABILITIES = 8  #: not in 0...1, or their sum is not 1
-    WRONG_STAMP = 9  #: a time before 1970, after 2038, or with 10^9 ns and more; a duration below 0
-    INCONSISTENT = 10  #: fields that contradict each other
-    PROCESSING_FAILED = 11  #: the message passed the checks, and its processing raised an error
-    MISSING_JOINT = 12  #: one that the opening of the gripper is made of
-    IMPLAUSIBLE_OPENING = 13  #: no gripper is opened so far: a wrong sign, scale or offset
-    STAMP_AHEAD = 14  #: its stamp runs ahead of all before: a false message, or a clock that was set forward
-    WRONG_SEQUENCE = 15  #: a sequence number that cannot be yet
-    OTHER_TYPE = 16  #: a publisher of the topic has another version of the message: values are read from wrong places
-    OTHER_SOURCE = 17  #: two sources send on the topic: which of them is the right one is not known
+    WRONG_LENGTH = 4  #: the length of an array does not fit rows * cols, the classes or the names of its elements
+    WRONG_PITCH = 5  #: the pitch is not a length > 0
+    UNKNOWN_CODE = 6  #: a number is not defined in its enumeration
+    NOT_FINITE = 7  #: a number is NaN or infinite where a finite one is needed
+    WRONG_PROBABILITIES = 8  #: probabilities are not in 0...1, or their sum is not 1
+    WRONG_STAMP = 9  #: a time is before 1970, after 2038 or has 10^9 ns or more; or a duration is below 0
+    INCONSISTENT = 10  #: fields contradict each other
+    PROCESSING_FAILED = 11  #: the message passed the checks, but its processing raised an error
+    MISSING_JOINT = 12  #: a joint from which the opening of the gripper is computed is missing
+    IMPLAUSIBLE_OPENING = 13  #: no gripper opens that far: the sign, scale or offset is wrong
+    STAMP_AHEAD = 14  #: the stamp is far ahead of all earlier ones: a false message, or a clock that was set forward
+    WRONG_SEQUENCE = 15  #: this sequence number is not possible yet
+    OTHER_TYPE = 16  #: a publisher uses another version of the message, so values are read from wrong places
+    OTHER_SOURCE = 17  #: two sources publish on the topic, and it is not known which one is right
 
     @property
     def key(self) -> str:
-        """Its name in diagnostics: 'unknown_unit'."""
+        """Name of the reason in diagnostics, such as 'unknown_unit'."""
         return self.name.lower()
 
 
 def check_taxel_array(message: Any) -> RejectReason | None:
-    """Check sizes, unit, pitch, codes and stamp; a taxel has a finite value exactly where its code gives one.
+    """Return the reason why a TaxelArray must be dropped, or None if it can be used.
 
-    Fields that the definition of a bag lacks are not known.
+    The function checks sizes, unit, pitch, codes and stamps. A taxel must have a finite value exactly if its status
+    code says so. Fields that the message definition in a bag lacks are treated as not known.
     """
     return (check_grid(message.rows, message.cols, len(message.values), len(message.status))
             or check_scale(message.unit, message.pitch)
@@ -67,7 +68,7 @@ def check_taxel_array(message: Any) -> RejectReason | None:
 
 
 def check_grid(rows: int, cols: int, *lengths: int) -> RejectReason | None:
-    """Check the sides of a pad, and that arrays have an element for each taxel."""
+    """Check the number of rows and columns, and that each array has one element per taxel."""
     if not rows or not cols:
         return RejectReason.NO_TAXELS
     if max(rows, cols) > MAX_SIDE:
@@ -83,14 +84,15 @@ def check_scale(unit: str, pitch: float) -> RejectReason | None:
 
 
 def check_codes(codes: Sequence[int], last: int) -> RejectReason | None:
-    """Check that no code is above ``last``; there is at least one."""
+    """Check that no code is above ``last``. There must be at least one code."""
     return RejectReason.UNKNOWN_CODE if np.asarray(codes, np.uint8).max() > last else None
 
 
 def check_taxels(values: Sequence[float], status: Sequence[int]) -> RejectReason | None:
-    """Check that a taxel has a value where its code gives one.
+    """Check that a taxel has a value exactly if its status code says so.
 
-    A value without a code that gives one would be taken for valid, and NaN under VALID for a defect of ours.
+    Otherwise a value without a suitable code would be used as valid, and NaN with VALID would look like an error of
+    this package.
     """
     numbers = np.asarray(values, np.float32)
     if np.isinf(numbers).any():
@@ -100,14 +102,14 @@ def check_taxels(values: Sequence[float], status: Sequence[int]) -> RejectReason
 
 
 def check_layer(depth: float, deviation: float) -> RejectReason | None:
-    """Check the depth of the taxels [m]: without its deviation it would count for exact; 0: not known."""
+    """Check the depth of the taxels [m], 0 if not known. A depth without its deviation would seem to be exact."""
     if not (math.isfinite(depth) and math.isfinite(deviation)):
         return RejectReason.NOT_FINITE
     return None if depth > 0 and deviation > 0 or depth == deviation == 0 else RejectReason.INCONSISTENT
 
 
 def check_sides(sides: int) -> RejectReason | None:
-    """Check that a set of sides has no other than the four."""
+    """Check that a set of sides contains only the four known sides."""
     return RejectReason.UNKNOWN_CODE if sides > sum(SkinSide) else None
 
 

@@ -1,4 +1,4 @@
-"""Converts payloads of a pad's TPDOs, or its DOMAIN, to taxel values and back, all taxels at once."""
+"""Convert the payloads of a pad's TPDOs, or its DOMAIN, into taxel values and back, for all taxels at once."""
 
 from collections.abc import Iterable
 
@@ -10,7 +10,17 @@ from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
 
 
 class TaxelCodec:
-    """Precomputed index arrays of a layout; ``payload``: 8 bytes for each TPDO in the layout's order, or the DOMAIN.
+    """Converts between payloads and taxel values with precomputed index arrays.
+
+    A payload has 8 bytes for each TPDO, in the order of the layout; for a DOMAIN, it is the content of the object.
+
+    Parameters
+    ----------
+    layout
+        Layout of the pad.
+
+    Examples
+    --------
 
     >>> from tactile_node.skin.layout_file import load_layout
     >>> codec = TaxelCodec(load_layout('sim16x16.yaml'))
@@ -26,7 +36,7 @@ class TaxelCodec:
         self._shape = layout.rows, layout.cols
         self._value = layout.value
         self._rank = np.array([rank for rank, _ in fields], np.intp)
-        self._first = starts // 8  # the byte in which a field begins; it ends within the 8 bytes from there
+        self._first = starts // 8  # first byte of each field; a field ends within 8 bytes from it
         bit = (starts % 8).astype(np.uint64)
         self._shift = np.uint64(64 - bits) - bit if big else bit
         self._taxel = np.array([f.row * layout.cols + f.col for _, f in fields], np.intp)
@@ -40,9 +50,22 @@ class TaxelCodec:
         self._dead = dead.ravel()
 
     def decode(self, payload: bytes | bytearray, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return values (float32) and status (uint8), both (rows, cols) and read-only.
+        """Return the taxel values and their status.
 
-        ``fresh``, shape (TPDOs,), marks the payloads that belong to this period; the rest is NaN and STALE.
+        Parameters
+        ----------
+        payload
+            Payloads of all TPDOs, or the DOMAIN.
+        fresh
+            Shape (TPDOs,), True for each TPDO whose payload belongs to this period. Taxels in the others get the value
+            NaN and the status STALE.
+
+        Returns
+        -------
+        values
+            Shape (rows, cols), float32, in the layout's unit, read-only.
+        status
+            Shape (rows, cols), uint8, `TaxelStatus`, read-only.
         """
         counts = self._counts(payload)
         state = np.where(fresh[self._rank], TaxelStatus.VALID, TaxelStatus.STALE)
@@ -66,7 +89,13 @@ class TaxelCodec:
         return counts
 
     def encode(self, values: np.ndarray) -> bytes:
-        """The inverse: values (rows, cols) in the layout's unit -> payload, as the device sends it."""
+        """Return the payload that the device would send for these values.
+
+        Parameters
+        ----------
+        values
+            Shape (rows, cols), in the layout's unit.
+        """
         counts = self._value.to_counts(np.asarray(values).reshape(-1)[self._taxel])
         fields = (counts.astype(np.uint64) & self._mask) << self._shift
         parts = fields.astype(self._word).view(np.uint8).reshape(-1, 8)
@@ -76,7 +105,7 @@ class TaxelCodec:
 
 
 def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayout]) -> TaxelFrame:
-    """Return the frame with NaN and STALE for the taxels of ``carriers``, whose meaning is not known."""
+    """Return the frame with NaN and STALE for all taxels in ``carriers``, because their meaning is not known."""
     values = frame.values.copy()
     status = frame.status.copy()
     missing = frame.missing_can_frames

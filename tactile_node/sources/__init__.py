@@ -1,1 +1,1 @@
-"""Keeps a live bus and its nodes working."""
+"""Sources of taxel frames: a live bus, which is supervised and repaired, and a recorded log."""

@@ -1,4 +1,4 @@
-"""Watches what happens on a bus beside its nodes' own matters, and logs it: other masters, SYNC, overload, load."""
+"""Watch and log the events on a bus that do not concern a single node: other masters, SYNC, overload and bus load."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -15,51 +15,56 @@ from tactile_node.sources.node_traffic import BusSeen
 
 
 class OverloadWatch:
-    """Whether this process is so slow that what seems to be missing may only not be processed yet.
+    """Detects overload of this process. If it is too slow, data that seem to be missing may just wait to be processed.
 
-    ``put(call)`` makes a call on the assembler's thread after all that was received before. ``limit`` [s]: a delay
-    beyond it is an overload, which counts as one for 2 ``limit`` after its last sign.
+    Parameters
+    ----------
+    put
+        Makes a call on the assembler's thread, after the messages received before.
+    limit
+        Delay above which the process counts as overloaded [s]. The overload lasts for 2 ``limit`` after its last sign.
     """
 
     def __init__(self, put: Callable[[Callable[[], None]], None], limit: float):
         self._put = put
         self.limit = limit
-        self._put_at: float | None = None  # when the call under way was put
+        self._put_at: float | None = None  # time when the pending call was put
         self._dropped = 0
         self.kind = Overload.NOT_KNOWN
-        self._seen = -float('inf')  # the last sign
-        self._excused = -float('inf')  # after a wait for another thread
-        self.ran_again = 0.0  #: when the last stall, or wait for another thread, ended
-        self.stalls = 0  #: times that this process did not run for long
+        self._seen = -float('inf')  # time of the last sign of overload
+        self._excused = -float('inf')  # time of the last long wait for another thread
+        self.ran_again = 0.0  #: time when the last stall, or long wait for another thread, ended
+        self.stalls = 0  #: number of times that this process did not run for longer than ``limit``
 
     def restart(self) -> None:
-        """The bus was closed: the call under way is forgotten."""
+        """Forget the pending call, because the bus was closed."""
         self._put_at = None
 
     def woke(self, now: float, late: float) -> None:
-        """A wait of this process has ended ``late`` [s] after its time."""
+        """Note that a wait of this process ended ``late`` [s] after its time."""
         if late > self.limit:
             self.stalls += 1
             self.ran_again = now
             self._see(Overload.STALLED, now)
 
     def waited(self, now: float, since: float) -> None:
-        """It has waited for another thread for so long [s], and may not have run in between: no overload, but no
-        measure either.
+        """Note that this process waited ``since`` [s] for another thread, and may not have run meanwhile.
+
+        This is not an overload, but no measurement is possible either.
         """
         if since > self.limit:
             self._excused = self.ran_again = now
 
     def is_excused(self, now: float) -> bool:
-        """Whether what seems to be missing may only not be processed yet."""
+        """Return True if data that seem to be missing may just wait to be processed."""
         return self.kind.is_fault or now - self._excused <= 2 * self.limit
 
     def update(self, now: float, dropped: int) -> Overload:
-        """Return the overload now; ``dropped``: CAN frames that were not taken, so far."""
+        """Return the present overload; ``dropped`` is the number of CAN frames dropped so far."""
         if dropped != self._dropped:
             self._dropped = dropped
             self._see(Overload.DROPPED, now)
-        put_at = self._put_at  # once: the assembler's thread may set it
+        put_at = self._put_at  # read once, because the assembler's thread may change it
         if put_at is None:
             self._put_at = now
             self._put(self._reached)
@@ -77,8 +82,18 @@ class OverloadWatch:
 
 
 class SyncWatch:
-    """Own SYNCs are not received. Where this driver produces SYNC each one received is another producer's; else their
-    period is measured, and is wrong where two windows agree: the first may begin before the producer does.
+    """Checks the SYNCs on the bus. The driver does not receive its own SYNCs.
+
+    If this driver produces SYNC, every received SYNC comes from another producer. Otherwise the period of the received
+    SYNCs is measured. It counts as wrong if two windows in a row show a wrong period, because the first window may
+    begin before the producer does.
+
+    Parameters
+    ----------
+    produce_sync
+        True if this driver produces SYNC.
+    period
+        Expected period of SYNC [s].
     """
 
     def __init__(self, produce_sync: bool, period: float):
@@ -86,12 +101,12 @@ class SyncWatch:
         self._period = period
         self._received = 0
         self._foreign_at: float | None = None
-        self._begun: tuple[float, int] | None = None  # begin of the window: when, SYNCs until then
+        self._begun: tuple[float, int] | None = None  # begin of the window, number of SYNCs until then
         self._was_other = False
         self.state = SyncState()
 
     def update(self, now: float, is_active: bool, received: int) -> SyncState:
-        """Return the state by the count of SYNCs ``received`` so far."""
+        """Return the state of SYNC; ``received`` is the number of SYNCs received so far."""
         new, self._received = received - self._received, received
         if not is_active:
             self._begun, self._was_other = None, False
@@ -115,9 +130,9 @@ class SyncWatch:
         self._begun = (now, received)
         if received == before:
             self._was_other = False
-            return  # the nodes report that it is missing
+            return  # the nodes report that SYNC is missing
         period = (now - begun) / (received - before)
-        is_other = abs(period - self._period) > 0.2 * self._period  # 20 SYNCs are right to 5 %
+        is_other = abs(period - self._period) > 0.2 * self._period  # 20 SYNCs measure the period to 5 %
         fault = SyncFault.OTHER_PERIOD if is_other and self._was_other else SyncFault.NONE
         self.state, self._was_other = SyncState(fault, period=period), is_other
 
@@ -126,7 +141,21 @@ logger = logging.getLogger(__name__)
 
 
 class BusWatch:
-    """``put`` makes a call on the assembler's thread; ``data_timeout`` [s]: how long a node may be without data."""
+    """Watches one bus.
+
+    Parameters
+    ----------
+    settings
+        Settings of the bus.
+    pads
+        Pads on the bus.
+    monitor
+        Counts everything that is received on the bus.
+    put
+        Makes a call on the assembler's thread.
+    data_timeout
+        Longest time that a node may be without data [s].
+    """
 
     def __init__(self, settings: BusSettings, pads: Sequence[LivePad], monitor: BusMonitor,
                  put: Callable[[Callable[[], None]], None], data_timeout: float):
@@ -136,8 +165,10 @@ class BusWatch:
         self._pads = len(pads)
         self._planned_load = planned_load((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._bitrate = settings.bitrate
-        self._window: tuple[float, int] | None = None  # when that of the load began, bits until then
-        self.load = 0.0  #: 0..1, of the last whole window; bits with stuffing at its worst: really a fifth less or so
+        self._window: tuple[float, int] | None = None  # begin of the load's window, number of bits until then
+        #: load from 0 to 1 in the last complete window, with the worst case of bit stuffing; the real load is about a
+        #: fifth lower
+        self.load = 0.0
         self.sync = SyncWatch(settings.produce_sync, settings.sync_period)
         self.overload = OverloadWatch(put, data_timeout / 2)
         self._commands_reported = 0
@@ -146,13 +177,13 @@ class BusWatch:
         self._overload_reminder = Reminder()
 
     def opened(self) -> None:
-        """The bus was opened for the first time: log what its pads ask of it, where that is much."""
+        """Log the planned load when the bus was opened for the first time, if that load is high."""
         if self._planned_load > MOST_LOAD:
-            logger.warning('By layouts and sync_period %s. Raise sync_period, or give some of them another bus.',
+            logger.warning('By layouts and sync_period %s. Raise sync_period, or move some pads to another bus.',
                            load_text(self._planned_load, self._pads), extra={'fact': self._planned_load})
 
     def look_at_traffic(self, now: float) -> None:
-        """Take what all that is received says of load and of other masters."""
+        """Update the load, and log commands of other masters."""
         bits = self._monitor.bits
         begun, before = self._window = self._window or (now, bits)
         if now - begun >= 1.0:
@@ -164,7 +195,7 @@ class BusWatch:
             logger.error('Another NMT master has sent: %s.', command_text(command), extra={'fact': command})
 
     def look_at_counts(self, now: float, is_active: bool, statistics: BusStatistics, syncs_sent: int) -> BusSeen:
-        """Take what is counted of SYNC and of frames not processed yet; what it means for the nodes."""
+        """Update the states of SYNC and of overload, log them, and return the facts that the nodes' monitors need."""
         received = statistics.can_frames.get('sync', 0)
         if self._needs_sync:
             self.sync.update(now, is_active, received)

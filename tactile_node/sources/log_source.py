@@ -1,4 +1,4 @@
-"""Plays a recorded CAN log in place of a bus: same assemblers, same counts, the log's own stamps."""
+"""Play a recorded CAN log in place of a bus, with the same assemblers, the same counts and the stamps of the log."""
 
 import itertools
 import logging
@@ -24,17 +24,51 @@ logger = logging.getLogger(__name__)
 
 
 class LogSource:
-    """A log as FrameSource. ``pace`` 1.0 is the recorded one, 2.0 twice as fast, None as fast as possible.
+    """A log as a FrameSource.
 
-    ``on_frame`` is called in step on the replaying thread, so a slow consumer slows the log and loses
-    nothing. With ``loop`` the log begins again at its end, stamps shifted by its length. ``stop`` pauses,
-    ``start`` continues at the next CAN frame. ``finished`` is set when the log has ended, ``failure`` when it
-    could not be played to its end. ``channel`` chooses one bus of a log of several; needed where SYNC, TPDOs or the
-    pads' nodes are on two. ``on_time`` is called with the stamp [s] of each CAN frame before it is played,
-    ``on_message`` with the frame. Where the set-up in the log contradicts the layout, or the identity in the pad's EDS
-    (``eds``, one for each or for all; empty: that beside the layout), the log is not played on, unless with
-    ``any_device``. Of the log ``window`` is played; what comes before it is not judged. Raises LogError when it is
-    missing.
+    ``stop`` pauses the log, and ``start`` continues at the next CAN frame. The log is not played on if its set-up
+    contradicts the layout or the identity in the EDS.
+
+    Parameters
+    ----------
+    path
+        Path of the log.
+    pads
+        Pads whose taxel frames are assembled.
+    on_frame
+        Called with each taxel frame on the replaying thread. A slow consumer slows the log down and loses nothing.
+    pace
+        1.0 for the recorded pace, 2.0 for twice as fast, None for as fast as possible.
+    loop
+        True to start again at the end of the log, with stamps shifted by its length.
+    drop_incomplete
+        True to drop taxel frames with missing CAN frames.
+    channel
+        Bus to play if the log holds several. It is required if SYNC, TPDOs or the pads' nodes are on two buses.
+    on_time
+        Called with the stamp [s] of each CAN frame before it is played.
+    eds
+        EDS of each pad, or one for all pads; '' stands for the EDS beside the layout.
+    any_device
+        True to play the log in spite of a contradiction.
+    on_message
+        Called with each CAN frame before it is played.
+    window
+        Part of the log to play. The frames before it are not checked.
+
+    Attributes
+    ----------
+    reader
+        Reader of the log, with the parts that could not be read.
+    finished
+        Event that is set when the log has ended or failed.
+    failure
+        Reason why the log could not be played to its end; None if there is none.
+
+    Raises
+    ------
+    LogError
+        If the log is missing.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
@@ -46,16 +80,16 @@ class LogSource:
         self._pace = pace
         self._loop = loop
         self._router = Router(tuple(pads), on_frame, drop_incomplete=drop_incomplete)
-        self.reader = CanLogReader(path, channel, window)  #: has what was read so far, and what could not be
+        self.reader = CanLogReader(path, channel, window)
         self._messages: Iterator[can.Message] | None = None
         self.heard = HeardNodes(pads)
         self._set_up = None if any_device else LoggedSetUp(pads, identities_of(pads, eds))
         self._one_bus = OneBus(_of_pads(pads) | set(self._router.can_ids))
         self._thread = StoppableThread(self._play, 'replay', self._died)
-        self.finished = threading.Event()  #: the log has ended, or failed
-        self._unread = 0  # lines in the rounds before this one
-        self._jumps = 0  # steps of the clock, while recording
-        self._ahead = 0.0  # lead over the log's clock [s]
+        self.finished = threading.Event()
+        self._unread = 0  # number of unread lines in the earlier rounds
+        self._jumps = 0  # number of times that the clock was set back while recording
+        self._ahead = 0.0  # time by which the played stamps are ahead of the log's clock [s]
         self._is_active = False
         self._played = PlayedTimes()
         self._on_time = on_time
@@ -63,16 +97,16 @@ class LogSource:
         self.failure: Failure | None = None
 
     def open(self) -> None:
-        """Open the log; LogError when it is unreadable or without a CAN frame."""
+        """Open the log. Raises LogError if it cannot be read or holds no CAN frame."""
         if self._messages is not None:
             return
         self.finished.clear()
         messages = self._all_messages()
-        self._messages = itertools.chain([next(messages)], messages)  # raises LogError now rather than on the thread
+        self._messages = itertools.chain([next(messages)], messages)  # so that LogError is raised here
         logger.info('Playing %s.', self._path)
 
     def configure(self) -> None:
-        """Nothing to configure: a log has no devices."""
+        """Do nothing, because a log has no devices."""
 
     def start(self) -> None:
         if self._messages is not None:
@@ -88,7 +122,7 @@ class LogSource:
         self._messages = None
 
     def age(self, stamp: float) -> float:
-        """Time since what is stamped ``stamp`` was played [s]; of what was played long ago, too short."""
+        """Return the time since ``stamp`` was played [s]; for a stamp played long ago, a lower bound."""
         return self._played.age(stamp)
 
     def auto_zero(self, pad: str) -> int:
@@ -96,11 +130,11 @@ class LogSource:
                           remedy='Tare without on_device.')
 
     def boots(self, pad: str) -> int:
-        """A log has no devices that boot again."""
+        """Return 0, because a log has no devices that restart."""
         return 0
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
-        """A log has no heartbeats to supervise."""
+        """Set ``drop_incomplete``. The timeout is ignored, because the heartbeats in a log are not supervised."""
         self._router.drop_incomplete(drop_incomplete)
 
     def statistics(self) -> BusStatistics:
@@ -108,7 +142,7 @@ class LogSource:
                                                   stamps_ahead=self._ahead)
 
     def health(self) -> BusHealth:
-        """A log has no nodes; it can only fail as a whole."""
+        """Return the state of the log. It has no nodes; it can only fail as a whole."""
         return BusHealth(self.failure, self._is_active)
 
     def _all_messages(self) -> Iterator[can.Message]:
@@ -128,14 +162,15 @@ class LogSource:
                 yield message
             if not self._loop or first is None or last is None:
                 return
-            self._router.end()  # or the log's first CAN frames would complete its last sweep
+            self._router.end()  # else the first CAN frames of the log would complete its last sweep
             self._unread += self.reader.unread
             shift += last - first
 
     def _past_gaps(self) -> Iterator[can.Message]:
-        """End the period at a gap, or the TPDOs after it, whose SYNC may be lost, would complete the sweep before it.
+        """Yield the messages and end the period at each gap.
 
-        The reader looks ahead by one message, so that a gap lies before this one or before the next.
+        The SYNC after a gap may be lost. Without an end of the period, the TPDOs after the gap would then complete the
+        sweep before it. The reader looks ahead by one message, so a gap lies before this message or before the next.
         """
         known = near = 0
         for message in self.reader:
@@ -169,14 +204,17 @@ class LogSource:
                 logger.warning('%s, %s: %s.', self._path, node_label(pad, order.node_id), order_text(order),
                                extra={'fact': order})
         for pad, strangers in self.heard.strangers().items():
-            logger.warning('%s: no heartbeat of pad %s, but those of node %s, which sends some of the same COB-IDs. '
-                           'Check the node-IDs: the taxels may be of other pads.', self._path, pad,
+            logger.warning('%s: no heartbeat of pad %s, but of node %s, which sends some of the same COB-IDs. '
+                           'Check the node-IDs: the taxels may belong to other pads.', self._path, pad,
                            ', '.join(map(str, strangers)))
         self.finished.set()
         logger.info('%s has ended: %s', self._path, self.reader.summary)
 
     def _check(self, message: can.Message) -> None:
-        """Two skins of the same node-ID on two buses would become one; with another mapping, taxels change places."""
+        """Raise LogError for a second bus or another mapping.
+
+        Two skins with the same node-ID on two buses would be merged. With another mapping, taxels would change places.
+        """
         if (buses := self._one_bus.feed(message)) is not None:
             raise LogError(self._path, expected='CAN frames of the pads and SYNC on one bus',
                            got=f'0x{buses.can_id:03X} on {" and on ".join(buses.channels)}',
@@ -186,7 +224,7 @@ class LogSource:
         found = self._set_up.feed(message.arbitration_id, bytes(message.data))
         if found is not None:
             raise LogError(f'{self._path}, {node_label(found.pad, found.node_id)}, object 0x{found.object_index:04X}',
-                           expected=found.expected, got=f"{found.got} by the log's SDO answers",
+                           expected=found.expected, got=f'{found.got} according to the SDO answers in the log',
                            remedy='Give the layout and EDS of the device that was recorded.')
 
     def _died(self, error: Exception) -> None:
@@ -199,17 +237,17 @@ class LogSource:
 
 
 def _of_pads(pads: Sequence[PadSettings]) -> set[int]:
-    """COB-IDs beside those of taxels that must be of one bus."""
+    """Return the COB-IDs, besides those of taxels, that must come from a single bus."""
     nodes = [node_id for pad in pads for node_id in pad.node_ids]
     return {pad.layout.sync_cob_id for pad in pads} | {
         base + node_id for base in (HEARTBEAT, SDO_REQUEST, SDO_RESPONSE) for node_id in nodes}
 
 
-UNREAD_EXIT = 3  #: exit code where all else is well, but something in the log could not be read
+UNREAD_EXIT = 3  #: exit code if nothing failed but a part of the log could not be read
 
 
 def summary(statistics: BusStatistics) -> str:
-    """Return a table of what was published and the fate of every CAN frame."""
+    """Return a table of the published taxel frames and the fate of every CAN frame."""
     lines = []
     for name, pad in statistics.pads.items():
         fates = {'used': pad.used} | {reason.key: count for reason, count in pad.losses.items() if count}

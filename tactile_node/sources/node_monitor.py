@@ -1,4 +1,4 @@
-"""Detects the fault of one CANopen node by what is received of it. Times are of the monotonic clock [s]."""
+"""Detect the faults of one CANopen node from its messages. Times are from the monotonic clock [s]."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,26 +15,37 @@ from tactile_node.sources.node_traffic import BusSeen, NodeTraffic
 from tactile_node.sources.outage import Attempts, OutageClock
 from tactile_node.taxel_frame import TaxelFrame
 
-OVERLOAD_PATIENCE = 10  # times the time that a node may be silent while this process is too slow to hear it
+OVERLOAD_PATIENCE = 10  #: factor by which a node may be silent longer while this process is overloaded
 
 
 class Setup(NamedTuple):
-    """Counts of what changes a node's configuration: while they stay, so does what was written."""
+    """Counts of events that change a node's configuration. While they stay equal, the configuration is unchanged."""
 
-    boots: int           #: boot-up messages
-    foreign_writes: int  #: by another master
+    boots: int           #: number of boot-up messages
+    foreign_writes: int  #: number of writes by another master
 
 
 class NodeMonitor:
-    """One node of a pad: its fault now, its outages and the attempts to end them. Used by one thread at a time.
+    """One node of a pad: its present fault, its outages, and the attempts to end them.
 
-    ``health`` may be called from any thread.
+    One thread at a time may use it, but any thread may call ``health``.
+
+    Parameters
+    ----------
+    node
+        Node to monitor.
+    monitor
+        Counts everything that is received on the bus.
+    heartbeat_timeout
+        Longest time without a heartbeat [s].
+    data_timeout
+        Longest time without taxels [s].
     """
 
     def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):
         self.node = node
-        self._heartbeat_time: float | None = None  # that the device has [s], None: not known
-        self._heartbeat_writes = 0  # by other masters, when it was configured
+        self._heartbeat_time: float | None = None  # heartbeat time of the device [s]; None if not known
+        self._heartbeat_writes = 0  # writes of the heartbeat time by other masters, when the node was configured
         self._monitor = monitor
         self._heard = monitor.heartbeats.of(node.node_id)
         self.set_timeouts(heartbeat_timeout, data_timeout)
@@ -44,25 +55,25 @@ class NodeMonitor:
         self.retry_reminder = Reminder()
         self._emergency_reminder = Reminder()
         self.fault = NodeFault.NOT_KNOWN
-        self.distrusted = 0  #: taxel frames given without values, because the node was not configured
+        self.distrusted = 0  #: number of taxel frames given without values, because the node was not configured
         self._emergencies_reported = 0
         self._configured: Setup | None = None
-        self.trusted_from = 0.0  #: what it sent before may mean something else
-        self._since = 0.0  # when the bus was opened, or this process ran again
-        self._excuses = 0  # stalls since it was heard
-        self._commanded = 0.0
+        self.trusted_from = 0.0  #: time before which the node's TPDOs may have another meaning
+        self._since = 0.0  # time when the bus was opened, or when this process ran again
+        self._excuses = 0  # number of stalls since the node was last heard
+        self._commanded = 0.0  # time of the last command
         self._sync_at = 0.0
-        self.data_at = 0.0  #: when the last taxels were received
-        self._used = 0  # TPDOs, by the last detection
-        self._used_then = 0  # TPDOs, by the last command
+        self.data_at = 0.0  #: time when the last taxels were received
+        self._used = 0  # number of used TPDOs at the last detection
+        self._used_then = 0  # number of used TPDOs at the last command
         self._syncs = 0
         self._is_overloaded = False
         self.traffic = NodeTraffic(node, self._heard)
-        self.device_errors: DeviceErrors | None = None  #: that it listed when it refused to become OPERATIONAL
-        self.refuses_while_it_sends = False  #: to be configured
+        self.device_errors: DeviceErrors | None = None  #: errors listed by a node that does not become OPERATIONAL
+        self.refuses_while_it_sends = False  #: True if the node refuses to be configured while it sends TPDOs
 
     def set_timeouts(self, heartbeat: float, data: float) -> None:
-        """How long it may be silent [s]."""
+        """Set the longest times [s] that the node may be without heartbeat and without data."""
         self._heartbeat_timeout = heartbeat
         event = self.node.layout.event_driven
         self._data_timeout = data if event is None else max(data, 5 * event.longest_pause)
@@ -73,16 +84,16 @@ class NodeMonitor:
 
     @property
     def setup(self) -> Setup:
-        """What has changed its configuration so far."""
+        """Events so far that change the configuration of the node."""
         return Setup(self.boots, self._monitor.foreign_writes[self.node.node_id])
 
     @property
     def is_trusted(self) -> bool:
-        """Its TPDOs mean what the layout says: since it was configured it has not started again, nor been changed."""
+        """True if the TPDOs mean what the layout says: since its set-up, the node neither restarted nor was changed."""
         return self._configured == self.setup
 
     def untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
-        """Its TPDOs, or DOMAIN, whose values in ``frame``, acquired then, may mean something else."""
+        """Return the node's TPDOs, or DOMAIN, whose values in a frame may have another meaning than in the layout."""
         carriers, ages = self.node.layout.carriers, frame.tpdo_ages
         if not self.is_trusted or self.traffic.are_two:
             return carriers
@@ -92,14 +103,24 @@ class NodeMonitor:
                 if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self.trusted_from]
 
     def expect(self, now: float) -> None:
-        """The bus was opened: from now on the node should send, and has to be configured."""
+        """Note that the bus was opened: the node should send from now on, and it must be configured."""
         self._since = now
         self._configured = None
         self.traffic.restart(now)
         self.attempts.reset()
 
     def configured(self, setup: Setup, now: float, heartbeat_time: float | None) -> None:
-        """It was configured, from the state ``setup`` on, and that is done ``now``; it has this heartbeat time [s]."""
+        """Note that the node was configured.
+
+        Parameters
+        ----------
+        setup
+            Event counts when the configuration began.
+        now
+            Time at which the configuration was complete [s].
+        heartbeat_time
+            Heartbeat time of the device [s], or None if it is not known.
+        """
         if not self.is_trusted:
             self.trusted_from = now
         self._configured = setup
@@ -108,11 +129,11 @@ class NodeMonitor:
         self.refuses_while_it_sends = False
 
     def distrust(self) -> None:
-        """What it sends is not what the layout says, or may be something else: none of it is used until it is."""
+        """Use no data of the node until it is configured, because its TPDOs do not, or may not, match the layout."""
         self._configured = None
 
     def commanded(self, now: float, pad: PadStatistics) -> None:
-        """It was started, or its taxels are expected from now on for another reason."""
+        """Note that the node was started, or that its taxels are expected from now on for another reason."""
         self._commanded = now
         self.data_at = now
         self._sync_at = now
@@ -120,7 +141,7 @@ class NodeMonitor:
         self._used_then = pad.used_by_node[self.node.position]
 
     def detect(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen) -> NodeFault:
-        """The node's fault now, by its heartbeat, its TPDOs and the SYNCs so far."""
+        """Return the present fault of the node, from its heartbeats, its TPDOs and the SYNCs so far."""
         self._is_overloaded = bus.is_overloaded
         self._excuse_silence(bus.ran_again)
         used = pad.used_by_node[self.node.position]
@@ -132,27 +153,27 @@ class NodeMonitor:
             self._sync_at = now
         were_two = self.traffic.are_two
         is_known = self._heartbeat_writes == self._monitor.heartbeat_writes[self.node.node_id] and (
-            self.is_trusted or were_two)  # a device that has started again may have another one
+            self.is_trusted or were_two)  # because a restarted device may have another heartbeat time
         self.traffic.look(now, is_active, pad, bus, self._heartbeat_time if is_known else None, self._data_timeout)
         if were_two and not self.traffic.are_two:
-            self._configured = None  # which of both has taken what was written is not known
+            self._configured = None  # because it is not known which of the two devices was configured
         self.fault = self._detected(now, is_active)
         if self.fault.is_fault:
             self.attempts.fault_is(self.fault)
         return self.fault
 
     def recovered(self, now: float) -> None:
-        """The node works."""
+        """Note that the node has no fault."""
         if self.attempts.has_ended(now):
             self.device_errors = None
             self.fault_reminder.reset()
 
     def has_taxels_again(self, pad: PadStatistics) -> bool:
-        """Taxels were given as valid since the last command."""
+        """Return True if valid taxels were received since the last command."""
         return pad.used_by_node[self.node.position] > self._used_then
 
     def is_emergency_due(self, now: float) -> bool:
-        """Whether an EMCY is to be reported now, and note that it is: they are reported ever more rarely."""
+        """Return True if an EMCY must be reported now, and note the report. Reports become ever rarer."""
         count = self._monitor.emergencies[self.node.node_id].count
         if count == self._emergencies_reported or not self._emergency_reminder.is_due('EMCY', now):
             return False
@@ -176,7 +197,7 @@ class NodeMonitor:
             device_errors=self.device_errors)
 
     def _excuse_silence(self, ran_again: float) -> None:
-        """What was sent until this process ran again may not have been read; many stalls in a row are no excuse."""
+        """Do not count the time until this process ran again, unless there were many stalls without a message."""
         if ran_again > self._since:
             was_heard = (self._heard.heard or 0.0) > self._since
             self._excuses = 0 if was_heard else self._excuses + 1
@@ -184,7 +205,7 @@ class NodeMonitor:
                 self._since = ran_again
 
     def _is_silent(self, now: float) -> bool:
-        """A device with a heartbeat time that is not ours may be silent for three of its periods."""
+        """Return True if the node is silent. It may be silent for three of its own periods if these are longer."""
         own = self._heartbeat_time or max(self._heard.intervals or (0.0,))
         allowed = max(self._heartbeat_timeout, 3 * own) * (OVERLOAD_PATIENCE if self._is_overloaded else 1)
         return now - max(self._heard.heard or 0.0, self._since) > allowed
@@ -200,10 +221,10 @@ class NodeMonitor:
                 return NodeFault.UNCONFIGURED
             return NodeFault.RECONFIGURED if self._configured.boots == self.boots else NodeFault.BOOTED
         has_data = is_active and (now - self.data_at <= self._data_timeout or self._is_overloaded)
-        if is_silent:  # both may have stopped together: half of the time tells
+        if is_silent:  # heartbeat and data may have stopped together; half of the timeout tells them apart
             has_still = now - self.data_at <= self._data_timeout / 2 or self._is_overloaded
             return NodeFault.NO_HEARTBEAT if is_active and has_still else NodeFault.SILENT
-        # a node has three heartbeats, or 0.3 s, to obey a command and to report it
+        # A node has three heartbeats, but at least 0.3 s, to execute a command and to report its new state.
         if not is_active or now - self._commanded < max(0.3, 3 * (self._heartbeat_time or 0.0)):
             return NodeFault.NONE
         if self._heard.state != NmtState.OPERATIONAL:

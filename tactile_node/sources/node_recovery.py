@@ -1,4 +1,4 @@
-"""Configures the nodes of a bus, logs their faults, and configures and starts again those that need it."""
+"""Configure the nodes of a bus, log their faults, and configure and start nodes again after a fault."""
 
 import logging
 import time
@@ -25,15 +25,24 @@ logger = logging.getLogger(__name__)
 
 Result = TypeVar('Result')
 
-NOT_TO_BE_CONFIGURED = (NodeFault.NOT_OPERATIONAL, NodeFault.NO_SYNC)
-WAITED_FOR = (NodeFault.NO_SYNC, NodeFault.TWO_SENDERS)  # no request to the node can help
+NOT_TO_BE_CONFIGURED = (NodeFault.NOT_OPERATIONAL, NodeFault.NO_SYNC)  #: faults that need no new configuration
+WAITED_FOR = (NodeFault.NO_SYNC, NodeFault.TWO_SENDERS)  #: faults that no request to the node can end
 
 
 class NodeRecovery:
-    """Recovers ``nodes`` of ``bus``; called by one thread at a time. Unless ``is_enabled`` faults are only logged.
+    """Configures and recovers the nodes of a bus. It is called by one thread at a time.
 
-    Nodes are configured at the same time: an SDO dialogue mostly waits for its device, and one that is gone must not
-    delay the others.
+    Nodes are configured in parallel. An SDO transfer mostly waits for its device, and an absent device must not delay
+    the others.
+
+    Parameters
+    ----------
+    bus
+        Bus of the nodes.
+    monitors
+        Monitors of the nodes.
+    is_enabled
+        False to only log faults.
     """
 
     def __init__(self, bus: SkinBus, monitors: Sequence[NodeMonitor], is_enabled: bool):
@@ -42,9 +51,21 @@ class NodeRecovery:
         self._is_enabled = is_enabled
 
     def configure(self, timeout: float) -> None:
-        """Configure all, each found within ``timeout`` [s]. Raises DeviceError, BusError.
+        """Configure all nodes.
 
-        If recovery is enabled and at least one node answers, those that do not answer are left for ``attend``.
+        If recovery is enabled and at least one node answers, `attend` will configure the absent nodes later.
+
+        Parameters
+        ----------
+        timeout
+            Time allowed for each node to answer [s].
+
+        Raises
+        ------
+        DeviceError
+            If a node is absent or refuses the configuration.
+        BusError
+            If the bus fails.
         """
         found = _at_once(self._monitors, lambda monitor: self._absence(monitor, timeout))
         absent = [error for error in found if error is not None]
@@ -54,16 +75,33 @@ class NodeRecovery:
             logger.error('%s The others continue without it; it joins when it answers.', error, extra={'fact': error})
 
     def attend(self, now: float, is_active: bool, statistics: BusStatistics, bus: BusSeen) -> bool:
-        """Detect and log the faults by what was received up to ``now``, and recover; whether there was any to do."""
+        """Detect, log and recover the faults of the nodes.
+
+        Parameters
+        ----------
+        now
+            Time up to which messages were received [s].
+        is_active
+            True if the nodes should be OPERATIONAL.
+        statistics
+            Counts of the pads.
+        bus
+            Counts of the bus.
+
+        Returns
+        -------
+        bool
+            True if a recovery was attempted.
+        """
         due = [monitor for monitor in self._monitors
                if self._is_recovery_due(monitor, now, is_active, statistics.pads[monitor.node.pad], bus)]
         _at_once(due, lambda monitor: self._recover(monitor, is_active))
         return bool(due)
 
     def _absence(self, monitor: NodeMonitor, timeout: float) -> DeviceAbsentError | None:
-        """Configure it; the error when it does not answer. Any other is raised."""
+        """Configure a node; return the error if it does not answer. Other errors are raised."""
         try:
-            self._configure(monitor, timeout, 3)  # a device may boot again meanwhile
+            self._configure(monitor, timeout, 3)  # several tries, because a device may restart meanwhile
         except DeviceAbsentError as error:
             return error
         return None
@@ -119,14 +157,14 @@ class NodeRecovery:
         monitor.attempts.made(time.monotonic())
 
     def _ask_for_errors(self, monitor: NodeMonitor) -> None:
-        """A device that does not obey may say why. Raises BusError."""
+        """Ask a node that does not become OPERATIONAL for its errors, and log them. Raises BusError."""
         before, monitor.device_errors = monitor.device_errors, self._bus.devices.read_errors(monitor.node)
         if monitor.device_errors != before:
             logger.error('%s', node_text(monitor.node.pad, monitor.health(time.monotonic())),
                          extra={'fact': monitor.device_errors})
 
     def _configure(self, monitor: NodeMonitor, timeout: float, tries: int = 1, pause: bool = True) -> None:
-        """Configure a node; when it boots meanwhile, once more, as long as there are tries."""
+        """Configure a node. If it restarts meanwhile, configure it again, up to ``tries`` times in all."""
         for _ in range(tries):
             setup = monitor.setup
             heartbeat_time = self._bus.configure_node(monitor.node, timeout, pause)
@@ -140,7 +178,7 @@ def _stops_taxels(fault: NodeFault) -> bool:
 
 
 def _at_once(monitors: Sequence[NodeMonitor], act: Callable[[NodeMonitor], Result]) -> list[Result]:
-    """What ``act`` returns of each node, in their order; the first error is raised when all are done."""
+    """Call ``act`` for all monitors in parallel and return the results in order; raise the first error at the end."""
     if len(monitors) < 2:
         return [act(monitor) for monitor in monitors]
     with ThreadPoolExecutor(len(monitors), 'configure') as pool:

@@ -1,4 +1,4 @@
-"""What one node has sent, as counted: TPDOs that are missing, and signs of a second device."""
+"""Evaluate the message counts of one node: find TPDOs that are missing, and signs of a second device."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -9,21 +9,33 @@ from tactile_node.assembly.health import SentTpdo, TpdoOrder
 from tactile_node.cia301.heartbeat import HeardNode
 from tactile_node.skin.pads import CanopenNode
 
-LOOKS_IN_WINDOW = 10
+LOOKS_IN_WINDOW = 10  #: number of samples per window
 
 
 class CountWindow:
-    """Counts as they were in the last ``window`` [s], the oldest first."""
+    """Samples of counts from the last ``window`` [s], oldest first."""
 
     def __init__(self) -> None:
         self._looks: deque[tuple[float, tuple[int, ...]]] = deque()
 
     def restart(self) -> None:
-        """Compare with nothing of before."""
+        """Forget all samples, so that later counts are not compared with them."""
         self._looks.clear()
 
     def look(self, now: float, counts: tuple[int, ...], pause: float, window: float) -> None:
-        """Take the counts so far, with ``pause`` [s] between two looks at least."""
+        """Add a sample of the counts, and drop the samples that are older than the window.
+
+        Parameters
+        ----------
+        now
+            Present time [s].
+        counts
+            Counts so far.
+        pause
+            Shortest time between two samples [s].
+        window
+            Length of the window [s].
+        """
         if not self._looks or now - self._looks[-1][0] >= pause:
             self._looks.append((now, counts))
         while len(self._looks) > 1 and now - self._looks[1][0] >= window:
@@ -31,7 +43,7 @@ class CountWindow:
 
 
 class MissingTpdos:
-    """Which TPDOs have brought nothing for ``timeout`` [s] while others have.
+    """Finds the TPDOs whose counts have not increased for ``timeout`` [s] while those of others have.
 
     >>> watch = MissingTpdos()
     >>> watch.update(0.0, (1, 1), 0.5), watch.update(0.4, (5, 1), 0.5), watch.update(0.6, (7, 1), 0.5)
@@ -40,14 +52,14 @@ class MissingTpdos:
 
     def __init__(self) -> None:
         self._counts: tuple[int, ...] = ()
-        self._at: list[float] = []  # when each has brought something
+        self._at: list[float] = []  # for each TPDO, the time when its count last increased
 
     def expect(self, now: float) -> None:
-        """From now on they are expected."""
+        """Note that TPDOs are expected from now on."""
         self._at = [now] * len(self._at)
 
     def update(self, now: float, counts: Sequence[int], timeout: float) -> tuple[int, ...]:
-        """Return the places of those that are missing, by the ``counts`` of all so far."""
+        """Return the indices of the missing TPDOs; ``counts`` has the count of each TPDO so far."""
         if len(counts) != len(self._counts):
             self._at = [now] * len(counts)
         elif counts != self._counts:
@@ -59,55 +71,67 @@ class MissingTpdos:
 
 
 class SurplusTpdos(CountWindow):
-    """Which TPDOs are received more often than there are SYNCs: not by one device that sends each once a SYNC.
+    """Finds the TPDOs that are received more often than SYNC. A single device sends each TPDO once per SYNC.
 
-    Of the last 2 ``delay`` [s] more are received than SYNCs of the last 3 ``delay`` can have caused: an adapter may
-    hand over late what it has held back for ``delay``.
+    The TPDOs received in the last 2 ``delay`` [s] are compared with the SYNCs of the last 3 ``delay``, because an
+    adapter may deliver late what it has held back for ``delay``.
     """
 
     def update(self, now: float, syncs: int, received: Sequence[int], delay: float) -> tuple[int, ...]:
-        """Return their places, by the counts of SYNCs and of TPDOs ``received`` so far."""
+        """Return the indices of such TPDOs, from the numbers of SYNCs and of received TPDOs so far."""
         self.look(now, (syncs, *received), delay / LOOKS_IN_WINDOW, 3 * delay)
         looks = self._looks
         _, (_, *then) = next(look for look in looks if now - look[0] <= 2 * delay or look is looks[-1])
-        allowed = syncs - looks[0][1][0] + 3  # that may wait in a device or an adapter when a look begins
+        allowed = syncs - looks[0][1][0] + 3  # 3 TPDOs may wait in a device or an adapter when the window begins
         return tuple(place for place, (count, before) in enumerate(zip(received, then))
                      if count - before > allowed)
 
 
 class HeartbeatWatch(CountWindow):
-    """Whether more heartbeats of one node-ID are received than one producer sends in its heartbeat time."""
+    """Detects that a node-ID sends more heartbeats than one device would."""
 
     def is_doubled(self, now: float, heartbeats: int, guarded: int, period: float, delay: float) -> bool:
-        """Whether there are two producers, by the ``heartbeats`` received so far from a ``period`` [s] each.
+        """Return True if two devices send heartbeats with the same node-ID.
 
-        ``guarded``: those with a toggle bit; while these come, another master guards the node, which answers it.
-        ``delay`` [s]: an adapter may have held back what it hands over now.
+        Parameters
+        ----------
+        now
+            Present time [s].
+        heartbeats
+            Number of heartbeats received so far.
+        guarded
+            Number of heartbeats with a toggle bit. While this number rises, another master guards the node, and the
+            node answers it.
+        period
+            Heartbeat time of the device [s].
+        delay
+            Longest time for which an adapter may have held back the frames that it delivers now [s].
         """
         window = 3 * (delay + 2 * period)
         self.look(now, (heartbeats, guarded), window / LOOKS_IN_WINDOW, window)
         begun, (heartbeats_then, guarded_then) = self._looks[0]
-        expected = 1.25 * (now - begun + delay) / period + 2  # a producer's clock and pauses may be so much shorter
+        expected = 1.25 * (now - begun + delay) / period + 2  # tolerance for the producer's clock and its pauses
         return now - begun >= window and guarded == guarded_then and heartbeats - heartbeats_then > expected
 
 
 class BusSeen(NamedTuple):
-    """What a bus has brought so far, beside taxels."""
+    """Counts of a bus so far, besides taxels."""
 
     syncs: int
-    foreign_syncs: int = 0  #: sent by other devices, while this driver produces SYNC
-    is_overloaded: bool = False  #: this process is too slow: more has been sent
-    ran_again: float = 0.0  #: when it did after a stall: what was sent until then may not have been read yet [s]
+    foreign_syncs: int = 0  #: SYNCs from other devices while this driver produces SYNC
+    is_overloaded: bool = False  #: True if this process is too slow, so that more was sent than was counted
+    ran_again: float = 0.0  #: time when this process ran again after a stall; earlier messages may still wait [s]
 
 
-TWO_SENDERS_HOLD = 0.5  # s beyond the time in which what is left of the second device would be seen
+TWO_SENDERS_HOLD = 0.5  #: extra time without a sign of the second device before it counts as gone [s]
 
 
 class NodeTraffic:
-    """Used by one thread at a time; ``missing``, ``surplus`` and ``are_two`` may be read by any.
+    """Evaluates the counts of one node.
 
-    Two heartbeats in one heartbeat time, or more TPDOs of one COB-ID than SYNCs, are of two devices. They count as two
-    until neither has been seen for as long as it takes to see it.
+    One thread at a time may use it; any thread may read ``missing``, ``surplus`` and ``are_two``. Two heartbeats in one
+    heartbeat time, or more TPDOs with one COB-ID than SYNCs, come from two devices. The node counts as two devices
+    until no sign of a second one was seen for as long as it takes to see such a sign.
     """
 
     def __init__(self, node: CanopenNode, heard: HeardNode):
@@ -117,30 +141,46 @@ class NodeTraffic:
         self.tpdos = MissingTpdos()
         self._heartbeats = HeartbeatWatch()
         self._surplus = SurplusTpdos()
-        self._two_seen: float | None = None  # when two devices were seen last
-        self._signs = 0  # heartbeats and TPDOs, by the last look
-        self._signs_at = 0.0
-        self._measured_from = 0.0  # what comes earlier may be a backlog
-        self.missing: tuple[SentTpdo, ...] = ()  #: that bring no taxels, while others do
-        self.surplus: tuple[SentTpdo, ...] = ()  #: that are received more often than SYNC
-        self.order: TpdoOrder | None = None  #: in which it sends, where that is not the layout's
+        self._two_seen: float | None = None  # time when two devices were last seen
+        self._signs = 0  # number of heartbeats and TPDOs at the last look
+        self._signs_at = 0.0  # time when this number last changed
+        self._measured_from = 0.0  # time before which received frames may be a backlog
+        self.missing: tuple[SentTpdo, ...] = ()  #: TPDOs that bring no taxels while others do
+        self.surplus: tuple[SentTpdo, ...] = ()  #: TPDOs that are received more often than SYNC
+        self.order: TpdoOrder | None = None  #: order in which the node sends; None if it is that of the layout
 
     @property
     def are_two(self) -> bool:
         return self._two_seen is not None
 
     def see_two(self, now: float) -> None:
-        """Two devices were seen in another way."""
+        """Note that two devices were seen in another way."""
         self._two_seen = now
 
     def restart(self, now: float) -> None:
-        """The bus was opened again: what was seen before is held, but nothing is compared with it."""
+        """Note that the bus was opened again: keep the result, but do not compare with earlier counts."""
         self._forget_counts()
         self._two_seen = None if self._two_seen is None else now
 
     def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen, heartbeat_time: float | None,
              delay: float) -> None:
-        """Take the counts so far. ``heartbeat_time`` of the device [s], if known; ``delay`` [s] is no fault yet."""
+        """Evaluate the counts so far.
+
+        Parameters
+        ----------
+        now
+            Present time [s].
+        is_active
+            True if the node should be OPERATIONAL.
+        pad
+            Counts of the pad.
+        bus
+            Counts of the bus.
+        heartbeat_time
+            Heartbeat time of the device [s]; None if not known.
+        delay
+            Time without data that is not yet a fault [s].
+        """
         sends = is_active and self._node.layout.needs_sync
         missing = self.tpdos.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
         received = pad.distinct_by_tpdo[self._node.position] if self._node.layout.needs_sync else ()
@@ -162,12 +202,12 @@ class NodeTraffic:
         return tuple(self._tpdos[place] for place in places)
 
     def _forget_counts(self) -> None:
-        """What comes now is no measure."""
+        """Forget the counts, because a comparison with them would be wrong."""
         self._heartbeats.restart()
         self._surplus.restart()
 
     def _look_at_heartbeats(self, now: float, heartbeats: int, guarded: int, period: float, delay: float) -> None:
-        """See HeartbeatWatch; ``period`` 0: not known, or none."""
+        """Look for doubled heartbeats; a ``period`` of 0 means that the heartbeat time is 0 or not known."""
         if not period:
             self._heartbeats.restart()
         if period and self._heartbeats.is_doubled(now, heartbeats, guarded, period, delay):
@@ -177,9 +217,9 @@ class NodeTraffic:
             self.surplus = ()
 
     def _is_backlog(self, now: float, signs: int, silence: float) -> bool:
-        """Whether what came up to ``now`` may have waited in device or adapter, after no sign for ``silence`` [s]."""
+        """Return True if frames received now may be a backlog, after ``silence`` [s] without any."""
         if signs != self._signs:
             if now - self._signs_at > silence:
-                self._measured_from = now + 1.0  # until then it may come faster than one device sends it
+                self._measured_from = now + 1.0  # a backlog may arrive faster than one device sends
             self._signs, self._signs_at = signs, now
         return now < self._measured_from

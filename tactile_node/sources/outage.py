@@ -1,28 +1,28 @@
-"""Counts outages and spaces the attempts to end one. Times are of the monotonic clock [s]."""
+"""Count outages, and space the attempts to end them. Times are from the monotonic clock [s]."""
 
 from typing import Generic
 
 from tactile_node.assembly.health import Cause, NodeFault, Outages
 
-LAST_RETRY = 0.5  # s; it bounds how long a cause that has ended may go unnoticed
+LAST_RETRY = 0.5  #: longest pause between attempts [s], so that the end of a cause is noticed soon
 
 
 class OutageClock(Generic[Cause]):
-    """The outages of a bus or a pad, one after another."""
+    """Counts the outages of a bus or a node, and adds up their time."""
 
     def __init__(self) -> None:
         self._count = 0
-        self._seconds = 0.0  # lost in those that have ended
+        self._seconds = 0.0  # duration of the outages that have ended
         self._begun: float | None = None
-        self.cause: Cause | None = None  #: what began the last one
-        self.current: Cause | None = None  #: why the one under way lasts
+        self.cause: Cause | None = None  #: cause with which the last outage began
+        self.current: Cause | None = None  #: present cause of the outage under way
 
     @property
     def is_running(self) -> bool:
         return self._begun is not None
 
     def begin(self, now: float, cause: Cause) -> None:
-        """Begin an outage, or continue the one under way for another cause."""
+        """Begin an outage, or note a new cause of the outage under way."""
         if self._begun is None:
             self._begun = now
             self._count += 1
@@ -30,7 +30,7 @@ class OutageClock(Generic[Cause]):
         self.current = cause
 
     def end(self, now: float) -> float:
-        """End the one under way, if any; how long it lasted [s]."""
+        """End the outage under way, if there is one; return how long it lasted [s]."""
         lasted = self.running_for(now)
         self._begun = None
         self.current = None
@@ -41,13 +41,13 @@ class OutageClock(Generic[Cause]):
         return Outages(self._count, self._seconds + self.running_for(now), self.cause, self.current)
 
     def running_for(self, now: float) -> float:
-        """How long the one under way has lasted [s], 0 when there is none."""
-        begun = self._begun  # once: another thread may end it
+        """Return how long the outage under way has lasted [s], or 0 if there is none."""
+        begun = self._begun  # read once, because another thread may end the outage
         return 0.0 if begun is None else now - begun
 
 
 class Backoff:
-    """When to try again: at once, after 0.1 s, then each time twice as long, up to a longest pause.
+    """Decides when to try again: at once, after 0.1 s, then after twice the last pause, up to a longest pause.
 
     >>> backoff, now = Backoff(), 0.0
     >>> for pause in (0.1, 0.2, 0.4, 0.5, 0.5):
@@ -60,7 +60,7 @@ class Backoff:
         self.reset()
 
     def reset(self) -> None:
-        """The cause may have ended: try at once."""
+        """Try again at once, because the cause may have ended."""
         self._due = 0.0
         self._pause = 0.1
 
@@ -72,15 +72,16 @@ class Backoff:
         self._pause = min(2 * self._pause, longest)
 
 
-SETTLING_TIME = 10.0  # s without a fault after which one of RECURRING is a new one
-#: Faults whose recovery costs a healthy part of the node or of the bus something, and may not help
+SETTLING_TIME = 10.0  #: time without a fault after which a fault of RECURRING counts as a new one [s]
+#: faults whose recovery disturbs a working part of the node or the bus, and may not help
 RECURRING = (NodeFault.RECONFIGURED, NodeFault.TPDO_MISSING, NodeFault.NO_HEARTBEAT)
 
 
 class Attempts(Backoff):
-    """A new fault is attended to at once, one that stays ever more rarely.
+    """Decides when to attend to a node's fault: to a new fault at once, to a lasting one ever more rarely.
 
-    One of RECURRING that returns soon after an attempt is the same: two masters may write one object in turns.
+    If a fault of RECURRING returns soon after an attempt, it counts as the same fault: two masters may write one object
+    in turn.
 
     >>> attempts = Attempts()
     >>> for now in (0.0, 1.0, 2.0):
@@ -95,24 +96,24 @@ class Attempts(Backoff):
         super().__init__()
         self._fault = NodeFault.NONE
         self._last = -SETTLING_TIME
-        self.count = 0  #: to end this fault
+        self.count = 0  #: number of attempts to end this fault
 
     def fault_is(self, fault: NodeFault) -> None:
-        """This is the fault now."""
+        """Note the present fault."""
         if fault is not self._fault:
             self._fault = fault
             self.count = 0
             self.reset()
 
     def made(self, now: float) -> None:
-        """It was tried to end the fault."""
+        """Note an attempt to end the fault."""
         self._last = now
         self.count += 1
-        # trying to end one of RECURRING costs the node's taxels or the bus's time, and has not helped so far
+        # An attempt for a fault of RECURRING costs the node's taxels or time on the bus, and has not helped so far.
         self.attempted(now, 30.0 if self._fault in RECURRING else LAST_RETRY)
 
     def has_ended(self, now: float) -> bool:
-        """There is no fault now: whether the next one is a new one."""
+        """Return True if the fault is over and the next one counts as new. Call it while there is no fault."""
         if self._fault in RECURRING and now - self._last < SETTLING_TIME:
             return False
         self._fault = NodeFault.NONE

@@ -1,8 +1,9 @@
-"""Supervises a skin bus: detects the faults of bus and nodes, recovers from them, and logs what it waits for.
+"""Supervise a skin bus: detect the faults of bus and nodes, recover from them, and log what is waited for.
 
-Two levels. A *bus* that fails (adapter gone, network down, bus-off) is closed and opened until it works, with all that
-belongs to it. A *node* that has started again, is silent, not OPERATIONAL or without taxels is configured and started
-again, while SYNC and the other pads continue: NodeRecovery. Between two attempts of either kind the pause doubles.
+There are two levels. If a bus fails (adapter gone, network down, bus-off), it is closed and opened again, with
+everything that belongs to it, until it works. If a node has restarted, is silent, is not OPERATIONAL or sends no
+taxels, `NodeRecovery` configures and starts it again, while SYNC and the other pads continue. On both levels, the pause
+between two attempts doubles each time.
 """
 
 import logging
@@ -28,16 +29,28 @@ from tactile_node.threads import ReportedThread
 
 logger = logging.getLogger(__name__)
 
-ROUND_PERIOD = 0.02  # s between two rounds when nothing wakes the supervisor earlier
+ROUND_PERIOD = 0.02  #: time between two rounds if nothing wakes the supervisor earlier [s]
 
 
 class Supervisor:
-    """A SkinBus that recovers from faults. Implements FrameSource; see there for the order of calls.
+    """A SkinBus that recovers from faults. It implements FrameSource, which defines the order of calls.
 
-    With ``recover=False`` faults are only detected and logged. ``heartbeat_timeout`` [s] applies also to a node that
-    never sent one. ``open``, ``configure`` and ``start`` raise what SkinBus raises: a bus or device that is missing
-    from the beginning is the caller's matter. But while one node of several answers, the absent ones are logged, and
-    join when they answer.
+    ``open``, ``configure`` and ``start`` raise the errors of SkinBus, so the caller must handle a bus or a device that
+    is missing from the beginning. However, if at least one of several nodes answers, the absent nodes are only logged.
+    They join when they answer.
+
+    Parameters
+    ----------
+    settings
+        Settings of the bus.
+    pads
+        Pads on the bus.
+    on_frame
+        Called with each taxel frame.
+    recover
+        False to only detect and log faults.
+    heartbeat_timeout
+        Longest time without a heartbeat [s]. It also applies to a node that has never sent a heartbeat.
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
@@ -56,18 +69,18 @@ class Supervisor:
         self._monitors = [monitor for monitors in self._by_pad.values() for monitor in monitors]
         self._node_recovery = NodeRecovery(self._bus, self._monitors, recover)
         self._watch = BusWatch(settings, pads, self.monitor, self._bus.traffic.put, data_timeout=timeouts[1])
-        self._outage: OutageClock[Failure] = OutageClock()  # that of the bus
+        self._outage: OutageClock[Failure] = OutageClock()  # outages of the bus
         self._backoff = Backoff()
         self._reminder = Reminder()
-        self._received_then = 0  # CAN frames, when the bus was opened again
-        self._silent_since: float | None = None  # no SYNC, so no sequence numbers, since then
+        self._received_then = 0  # number of CAN frames when the bus was opened again
+        self._silent_since: float | None = None  # time of the disconnection; since then no SYNC was sent
         self._is_configured = False
         self._is_active = False
         self._thread: threading.Thread | None = None
 
     @property
     def failure(self) -> Failure | None:
-        """Why nothing is received, None while the bus works."""
+        """Reason why nothing is received; None while the bus works."""
         return self._outage.current or self._bus.failure
 
     def open(self) -> None:
@@ -95,7 +108,7 @@ class Supervisor:
         with self._turn:
             if self._outage.is_running:
                 raise BusError('CAN bus', expected='one that works', got=failure_text(self.failure),
-                               remedy='It is opened again until it works; start once it does.')
+                               remedy='The driver opens it again until it works. Start once it does.')
             self._bus.start(without=[monitor.node.node_id for monitor in self._monitors if not monitor.is_trusted])
             self._set_active(True)
 
@@ -137,7 +150,7 @@ class Supervisor:
         return self._bus.statistics()
 
     def health(self) -> BusHealth:
-        """State of the bus and its nodes now."""
+        """Return the present state of the bus and its nodes."""
         now, bus_monitor = time.monotonic(), self.monitor
         return BusHealth(
             failure=self.failure, is_active=self._is_active,
@@ -149,7 +162,7 @@ class Supervisor:
             sync=self._watch.sync.state, overload=self._watch.overload.kind, stalls=self._watch.overload.stalls)
 
     def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
-        """Return the timeouts of heartbeat and of taxels [s]."""
+        """Return the timeouts for heartbeats and for taxels [s]."""
         return heartbeat_timeout, max(heartbeat_timeout, 5 * self._settings.sync_period)
 
     def _set_active(self, is_active: bool) -> None:
@@ -171,7 +184,13 @@ class Supervisor:
                 ended = time.monotonic() if self._closing.is_set() else self._attend(woken - ended - ROUND_PERIOD)
 
     def _attend(self, late: float) -> float:
-        """One round, begun ``late`` [s]; when [s] it looked, or ended what takes time. No exception ends the rounds."""
+        """Do one round, which began ``late`` [s]. No exception ends the rounds.
+
+        Returns
+        -------
+        float
+            Time of the look at the bus, or the end of longer work [s].
+        """
         try:
             self._watch.look_at_traffic(time.monotonic())
             if not self._is_configured:
@@ -181,7 +200,7 @@ class Supervisor:
                 self._watch.overload.restart()
             if self._bus.failure is None:
                 begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.traffic.syncs_sent
-                now = time.monotonic()  # once: what is not processed after a stall is not taken for silence
+                now = time.monotonic()  # read once: a backlog after a stall is not silence
                 self._watch.overload.woke(now, late + now - begun)
                 seen = self._watch.look_at_counts(now, self._is_active, statistics, syncs)
                 if not self._node_recovery.attend(now, self._is_active, statistics, seen):
@@ -191,9 +210,9 @@ class Supervisor:
         return time.monotonic()
 
     def _bus_failed(self, failure: Failure) -> None:
-        """On any thread: log it once and let the supervisor act."""
+        """Log the failure once and wake the supervisor; may be called from any thread."""
         if not self._outage.is_running:
-            logger.error('CAN bus has failed: %s. It is closed and opened again until it works.',
+            logger.error('CAN bus has failed: %s. It will be closed and opened again until it works.',
                          failure_text(failure), extra={'fact': failure.fault})
         self._wake.set()
 
@@ -212,7 +231,8 @@ class Supervisor:
             self._backoff.attempted(time.monotonic())
 
     def _reopen(self) -> None:
-        """Bus, reception and queue are made again; the counts continue."""
+        """Open the bus again, with new reception and queue; the counts continue."""
+
         self._bus.disconnect()
         self._silent_since = self._silent_since or time.monotonic()
         try:

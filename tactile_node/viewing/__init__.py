@@ -1,1 +1,1 @@
-"""What the bus, a recording or a bag holds, as facts; the page and the terminal that show it, and the report."""
+"""Views of a bus, a recording or a bag: the live page, the terminal view and the report, and the facts behind them."""

@@ -1,4 +1,7 @@
-"""Pads of a live bus without ROS: this process is the master that starts them, while somebody looks."""
+"""Sources for the views that need no ROS: a live bus and a recording.
+
+This process is the master of the live bus while somebody watches.
+"""
 
 import math
 import threading
@@ -19,13 +22,13 @@ from tactile_node.viewing.source import Store, ViewSource
 from tactile_node.viewing.states import PadState, facts_of
 from tactile_node.viewing.touch_finder import PadRecogniser
 
-RECOGNITION_RATE = 16.0  #: at which the newest frames are recognised [1/s]: an eye needs no more
-REOPEN_PERIOD = 2.0  #: s
-LISTENING = 0.25    #: for the SYNC of another master [s]
+RECOGNITION_RATE = 16.0  #: rate at which the newest frames are recognised [1/s]; the eye needs no more
+REOPEN_PERIOD = 2.0  #: time before the bus is opened again after an error [s]
+LISTENING = 0.25    #: time to listen for the SYNC of another master [s]
 
 
 class NewestFrames:
-    """A slot for each pad: a frame that is not taken in time is replaced."""
+    """A slot for the newest frame of each pad; a frame that is not taken in time is replaced."""
 
     def __init__(self) -> None:
         self._has_come = threading.Event()
@@ -36,14 +39,14 @@ class NewestFrames:
         self._has_come.set()
 
     def take(self, timeout: float) -> dict[str, TaxelFrame]:
-        """Return the newest frame of each pad since the last call; wait for one up to ``timeout`` [s]."""
+        """Return the newest frame of each pad since the last call; wait at most ``timeout`` [s] for one."""
         self._has_come.wait(timeout)
         self._has_come.clear()
         return {pad: self._frames.pop(pad) for pad in list(self._frames)}
 
 
 class BusSource(ViewSource):
-    """A `ViewSource`: opens the bus at `start` and closes it at `stop`, so that no bus is busy for nothing."""
+    """A live bus. It is opened at `start` and closed at `stop`, so that an unwatched bus carries no traffic."""
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], recogniser: VisibilityGuard | None = None):
         self._settings, self._pads = settings, pads
@@ -53,7 +56,7 @@ class BusSource(ViewSource):
         self._following = StoppableThread(self._run, 'view_bus', self.store.put_error)
 
     def check(self) -> None:
-        """Find the bus and its devices. Raises BusError, DeviceError."""
+        """Open the bus and configure its devices. Raises BusError or DeviceError."""
         with self._opened(NewestFrames()):
             pass
 
@@ -76,11 +79,12 @@ class BusSource(ViewSource):
             bus.close()
 
     def _refuse_other_master(self, bus: Supervisor) -> None:
-        """A second SYNC, and our NMT commands, would disturb the driver that runs already."""
+        """Raise BusError if another master sends SYNC; a second SYNC and our NMT commands would disturb its driver."""
         time.sleep(LISTENING)
         if bus.statistics().can_frames.get('sync', 0):
-            raise BusError(f'CAN bus {self.title}', expected='no other master, since this command starts the pads',
-                           got='SYNC of another one', remedy='View the topics of its driver: leave out --interface.')
+            raise BusError(f'CAN bus {self.title}', expected='no other master, because this command starts the pads',
+                           got='SYNC from another master',
+                           remedy='View the topics of its driver: leave out --interface.')
 
     def _run(self, stopping: threading.Event) -> None:
         while not stopping.is_set():
@@ -108,12 +112,12 @@ class BusSource(ViewSource):
             stopping.wait(max(0.0, begun + 1 / RECOGNITION_RATE - time.monotonic()))
 
 
-RECORDING_RATE = 20.0  #: at which the position moves on [1/s]
-FRAME_GAP = 0.5  #: between two frames shown, from which on a contact is not followed [s]
+RECORDING_RATE = 20.0  #: rate at which the position advances [1/s]
+FRAME_GAP = 0.5  #: time between two shown frames from which a contact is no longer tracked [s]
 
 
 class RecordingSource(ViewSource):
-    """A `ViewSource` and its own player. It is read once, from the first `start` on; what is read can be seen."""
+    """A recording with its own player. It is read once, from the first `start`; the part read so far can be shown."""
 
     def __init__(self, recording: BagRecording | LogRecording, recogniser: VisibilityGuard | None = None):
         self._recording = recording
@@ -123,28 +127,29 @@ class RecordingSource(ViewSource):
         self._recogniser = recogniser or make_recogniser()
         self._recognisers: dict[str, PadRecogniser] = {}
         self._shown: dict[str, Moment] = {}
-        self._lock = threading.Lock()  # of position and is_playing, which only this class sets
-        self.position, self.is_playing = 0.0, True  #: time shown [s since the begin of the recording]
+        self._lock = threading.Lock()  # for position and is_playing, which only this class sets
+        self.position = 0.0  #: time shown [s since the begin of the recording]
+        self.is_playing = True
         self.player = self
         self._closing = threading.Event()
-        self.is_complete = False  #: whether all of the recording is read
+        self.is_complete = False  #: True when the whole recording has been read
         self._reader: threading.Thread | None = None
         self._playing = StoppableThread(self._run, 'view_player', self._died)
 
     @property
     def length(self) -> float:
-        """Length of what is read so far [s]."""
+        """Length of the part read so far [s]."""
         return max(self._timeline.end - self._timeline.begin, 0.0)
 
     def play(self, is_playing: bool) -> None:
-        """Continue, from the begin where it is at its end; or pause."""
+        """Play or pause. At the end of the recording, playing starts again from its begin."""
         with self._lock:
             if is_playing and self.is_complete and self.position >= self.length:
                 self.position = 0.0
             self.is_playing = is_playing
 
     def seek(self, position: float) -> None:
-        """Show what was seen at ``position`` [s]."""
+        """Move to ``position`` [s since the begin of the recording]."""
         with self._lock:
             self.position = min(max(position, 0.0), self.length)
 
@@ -171,7 +176,7 @@ class RecordingSource(ViewSource):
         return self._timeline.begin + self.position - state.stamp
 
     def show(self) -> None:
-        """Put what is at the position into the store."""
+        """Put the state at the present position into the store."""
         now = self._timeline.begin + self.position
         if not math.isfinite(now):
             return
@@ -195,14 +200,14 @@ class RecordingSource(ViewSource):
     def _read(self) -> None:
         try:
             problem = self._recording.read(self._timeline, self._closing.is_set)
-        except (TactileError, OSError) as error:  # the file has gone, the disk of the timeline is full
+        except (TactileError, OSError) as error:  # the file is gone, or the timeline has filled the disk
             problem = f'not read to its end: {error}'
         if problem:
             self.store.put_problem(problem)
         self.is_complete = True
 
     def _died(self, error: Exception) -> None:
-        """Nothing more is read, or shown."""
+        """Report an error that has ended a thread. Nothing more is read or shown."""
         self.store.put_error(error)
         self.is_complete = True
         self.play(False)
@@ -217,5 +222,5 @@ class RecordingSource(ViewSource):
             last = now
             is_complete = self.is_complete
             self.show()
-            with self._lock:  # after its end has been shown
+            with self._lock:  # only after the end has been shown
                 self.is_playing &= not (is_complete and self.position >= self.length)

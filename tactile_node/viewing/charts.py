@@ -1,4 +1,4 @@
-"""Pictures as inline SVG: the cells of a pad, and charts over time. The macros are in pictures.html."""
+"""Pictures as inline SVG: the taxels of a pad, and charts over time. The macros are in pictures.html."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,9 +12,9 @@ from tactile_node.colour_map import PALETTE, STEPS, rounded_up
 from tactile_node.viewing.source import FORCE_HISTORY
 from tactile_node.viewing.templates import environment
 
-HEAT_LEVELS = 48
+HEAT_LEVELS = 48  #: number of colours in a heat map
 POINT_COLOURS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: colours of the pads, in their order
-BAR_COLOURS = 24
+BAR_COLOURS = 24  #: number of colours in a colour bar
 
 
 @cache
@@ -25,7 +25,7 @@ def pictures() -> Any:
 
 
 def colour(share: float) -> str:
-    """0 ... 1 -> its colour.
+    """Return the colour for a fraction from 0 to 1.
 
     >>> colour(0.0), colour(1.0)
     ('#000004', '#fcffa4')
@@ -34,13 +34,21 @@ def colour(share: float) -> str:
 
 
 def cells(colours: Sequence[tuple[str, np.ndarray]]) -> list[tuple[str, str]]:
-    """Return a path for each colour and its places, bool (rows, cols); row 0 is at the bottom, a taxel is 1 x 1."""
+    """Return one SVG path for each colour.
+
+    Row 0 is at the bottom of the picture, and a taxel is 1 x 1.
+
+    Parameters
+    ----------
+    colours
+        Colours and the taxels that have them, bool, shape (rows, cols).
+    """
     return [(fill, ''.join(f'M{first} {len(places) - 1 - row}h{length}v1h-{length}z'
                            for row, first, length in _runs(places))) for fill, places in colours if places.any()]
 
 
 def heat_cells(values: np.ndarray, top: float) -> list[tuple[str, str]]:
-    """``values`` (rows, cols), NaN: no value; ``top`` has the brightest colour."""
+    """Return SVG paths for ``values`` (rows, cols); NaN means no value, and ``top`` has the brightest colour."""
     with np.errstate(invalid='ignore'):
         levels = np.clip(np.rint(values / top * (HEAT_LEVELS - 1)) if top > 0 else 0 * values, 0, HEAT_LEVELS - 1)
     shades = [(colour(level / (HEAT_LEVELS - 1)), levels == level) for level in range(HEAT_LEVELS)]
@@ -48,19 +56,19 @@ def heat_cells(values: np.ndarray, top: float) -> list[tuple[str, str]]:
 
 
 def outline_points(corners: np.ndarray, pitch: float, rows: int) -> str:
-    """Return ``corners`` (n, 2) [m] as places of a picture with row 0 at the bottom, a taxel 1 x 1."""
+    """Return ``corners`` (n, 2) [m] as SVG points in a picture with row 0 at the bottom, a taxel 1 x 1."""
     return ' '.join(f'{x / pitch + 0.5:.3f},{rows - 0.5 - y / pitch:.3f}' for x, y in corners)
 
 
 def _runs(places: np.ndarray) -> list[tuple[int, int, int]]:
-    """Row, first column and length of each run of places in a row."""
+    """Return row, first column and length of each run of True in a row."""
     edges = np.diff(np.pad(places.astype(np.int8), ((0, 0), (1, 1))), axis=1)
     begins, ends = np.argwhere(edges == 1), np.argwhere(edges == -1)
     return [(int(row), int(first), int(last - first)) for (row, first), (_, last) in zip(begins, ends)]
 
 
 class Frame(NamedTuple):
-    """Size of a chart, and the room around what it shows."""
+    """Size of a chart, and the margins around its content."""
 
     width: float
     height: float
@@ -70,17 +78,17 @@ class Frame(NamedTuple):
     bottom: float
 
     def place(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """Return where the shares ``x`` and ``y`` of what is shown lie: numbers, or arrays."""
+        """Return the place of the fractions ``x`` and ``y`` of the shown range; both may be numbers or arrays."""
         return (self.left + x * (self.width - self.left - self.right),
                 self.height - self.bottom - y * (self.height - self.top - self.bottom))
 
 
 CHART = Frame(940, 130, 64, 8, 8, 22)
-MOST_POINTS = 900  #: points of one line: more than one a pixel is not seen
+MOST_POINTS = 900  #: number of points in one line; more than one per pixel could not be seen
 
 
 class Points(NamedTuple):
-    """Points of one colour; ``x`` in seconds."""
+    """Points with one colour; ``x`` is in seconds."""
 
     colour: str
     x: np.ndarray
@@ -88,7 +96,7 @@ class Points(NamedTuple):
 
 
 def chart(lines: Sequence[Points], dots: Sequence[Points], *, end: float, top: float, unit: str) -> Markup:
-    """From 0 to ``end`` s and from 0 to ``top``, which carries ``unit``."""
+    """Return a chart with time from 0 to ``end`` [s] and values from 0 to ``top`` in ``unit``."""
     top = top if top > 0 and math.isfinite(top) else 1.0
     end = end if end > 0 else 1.0
 
@@ -103,7 +111,7 @@ def chart(lines: Sequence[Points], dots: Sequence[Points], *, end: float, top: f
 
 
 def ticks(length: float, parts: int) -> list[float]:
-    """Return about ``parts`` round numbers from 0 to ``length``."""
+    """Return about ``parts`` round numbers between 0 and ``length``."""
     step = rounded_up(length / parts) if length else 1.0
     return [k * step for k in range(int(length / step + 1e-9) + 1)]
 
@@ -113,7 +121,7 @@ def _value_ticks(frame: Frame, values: Sequence[float], top: float, unit: str) -
 
 
 def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
-    """Return the indices of at most MOST_POINTS of ``values``: of each part the highest, or the lowest.
+    """Return the indices of at most MOST_POINTS values: from each part the highest one, or the lowest one.
 
     >>> thin(np.array([3.0, 1.0]), True).tolist()
     [0, 1]
@@ -126,15 +134,20 @@ def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
 
 
 FORCE = Frame(600, 220, 40, 10, 10, 24)
-FORCE_GAP = 0.3     #: between two points, from which on they are not joined [s]
-LEAST_FORCE_SCALE = 1.0   #: least top of the scale [N]
+FORCE_GAP = 0.3     #: time between two points from which they are not joined [s]
+LEAST_FORCE_SCALE = 1.0   #: smallest upper end of the scale [N]
 TIME_TICKS = -20, -15, -10, -5, 0
 
 
 def force_chart(forces: Mapping[str, np.ndarray], now: float) -> str:
-    """Return force over time, broken where there is none: a line across a gap would show what was not measured.
+    """Return a chart of the force over time. The line is interrupted where no force was measured.
 
-    ``forces``: stamps [s] and forces [N] of each pad, (2, n); ``now``: stamp at the right end.
+    Parameters
+    ----------
+    forces
+        Pad name -> stamps [s] and forces [N], shape (2, n).
+    now
+        Stamp at the right end [s].
     """
     known = [values[1][np.isfinite(values[1])] for values in forces.values()]
     top = rounded_up(max([LEAST_FORCE_SCALE, *(float(each.max()) for each in known if len(each))]))
@@ -147,7 +160,7 @@ def force_chart(forces: Mapping[str, np.ndarray], now: float) -> str:
                 line += '{}{:.1f} {:.1f}'.format('L' if time - last < FORCE_GAP else 'M', *place)
                 last = time
         return Markup(line)  # nosec B704: numbers
-    return str(pictures().chart(  # viser sends plain strings alone
+    return str(pictures().chart(  # str, because viser sends only plain strings
         'tactile-force', FORCE, [(FORCE.place(1 + tick / FORCE_HISTORY, 0)[0], f'{tick} s') for tick in TIME_TICKS],
         _value_ticks(FORCE, (0.0, top / 2, top), top, 'N'),
         [(POINT_COLOURS[k % len(POINT_COLOURS)], line(*each)) for k, each in enumerate(forces.values())]))

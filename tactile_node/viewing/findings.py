@@ -1,4 +1,4 @@
-"""What stands out in a report, as facts and as sentences; a support engineer reads these first."""
+"""Remarkable facts of a report, as facts and as sentences; a support engineer reads these first."""
 
 from collections.abc import Iterator
 from enum import Enum, unique
@@ -11,38 +11,38 @@ from tactile_node.cia301.objects import NmtState
 from tactile_node.viewing.model import BusReport, NodeReport, PadReport, Report, Reported
 from tactile_node.viewing.taxel_record import FAULTS, marks_of
 
-HIGH_LOAD = 0.9  #: share of the bus's time; beyond, other traffic delays sweeps
+HIGH_LOAD = 0.9  #: fraction of the bus's time above which other traffic delays sweeps
 
 
 @unique
 class Remark(Enum):
-    """Whether it is a problem, else it is a hint for the reader; and its sentence, with the place and the number."""
+    """Kinds of findings. The value says whether the finding is a problem or a hint, and has the sentence for it."""
 
-    WRONG_DEVICE = True, ('Pad {where}: the SDO answers in the log are those of another device or another mapping than '
-                          'layout and EDS have. Its taxels are left out; see the pad.')
-    STRANGERS = True, ('Pad {where}: no heartbeat of its nodes, but those of {number:.0f} others that send the same '
-                       'COB-IDs. The taxels may be of another pad. Check the node-IDs.')
+    WRONG_DEVICE = True, ('Pad {where}: the SDO answers in the log show another device, or another mapping, than '
+                          'layout and EDS. Its taxels are left out; see the pad.')
+    STRANGERS = True, ('Pad {where}: its own nodes sent no heartbeat, but {number:.0f} other nodes that send the same '
+                       'COB-IDs did. The taxels may belong to another pad. Check the node-IDs.')
     NO_TAXELS = True, ('Pad {where}: no taxels in this recording. Check --node-id and --layout, and whether SYNC was '
                        'sent.')
-    UNREAD = True, '{number:.0f} lines, messages or rests of the file could not be read.'
-    CLOCK_JUMPS = True, 'Times that the clock was set back while recording: {number:.0f}.'
-    LOST_CAN_FRAMES = True, 'Pad {where}: {number:.0f} CAN frames are in no taxel frame; the pad has the reasons.'
-    LOST_FRAMES = True, 'Pad {where}: {number:.0f} taxel frames are missing by their sequence numbers.'
+    UNREAD = True, '{number:.0f} lines, messages or parts of the file could not be read.'
+    CLOCK_JUMPS = True, 'The clock was set back {number:.0f} times while recording.'
+    LOST_CAN_FRAMES = True, 'Pad {where}: {number:.0f} CAN frames are in no taxel frame; see the pad for the reasons.'
+    LOST_FRAMES = True, 'Pad {where}: {number:.0f} taxel frames are missing according to their sequence numbers.'
     INCOMPLETE = True, 'Pad {where}: {number:.0f} taxel frames lack CAN frames.'
-    TAXEL_GAPS = True, 'Pad {where}: gaps of half a second or longer without a taxel frame: {number:.0f}.'
-    BUS_GAPS = False, 'Gaps of half a second or longer without any CAN frame: {number:.0f}.'  # a bus may rest
-    EMERGENCIES = True, 'Node {where} sent {number:.0f} EMCYs, errors among them.'
-    BOOTED_AGAIN = True, 'Node {where} started again within the recording; boot-ups: {number:.0f}.'
+    TAXEL_GAPS = True, 'Pad {where}: {number:.0f} gaps of half a second or longer without a taxel frame.'
+    BUS_GAPS = False, '{number:.0f} gaps of half a second or longer without any CAN frame.'  # a bus may be at rest
+    EMERGENCIES = True, 'Node {where} sent {number:.0f} EMCYs, which include errors.'
+    BOOTED_AGAIN = True, 'Node {where} restarted during the recording; number of boot-ups: {number:.0f}.'
     TWO_VALUES = True, 'Node {where}: its identity changed. Two devices answered under this node-ID.'
     FAULTY_TAXELS = True, 'Pad {where}: {number:.0f} taxels are dead, stuck or flickering.'
-    NODE_OF_NO_PAD = False, ('Node {where} was heard and belongs to no pad of this report. If it is a skin, give its '
+    NODE_OF_NO_PAD = False, ('Node {where} was heard but belongs to no pad of this report. If it is a skin, add it to '
                              '--node-id.')
-    BUS_FULL = True, 'The bus was in use for {number:.0%} of a second, with bit stuffing at its worst.'
-    ERROR_FRAMES = True, '{number:.0f} error frames of the CAN controller.'
+    BUS_FULL = True, 'The bus was busy for {number:.0%} of a second, with the worst case of bit stuffing.'
+    ERROR_FRAMES = True, '{number:.0f} error frames from the CAN controller.'
     LEFT_OUT = False, 'Pad {where}: {number:.0f} more touches are not listed.'
-    SEVERAL_BUSES = True, ('The recording has CAN frames of {number:.0f} buses. Load, gaps and nodes are of all of '
-                           'them: choose one with --channel.')
-    REPORTED = True, 'The driver reported warnings or errors: {number:.0f} changes; see the bus.'
+    SEVERAL_BUSES = True, ('The recording has CAN frames from {number:.0f} buses. Load, gaps and nodes cover all of '
+                           'them; choose one with --channel.')
+    REPORTED = True, 'The driver reported {number:.0f} changes to a warning or an error; see the bus.'
 
     @property
     def is_problem(self) -> bool:
@@ -50,7 +50,7 @@ class Remark(Enum):
 
 
 class Found(NamedTuple):
-    """``number``: how many, or for BUS_FULL the share; ``where``: the pad's name or the node-ID."""
+    """A finding. ``number`` is a count, or for BUS_FULL a fraction; ``where`` is the pad's name or the node-ID."""
 
     finding: Remark
     where: str = ''
@@ -63,7 +63,7 @@ class Found(NamedTuple):
 
 
 def findings(report: Report) -> tuple[Found, ...]:
-    """Return all, problems first."""
+    """Return all findings in a report, problems first."""
     recording = report.recording
     found = [Found(Remark.UNREAD, number=recording.unread), Found(Remark.CLOCK_JUMPS, number=recording.clock_jumps)]
     for pad in report.pads:
@@ -88,7 +88,7 @@ def _of_pad(pad: PadReport) -> Iterator[Found]:
 
 
 def _is_empty(pad: PadReport) -> bool:
-    """Without SYNC answers there are taxel frames all the same, of NaN."""
+    """Return True if no TPDO was used. Without answers to SYNC, there are still taxel frames, but full of NaN."""
     return pad.statistics is not None and not pad.statistics.used
 
 

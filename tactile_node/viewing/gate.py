@@ -1,10 +1,11 @@
-"""Who may look: stands before the page's server, which refuses no one, and passes on what may pass.
+"""A gate in front of the page's server: it checks each request and forwards those that may pass.
 
-It also takes the browsers' receipts: an update of a page names an address below TAKEN_PATH, for which a browser asks
-when it has put the update on its page.
+The server itself refuses no request. The gate also receives the receipts of the browsers: each update of a page names
+an address below TAKEN_PATH, and a browser requests this address when it has put the update on its page.
 
-It listens on this machine alone; from elsewhere the port is forwarded by ssh. A browser must have asked for this
-machine: else any web page that is open in it could read the skin (DNS rebinding, cross-site WebSockets).
+The gate listens on this machine only; from elsewhere, the port must be forwarded by ssh. The request must name this
+machine as its host. Otherwise any web page open in the browser could read the skin, by DNS rebinding or by cross-site
+WebSockets.
 """
 
 import asyncio
@@ -20,18 +21,18 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.threads import ReportedThread
 
 LOOPBACK = '127.0.0.1'
-LARGEST_HEAD = 16_384  #: of a request [bytes]
-HEAD_TIMEOUT = 10.0    #: s
-PASSED_CHUNK = 65_536         #: passed on at once [bytes]
-SEND_BUFFER = 131_072  #: of a connection to a browser [bytes]: what waits in it becomes old
+LARGEST_HEAD = 16_384  #: largest head of a request [bytes]
+HEAD_TIMEOUT = 10.0    #: time allowed for the head of a request [s]
+PASSED_CHUNK = 65_536         #: largest number of bytes that are forwarded at once
+SEND_BUFFER = 131_072  #: buffer of a connection to a browser [bytes]; kept small, because data in it become old
 
-#: Called with the number of a page and of the update that it has taken
+#: called with the number of a page and of the update that its browser has confirmed
 OnTaken = Callable[[int, int], None]
 TAKEN_PATH = '/taken'
 
 
 class Request(NamedTuple):
-    """The head of an HTTP request; names of headers are in lower case."""
+    """Head of an HTTP request; the names of headers are in lower case."""
 
     method: str
     target: str
@@ -39,7 +40,7 @@ class Request(NamedTuple):
 
     @property
     def receipt(self) -> tuple[int, int] | None:
-        """Page and update of which this is the receipt; None for another request."""
+        """Numbers of the page and of the update that this request confirms; None if it is not a receipt."""
         found = re.fullmatch(rf'{TAKEN_PATH}/(\d{{1,9}})/(\d{{1,12}})', self.target)
         return None if found is None else (int(found[1]), int(found[2]))
 
@@ -48,19 +49,19 @@ class Request(NamedTuple):
         return self.headers.get('upgrade', '').lower() == 'websocket'
 
 
-#: An answer after which the connection stays: a receipt comes with each update
+#: answer to a receipt; it keeps the connection open, because a receipt follows each update
 RECEIPT_ANSWER = b'HTTP/1.1 204 No Content\r\nCache-Control: no-store\r\n\r\n'
 
 
 def refusal(status: HTTPStatus) -> bytes:
-    """Return the answer to a request that is not passed on."""
+    """Return the answer to a request that is refused."""
     text = f'{status.value} {status.phrase}\n'
     return (f'HTTP/1.1 {status.value} {status.phrase}\r\nContent-Type: text/plain\r\nContent-Length: {len(text)}\r\n'
             f'Connection: close\r\nCache-Control: no-store\r\n\r\n{text}').encode()
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this machine can reach ``host``, which may have a port.
+    """Return True if only this machine can reach ``host``, which may include a port.
 
     >>> is_loopback('localhost:80'), is_loopback('127.0.0.2'), is_loopback('0.0.0.0'), is_loopback('robot')
     (True, True, False, False)
@@ -73,7 +74,7 @@ def is_loopback(host: str) -> bool:
 
 
 def parse_request(head: bytes) -> Request | None:
-    """Return the request of ``head``; None where it is none."""
+    """Return the request in ``head``, or None if it is not a valid request."""
     first, *lines = head.decode('latin-1').split('\r\n')
     pairs = [(name.lower(), value.strip()) for name, _, value in (line.partition(':') for line in lines if line)]
     names = [name for name, _ in pairs]
@@ -88,7 +89,7 @@ def parse_request(head: bytes) -> Request | None:
 
 
 def check_request(request: Request) -> HTTPStatus | None:
-    """Return why ``request`` is refused; None: pass it on."""
+    """Return the reason why ``request`` is refused, or None if it may pass."""
     if request.method != 'GET':
         return HTTPStatus.METHOD_NOT_ALLOWED
     host = request.headers.get('host', '')
@@ -99,9 +100,21 @@ def check_request(request: Request) -> HTTPStatus | None:
 
 
 class Gate:
-    """Listens on ``port`` of this machine (0: a free one) from `__init__` to `close`, before the server at ``inner``.
+    """Listens on a port of this machine, in front of the server, from `__init__` to `close`.
 
-    Raises ConfigurationError.
+    Parameters
+    ----------
+    port
+        TCP port; 0 for any free port.
+    inner
+        Host and port of the server.
+    on_taken
+        Called with each receipt.
+
+    Raises
+    ------
+    ConfigurationError
+        If the port is not free.
     """
 
     def __init__(self, port: int, inner: tuple[str, int], on_taken: OnTaken = lambda page, update: None):
@@ -113,7 +126,7 @@ class Gate:
             self._server = self._call(asyncio.start_server(self._connected, LOOPBACK, port, limit=LARGEST_HEAD))
         except OSError as error:
             self._end()
-            raise ConfigurationError(f'{LOOPBACK}:{port}', expected='a port that is free', got=str(error),
+            raise ConfigurationError(f'{LOOPBACK}:{port}', expected='a free port', got=str(error),
                                      remedy='Give another --port.') from None
         self.port: int = self._server.sockets[0].getsockname()[1]
 
@@ -134,12 +147,12 @@ class Gate:
             while await self._answered(reader, writer):
                 pass
         except (OSError, EOFError, asyncio.TimeoutError, asyncio.LimitOverrunError):
-            pass  # the browser has gone, or is none
+            pass  # the browser has gone, or it was not a browser
         finally:
             writer.close()
 
     async def _answered(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
-        """Take one request; True where another one may follow."""
+        """Process one request; return True if another one may follow on the same connection."""
         head = await asyncio.wait_for(reader.readuntil(b'\r\n\r\n'), HEAD_TIMEOUT)
         request = parse_request(head)
         status = HTTPStatus.BAD_REQUEST if request is None else check_request(request)
@@ -155,7 +168,7 @@ class Gate:
 
     async def _pass_on(self, head: bytes, both_ways: bool, reader: asyncio.StreamReader,
                        writer: asyncio.StreamWriter) -> None:
-        """Only a WebSocket goes on both ways: a second request on the same connection has not been checked."""
+        """Forward a request. Only a WebSocket may send more, because a second request would not have been checked."""
         writer.get_extra_info('socket').setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         inner_reader, inner_writer = await asyncio.open_connection(*self._inner, limit=PASSED_CHUNK)
         try:
@@ -172,7 +185,7 @@ class Gate:
 
 
 async def _copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Wait for the one who takes: what is not taken stays where it came from."""
+    """Copy data no faster than the receiver accepts them, so that no data pile up here."""
     while data := await reader.read(PASSED_CHUNK):
         writer.write(data)
         await writer.drain()

@@ -1,4 +1,4 @@
-"""State of bus and pads as a table (HTML): what is lost, by reason."""
+"""The state of the bus and the pads as an HTML table, with the losses for each reason."""
 
 import math
 from collections import deque
@@ -8,24 +8,39 @@ from markupsafe import Markup
 from tactile_node.viewing.page_parts import macros
 from tactile_node.viewing.states import BusFacts, NodeFacts, PadFacts
 
-MOST_FAULTY_TAXELS = 8  #: faulty taxels that are listed
-OLD_STATUS_AGE = 3.0  #: from which age on a status is marked as old; one comes each second [s]
-RECENT_TIME = 60.0  #: what was lost longer ago is not red [s]
+MOST_FAULTY_TAXELS = 8  #: number of faulty taxels that are listed
+OLD_STATUS_AGE = 3.0  #: age from which a status is marked as old [s]; one comes each second
+RECENT_TIME = 60.0  #: age up to which losses are shown in red [s]
 NO_PAD = PadFacts('', 0, 0, 0, 0, {})
 
 
 class HealthHistory:
-    """The facts of a live bus over RECENT_TIME seconds: what is lost now differs from what was lost long ago."""
+    """Facts about a live bus over the last RECENT_TIME seconds, to tell present losses from earlier ones."""
 
     def __init__(self) -> None:
         self._facts: deque[tuple[float, int, BusFacts]] = deque()
 
     def before(self, facts: BusFacts, stamp: float) -> tuple[BusFacts, float]:
-        """Note ``facts`` of ``stamp`` [s]; return those of RECENT_TIME before, or the first, and their age then."""
+        """Add ``facts`` and return earlier ones to compare with.
+
+        Parameters
+        ----------
+        facts
+            Present facts.
+        stamp
+            Time of these facts [s].
+
+        Returns
+        -------
+        BusFacts
+            Facts from RECENT_TIME ago, or else the first ones.
+        float
+            Time from these facts to ``stamp`` [s].
+        """
         expected = sum(pad.expected for pad in facts.pads)
         if self._facts and expected < self._facts[-1][1]:
-            self._facts.clear()  # the driver has been started again: its counters have no past
-        if not self._facts or stamp > self._facts[-1][0]:  # of a driver that has ended it stands still
+            self._facts.clear()  # the driver was restarted, so its counters begin again
+        if not self._facts or stamp > self._facts[-1][0]:  # the stamp stands still if the driver has ended
             self._facts.append((stamp, expected, facts))
         while len(self._facts) > 1 and stamp - self._facts[1][0] >= RECENT_TIME:
             self._facts.popleft()
@@ -33,15 +48,24 @@ class HealthHistory:
 
 
 def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFacts, float] | None = None) -> str:
-    """Return the table; it says so where nothing is known, or where ``facts`` are old by their ``age`` [s].
+    """Return the table as HTML.
 
-    ``before``, of `HealthHistory`: what is lost since then is red, else all. The table does not say whether a pad is
-    live: the page updates the pads more often, and would contradict it.
+    The table does not say whether a pad is live. The page updates the pads more often, and would contradict it.
+
+    Parameters
+    ----------
+    facts
+        Facts about the bus; None if the source has none.
+    age
+        Age of the facts [s]. The table marks old facts.
+    before
+        Earlier facts from `HealthHistory` and their distance in time [s]. Losses since then are red. None: all losses
+        are red.
     """
     if facts is None:
-        return '<div class="tactile-note">no status of a bus comes from this source</div>'
+        return '<div class="tactile-note">this source has no status of a bus</div>'
     load = 'not known (log)' if math.isnan(facts.load) else f'{facts.load:.0%}'
-    if age > OLD_STATUS_AGE:  # neither bus nor nodes are known any more
+    if age > OLD_STATUS_AGE:  # the present state of bus and nodes is not known
         load = 'not known'
         facts = facts._replace(failure=f'OLD: nothing newer for {age:.0f} s',
                                pads=tuple(pad._replace(nodes=()) for pad in facts.pads))
@@ -59,7 +83,7 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
 
 
 def _counted(name: str, text: str, recent: int, span: float | None) -> tuple[str, str, bool]:
-    """Return the row of a counter, of which ``recent`` were counted in ``span`` [s]; None: in all."""
+    """Return the row of a counter with ``recent`` counts within ``span`` [s]; a ``span`` of None means: since begin."""
     return name, text if span is None else f'{text} ({recent} in {span:.0f} s)', recent > 0
 
 
@@ -79,7 +103,7 @@ def _pad_rows(pad: PadFacts, before: PadFacts, span: float | None) -> list[tuple
 
 
 def _node(node: NodeFacts) -> str:
-    """A fault says itself which state was heard last, and when."""
+    """Return the state of a node; a fault text already names the last state and its time."""
     age = 'no heartbeat' if math.isnan(node.heartbeat_age) else f'heartbeat {node.heartbeat_age:.1f} s ago'
     return '; '.join(filter(None, (node.fault or f'{node.nmt_state}; {age}', node.emergency)))
 

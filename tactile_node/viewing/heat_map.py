@@ -1,4 +1,4 @@
-"""A pad as a picture (SVG): taxels, outline, names and lengths. Row 0 is at the bottom, as in the pad's frame."""
+"""Draw a pad as SVG: taxels, outline, names and lengths. Row 0 is at the bottom, as in the pad's frame."""
 
 import base64
 import io
@@ -12,14 +12,22 @@ from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 from tactile_node.viewing.charts import outline_points, pictures, ticks
 from tactile_node.viewing.states import PadState, SeenContact
 
-LONGER_SIDE = 16.0  #: of the taxels [units of the picture]
-#: what a person reads: factor and name, by unit
+LONGER_SIDE = 16.0  #: length of the longer side of the taxels [units of the picture]
+#: unit -> factor and name of the unit that is shown
 SHOWN_AS = {'Pa': (1e-3, 'kPa'), 'N': (1.0, 'N'), ON_OFF_UNIT: (1.0, '')}
 
 
 def heat_map(state: PadState, full_scale: float, is_old: bool = False) -> Markup:
-    """Return the picture as SVG. ``full_scale``: reading of the brightest colour; ``is_old``: pale, since it is not
-    what the pad reads now. Its axes have millimetres from the centre of taxel (0, 0).
+    """Return the picture of a pad as SVG. Its axes show millimetres from the centre of taxel (0, 0).
+
+    Parameters
+    ----------
+    state
+        State of the pad.
+    full_scale
+        Reading with the brightest colour, in the unit of the pad.
+    is_old
+        True to draw it pale, because it does not show the present readings.
     """
     rows, cols = state.values.shape
     pitch = 1e3 * state.pitch
@@ -35,7 +43,7 @@ def heat_map(state: PadState, full_scale: float, is_old: bool = False) -> Markup
 
 
 def _png(state: PadState, full_scale: float) -> Markup:
-    """One pixel a taxel, row 0 at the bottom; a place without a value is transparent: what lies below marks it."""
+    """Return one pixel per taxel, row 0 at the bottom; a taxel without a value is transparent and marked from below."""
     values = state.values[::-1]
     indices = np.where(np.isnan(values), STEPS - 1, np.minimum(levels(values, full_scale), STEPS - 2))
     picture = Image.frombytes('P', values.shape[::-1], indices.astype(np.uint8).tobytes())
@@ -46,7 +54,8 @@ def _png(state: PadState, full_scale: float) -> Markup:
 
 
 def words(contact: SeenContact | None) -> str:
-    """Return the contact in one line: what it is, how sure, how large, what moves.
+    """Return the contact in one line: its shape, confidence, size, force and motion.
+
 
     >>> words(SeenContact('square', '', {'square': 0.97}, None, (('side', 0.028),), False, 1.5, None))
     'square 97 %, side 28.0 mm, 1.50 N'

@@ -1,4 +1,4 @@
-"""The report of a CAN log, or of the CAN frames in a bag."""
+"""Make a report about a CAN log, or about a bag with taxel arrays and its CAN frames."""
 
 import hashlib
 import platform
@@ -44,7 +44,7 @@ DIGEST_CHUNK = 1 << 20  #: [bytes]
 
 
 def versions() -> tuple[tuple[str, str], ...]:
-    """Return name and version of what made the report; a library that is not installed is left out."""
+    """Return the names and versions of the software behind the report, without libraries that are not installed."""
     found = []
     for name in LIBRARIES:
         try:
@@ -56,7 +56,7 @@ def versions() -> tuple[tuple[str, str], ...]:
 
 
 def reported_file(path: str | Path, kind: Kind, begin: float, end: float, **problems: Any) -> ReportedFile:
-    """Return what is known of a file, a series of files or a bag's folder. Raises OSError where it cannot be read."""
+    """Return the facts about a file, a series of files or the folder of a bag. Raises OSError if it cannot be read."""
     path = Path(path)
     files = [file for file in path.rglob('*') if file.is_file()] if path.is_dir() else files_of(path)
     return ReportedFile(path.resolve().name, sum(file.stat().st_size for file in files),
@@ -71,15 +71,33 @@ def _sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-END_POLL = 0.1  #: for the end of the log [s]
+END_POLL = 0.1  #: period at which the end of the log is checked [s]
 
 
 class LogReporter:
-    """Plays a CAN log once, as fast as possible.
+    """Plays a CAN log once, as fast as possible, and makes a report.
 
-    ``channel`` and ``eds`` as in `LogSource`. Where the set-up in the log contradicts layout or EDS, or other nodes
-    were heard that send a pad's COB-IDs, the pad's taxels are left out, unless with ``any_device``. ``bit_rate``
-    [bit/s], which no log has. ``on_can_frame`` is called for each CAN frame.
+    If the set-up in the log contradicts layout or EDS, or if other nodes send the COB-IDs of a pad, the taxels of this
+    pad are left out.
+
+    Parameters
+    ----------
+    path
+        Path of the log.
+    pads
+        Pads to report on.
+    channel, eds
+        As in `LogSource`.
+    any_device
+        True to report the taxels in spite of a contradiction.
+    bit_rate
+        Bit rate of the bus [bit/s], which no log contains; None if it is not known.
+    recogniser
+        Recogniser of the shapes.
+    on_can_frame
+        Called for each CAN frame.
+    window
+        Part of the log to report on.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], *, channel: str = '', eds: Sequence[str] = ('',),
@@ -98,7 +116,15 @@ class LogReporter:
                                  on_message=self._message, window=window)
 
     def report(self, stop_requested: threading.Event) -> Report:
-        """Raises LogError for a log that cannot be read, or is of two buses; KeyboardInterrupt where it was stopped."""
+        """Return the report.
+
+        Raises
+        ------
+        LogError
+            If the log cannot be read, or if its CAN frames come from two buses.
+        KeyboardInterrupt
+            If ``stop_requested`` was set.
+        """
         source = self._source
         source.open()
         source.start()
@@ -110,8 +136,9 @@ class LogReporter:
             raise KeyboardInterrupt
         statistics = source.statistics()
         if source.failure or statistics.consumer_errors:
-            got = source.failure.detail.removesuffix('.') if source.failure else 'an error over its taxel frames'
-            raise LogError(self._path, expected='a log to its end', got=got, remedy='No report is written.')
+            got = source.failure.detail.removesuffix('.') if source.failure else 'an error in a taxel frame'
+            raise LogError(self._path, expected='a log that plays to its end', got=got,
+                           remedy='No report was written.')
         recording = reported_file(
             self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end, unread=statistics.unread,
             problem=source.reader.problem, damages=tuple(source.reader.damages), clock_jumps=statistics.clock_jumps)
@@ -150,7 +177,23 @@ def _taken(pads: Sequence[PadSettings]) -> frozenset[int]:
 
 
 class BagReporter:
-    """Reads a bag with taxel arrays. ``channel`` (a topic), ``bit_rate`` [bit/s]: of its CAN frames."""
+    """Reads a bag with taxel arrays and makes a report.
+
+    Parameters
+    ----------
+    path
+        Path of the bag.
+    channel
+        Topic of the CAN frames, if the bag has several.
+    bit_rate
+        Bit rate of the bus of the CAN frames [bit/s]; None if it is not known.
+    recogniser
+        Recogniser of the shapes.
+    on_message
+        Called for each message.
+    window
+        Part of the bag to report on.
+    """
 
     def __init__(self, path: str, *, channel: str = '', bit_rate: int | None = None,
                  recogniser: VisibilityGuard | None = None, on_message: Callable[[], object] = lambda: None,
@@ -164,7 +207,15 @@ class BagReporter:
         self._end = -float('inf')
 
     def report(self, stop_requested: threading.Event) -> Report:
-        """Raises LogError for a bag without a whole taxel array; KeyboardInterrupt where it was stopped."""
+        """Return the report.
+
+        Raises
+        ------
+        LogError
+            If the bag has no valid taxel array.
+        KeyboardInterrupt
+            If ``stop_requested`` was set.
+        """
         for message in self._reader.messages((TAXELS, STATUS, DIAGNOSTICS), window=self._window):
             if stop_requested.is_set():
                 raise KeyboardInterrupt
@@ -203,7 +254,7 @@ class BagReporter:
         self._pads[name].feed(frame)
 
     def _of_can_frames(self, stop_requested: threading.Event) -> tuple[tuple[NodeReport, ...], BusReport]:
-        """Services are not counted: which COB-IDs are TPDOs, only a layout says."""
+        """Return the facts from the CAN frames. Services are not counted, as only a layout tells which are TPDOs."""
         bus = BusRecord(self._bit_rate)
         nodes = NodeRecords({node.node_id: node.pad for node in self._status.nodes() or ()}, frozenset())
         for message in CanLogReader(self._path, self._channel, self._window):

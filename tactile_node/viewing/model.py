@@ -1,4 +1,7 @@
-"""The facts of a report; `report_page` makes HTML of them. None: not in this recording. Stamps are Unix time [s]."""
+"""Facts of a report, from which `report_page` makes HTML.
+
+None means that the recording does not contain a fact. Stamps are Unix time [s].
+"""
 
 import heapq
 from collections import deque
@@ -17,14 +20,14 @@ from tactile_node.logs.logged_set_up import Contradiction
 from tactile_node.viewing.taxel_record import TaxelHealth
 from tactile_node.viewing.touch import Sample, TouchList
 
-KEPT_ENTRIES = 100  #: at each end
-KEPT_GAPS = 50
+KEPT_ENTRIES = 100  #: number of entries kept at each end
+KEPT_GAPS = 50      #: number of gaps kept
 
 Entry = TypeVar('Entry')
 
 
 class Ends(Generic[Entry]):
-    """The first and the last of many entries; what lies between is only counted, so that memory is bounded."""
+    """The first and the last of many entries. The entries in between are only counted, so that memory is bounded."""
 
     def __init__(self) -> None:
         self._first: list[Entry] = []
@@ -36,7 +39,7 @@ class Ends(Generic[Entry]):
         (self._first if len(self._first) < KEPT_ENTRIES else self._last).append(entry)
 
     def __iter__(self) -> Iterator[Entry]:
-        """Yield those that are kept, in their order."""
+        """Yield the kept entries in their order."""
         return iter((*self._first, *self._last))
 
     def __len__(self) -> int:
@@ -44,14 +47,14 @@ class Ends(Generic[Entry]):
 
 
 class Gap(NamedTuple):
-    """A time without what should have come."""
+    """A time without the expected events."""
 
-    seconds: float
-    begin: float    #: stamp of the last one before
+    seconds: float  #: length [s]
+    begin: float    #: stamp of the last event before the gap
 
 
 class LongestGaps:
-    """The longest gaps, in their order in time; ``least``: shorter ones are none [s]."""
+    """Collects the longest gaps between events, in the order of time. A gap lasts ``least`` [s] or more."""
 
     def __init__(self, least: float):
         self._least = least
@@ -60,7 +63,7 @@ class LongestGaps:
         self.count = 0
 
     def feed(self, stamp: float) -> None:
-        """Something came at ``stamp``."""
+        """Note an event at ``stamp``."""
         if self._last is not None and stamp - self._last >= self._least:
             self.count += 1
             keep = heapq.heappush if len(self._kept) < KEPT_GAPS else heapq.heappushpop
@@ -76,7 +79,7 @@ class LongestGaps:
 
 @unique
 class Kind(Enum):
-    """What was reported on."""
+    """Content of the recording that is reported."""
 
     CAN_FRAMES = 'CAN frames'
     TOPICS = 'ROS topics'
@@ -87,74 +90,74 @@ class Kind(Enum):
 class ReportedFile:
     """The recording, as far as it could be read."""
 
-    name: str          #: without its folder
-    size: int          #: bytes, of all files of a bag
-    sha256: str        #: of a file; '' for several
+    name: str          #: name without its folder
+    size: int          #: size of the file, or of all files of a bag [bytes]
+    sha256: str        #: checksum of a single file; '' for several files
     kind: Kind
     begin: float
     end: float
-    unread: int = 0    #: lines, messages or rests that could not be read
-    problem: str = ''  #: the last of these
+    unread: int = 0    #: number of lines, messages or broken parts that could not be read
+    problem: str = ''  #: reason for the last of them
     clock_jumps: int = 0
-    damages: tuple[Damage, ...] = ()  #: of a bag or a series of files
+    damages: tuple[Damage, ...] = ()  #: damaged places in a bag or a series of files
 
 
 @dataclass(frozen=True)
 class PadReport:
-    """One pad."""
+    """Facts about one pad."""
 
     name: str
     rows: int
     cols: int
     pitch: float                          #: [m]
     unit: str
-    frames: int                           #: taxel frames in the recording
-    incomplete: int                       #: of these, with missing CAN frames
-    lost_frames: int                      #: taxel frames that were lost, by gaps in their sequence
+    frames: int                           #: number of taxel frames in the recording
+    incomplete: int                       #: number of taxel frames with missing CAN frames
+    lost_frames: int                      #: number of lost taxel frames, from gaps in the sequence numbers
     period: float | None                  #: median time between two frames [s]
-    gaps: LongestGaps                     #: between taxel frames
+    gaps: LongestGaps                     #: gaps between taxel frames
     touches: TouchList
     samples: tuple[Sample, ...]
-    health: TaxelHealth | None            #: None: no frame
-    node_ids: tuple[int, ...] = ()        #: empty: not in this recording
-    layout: str | None = None             #: its name
+    health: TaxelHealth | None            #: None without a taxel frame
+    node_ids: tuple[int, ...] = ()        #: empty if not in this recording
+    layout: str | None = None             #: name of the layout
     layout_sha256: str | None = None
     statistics: PadStatistics | None = None
-    losses: tuple[tuple[str, int], ...] | None = None  #: CAN frames lost, by reason
-    contradiction: Contradiction | None = None  #: the log is of another device: no taxel is given
-    strangers: tuple[int, ...] = ()       #: nodes heard that send its COB-IDs, while its own were not
-    are_of_others: bool = False           #: for one of these reasons its taxels may be wrong, and are left out
+    losses: tuple[tuple[str, int], ...] | None = None  #: number of lost CAN frames for each reason
+    contradiction: Contradiction | None = None  #: proof that the log comes from another device; no taxel is reported
+    strangers: tuple[int, ...] = ()       #: other nodes that send the pad's COB-IDs, if its own nodes were not heard
+    are_of_others: bool = False           #: True if for one of these reasons the taxels may be wrong and are left out
 
 
 class NmtChange(NamedTuple):
     stamp: float
-    state: int       #: by its heartbeat; 0: boot-up
+    state: int       #: NMT state in the heartbeat; 0 for a boot-up
 
 
 class Reported(NamedTuple):
-    """A sentence of the driver, from SkinStatus or /diagnostics."""
+    """A sentence from the driver, in a SkinStatus or on /diagnostics."""
 
     stamp: float
     text: str
-    is_problem: bool  #: a warning or an error; else it is over, or a change
+    is_problem: bool  #: True for a warning or an error; False for the end of one, or another change
 
 
 @dataclass
 class NodeReport:
-    """One CANopen node, whether a pad has it or not."""
+    """Facts about one CANopen node, whether or not it belongs to a pad."""
 
     node_id: int
-    pad: str | None                 #: None: of no pad
-    #: index, sub-index: values read by SDO, each once
+    pad: str | None                 #: None if it belongs to no pad
+    #: (index, sub-index) -> different values that were read by SDO
     objects: dict[tuple[int, int], tuple[bytes, ...]] = field(default_factory=dict)
     emergencies: Ends[Emergency | Reported] = field(default_factory=Ends)
     nmt: Ends[NmtChange] = field(default_factory=Ends)
     heartbeats: int | None = None
-    longest_pause: float | None = None  #: between two heartbeats [s]
+    longest_pause: float | None = None  #: longest time between two heartbeats [s]
 
     @property
     def identity(self) -> dict[tuple[int, int], tuple[bytes, ...]]:
-        """The objects that only change when the device does: not what can be written."""
+        """Objects that cannot be written; their values change only if the device is replaced."""
         return {key: values for key, values in self.objects.items() if key[0] != PRODUCER_HEARTBEAT_TIME}
 
 
@@ -163,35 +166,38 @@ class SeenCommand(NamedTuple):
 
     stamp: float
     command: int
-    node_id: int  #: 0: all
+    node_id: int  #: 0 addresses all nodes
 
 
 @dataclass(frozen=True)
 class LoadCurve:
-    """By windows of ``window`` s, with bit stuffing at its worst; of a time without CAN frames only its ends."""
+    """Bus load in windows of ``window`` seconds, with the worst case of bit stuffing.
+
+    A time without CAN frames is represented by its first and last window only.
+    """
 
     window: float
     stamps: np.ndarray
-    bit_rates: np.ndarray | None    #: bits per second on the bus; None: only the share is known
-    shares: np.ndarray | None       #: of the bus's bit rate; None: that is not known
-    mean: float                     #: over the whole recording: share, or where that is not known, bits per second
+    bit_rates: np.ndarray | None    #: bits per second on the bus; None if only the share is known
+    shares: np.ndarray | None       #: bits as a fraction of the bus's bit rate; None if that is not known
+    mean: float                     #: mean over the whole recording: a fraction or, if not known, bits per second
 
 
 @dataclass(frozen=True)
 class BusReport:
-    """The CAN bus. Fields are None where the recording has no CAN frames."""
+    """Facts about the CAN bus. Fields are None if the recording has no CAN frames."""
 
     load: LoadCurve | None
-    reported: Ends[Reported] | None = None  #: changes of what driver and nodes report of themselves
-    can_frames: dict[str, int] | None = None   #: by service; read only
-    gaps: LongestGaps | None = None         #: without any CAN frame
+    reported: Ends[Reported] | None = None  #: changes in the reports of the driver and the nodes
+    can_frames: dict[str, int] | None = None   #: number of CAN frames for each service; read-only
+    gaps: LongestGaps | None = None         #: gaps without any CAN frame
     commands: Ends[SeenCommand] | None = None
-    channels: tuple[str, ...] = ()          #: names of the buses, as the log has them, or topics of CAN frames
+    channels: tuple[str, ...] = ()          #: names of the buses in the log, or topics with CAN frames
 
 
 @dataclass(frozen=True)
 class Report:
-    """Everything on the page."""
+    """All facts on the page."""
 
     versions: tuple[tuple[str, str], ...]
     recording: ReportedFile

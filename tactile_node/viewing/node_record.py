@@ -1,6 +1,6 @@
-"""What the CAN frames of a log say of its nodes: identity, NMT states, heartbeats, EMCYs (CiA 301).
+"""Collect facts about nodes from the CAN frames of a log: identity, NMT states, heartbeats and EMCYs (CiA 301).
 
-COB-IDs are those of the predefined connection set, which devices rarely change.
+The COB-IDs are those of the predefined connection set, which devices rarely change.
 """
 
 from collections import Counter
@@ -31,22 +31,28 @@ from tactile_node.cia301.sdo import SdoUpload, Step
 from tactile_node.taxel_frame import read_only
 from tactile_node.viewing.model import BusReport, Ends, LoadCurve, LongestGaps, NmtChange, NodeReport, SeenCommand
 
-LOAD_WINDOW = 1.0  #: s, as of the driver's bus load
-BUS_GAP = 0.5      #: s without any CAN frame; a skin at work sends every 20 ms
-NMT_BYTES = 2
-MOST_CHANNELS = 8  #: named
+LOAD_WINDOW = 1.0  #: window of the bus load, as in the driver [s]
+BUS_GAP = 0.5      #: shortest reported gap without any CAN frame [s]; a working skin sends every 20 ms
+NMT_BYTES = 2      #: length of an NMT command
+MOST_CHANNELS = 8  #: number of channels that are named
 
 
 class BusRecord:
-    """Takes every CAN frame of a log in turn. ``bit_rate`` [bit/s]; None: not known, no log has it."""
+    """Processes the CAN frames of a log in turn, for the facts about the bus.
+
+    Parameters
+    ----------
+    bit_rate
+        Bit rate of the bus [bit/s]. A log does not contain it; None if it is not known.
+    """
 
     def __init__(self, bit_rate: int | None):
         self._bit_rate = bit_rate
-        self._bits: Counter[int] = Counter()  # by window since the first CAN frame
+        self._bits: Counter[int] = Counter()  # window since the first CAN frame -> bits
         self._gaps = LongestGaps(BUS_GAP)
-        self._channels: set[str] = set()  # of frames received: what was sent may have the name of no bus
+        self._channels: set[str] = set()  # from received frames only, because sent frames may lack the bus's name
         self._commands: Ends[SeenCommand] = Ends()
-        self.begin: float | None = None  #: first stamp
+        self.begin: float | None = None  #: stamp of the first frame
         self.end = 0.0
 
     def feed(self, message: can.Message) -> None:
@@ -69,12 +75,12 @@ class BusRecord:
                          tuple(sorted(self._channels)))
 
     def _load(self) -> LoadCurve | None:
-        """Without the last window, which the log may not fill; None where it fills none."""
+        """Return the load without the last window, which the log may not fill; None if no window is full."""
         if self.begin is None or self.end - self.begin < LOAD_WINDOW:
             return None
         windows = int((self.end - self.begin) // LOAD_WINDOW)
         used = {window: bits for window, bits in self._bits.items() if window < windows}
-        # of a time without CAN frames only the ends: a clock that was set forward makes years of it
+        # A time without CAN frames is represented by its ends: a clock set forward can make it last for years.
         edges = {window + step for window in used for step in (-1, 1)} | {0, windows - 1}
         places = sorted(window for window in edges | set(used) if 0 <= window < windows)
         rates = np.array([used.get(window, 0) for window in places]) / LOAD_WINDOW
@@ -84,19 +90,24 @@ class BusRecord:
                        mean if self._bit_rate is None else mean / self._bit_rate)
 
 
-#: name of what a ticket needs to name a device, by index and sub-index
+#: (index, sub-index) -> name of an object that identifies a device in a support ticket
 OBJECTS = {(IDENTITY, 1): 'vendor (0x1018:1)', (IDENTITY, 2): 'product (0x1018:2)',
            (IDENTITY, 3): 'revision (0x1018:3)', (IDENTITY, 4): 'serial number (0x1018:4)',
            (DEVICE_TYPE, 0): 'device type (0x1000)', (DEVICE_NAME, 0): 'device name (0x1008)',
            (HARDWARE_VERSION, 0): 'hardware version (0x1009)', (SOFTWARE_VERSION, 0): 'software version (0x100A)',
            (PRODUCER_HEARTBEAT_TIME, 0): 'heartbeat time read [ms] (0x1017)'}
-MOST_VALUES = 4  #: of one object: another one each time comes from a damaged log
+MOST_VALUES = 4  #: number of values kept for one object; a damaged log may contain a new value each time
 
 
 class NodeRecords:
-    """Takes every CAN frame of a log in turn.
+    """Processes the CAN frames of a log in turn, for the facts about the nodes.
 
-    ``pads``: the pad of each node-ID; ``taken``: COB-IDs of TPDOs and SYNC, which are no EMCY.
+    Parameters
+    ----------
+    pads
+        Node-ID -> pad.
+    taken
+        COB-IDs of TPDOs and SYNC, which must not be read as EMCY.
     """
 
     def __init__(self, pads: Mapping[int, str | None], taken: frozenset[int]):
@@ -113,7 +124,7 @@ class NodeRecords:
                 self._node(node_id).feed(base, bytes(message.data), message.timestamp)
 
     def reports(self) -> tuple[NodeReport, ...]:
-        """Return the facts of all nodes that were heard, and of those of the pads, by node-ID."""
+        """Return the facts about all nodes that were heard, and about those of the pads, sorted by node-ID."""
         for node_id in self._pads:
             self._node(node_id)
         return tuple(node.report for _, node in sorted(self._nodes.items()))
@@ -129,7 +140,7 @@ class _HeardNode:
         self.report = NodeReport(node_id, pad, heartbeats=0)
         self._uploads = {key: SdoUpload(*key) for key in OBJECTS}
         self._state: int | None = None
-        self._last: float | None = None  # heartbeat
+        self._last: float | None = None  # stamp of the last heartbeat
 
     def feed(self, base: int, data: bytes, stamp: float) -> None:
         if base == HEARTBEAT:

@@ -1,4 +1,4 @@
-"""What a recording has of one pad: its frames, gaps, touches and taxels."""
+"""Collect the facts about one pad in a recording: its frames, gaps, touches and taxels."""
 
 from collections import deque
 
@@ -10,11 +10,11 @@ from tactile_node.viewing.model import LongestGaps, PadReport
 from tactile_node.viewing.taxel_record import TaxelRecord
 from tactile_node.viewing.touch_finder import MAX_PAUSE, ReportedTouchFinder
 
-MEDIAN_PERIODS = 5000  #: last periods of which the median is taken
+MEDIAN_PERIODS = 5000  #: number of latest periods from which the median is taken
 
 
 class PadRecord:
-    """Takes the frames of one pad; those of another shape (rows, cols) are counted in ``misshapen``."""
+    """Processes the frames of one pad; frames with another shape (rows, cols) are counted in ``misshapen``."""
 
     def __init__(self, name: str, rows: int, cols: int, pitch: float, unit: str, recogniser: VisibilityGuard):
         self._name, self._shape, self._pitch, self._unit = name, (rows, cols), pitch, unit
@@ -32,7 +32,7 @@ class PadRecord:
             return
         if self._last is not None:
             self._periods.append(frame.stamp - self._last.stamp)
-            self._lost += max(0, frame.sequence - self._last.sequence - 1)  # a driver that starts again counts from 0
+            self._lost += max(0, frame.sequence - self._last.sequence - 1)  # a restarted driver counts from 0
         self._last = frame
         self._frames += 1
         self._incomplete += frame.missing_can_frames > 0
@@ -41,7 +41,7 @@ class PadRecord:
         self._touches.feed(frame)
 
     def report(self) -> PadReport:
-        """Return what was found: the recording has ended."""
+        """Return the facts at the end of the recording."""
         self._touches.end()
         return PadReport(
             self._name, *self._shape, self._pitch, self._unit, self._frames, self._incomplete, self._lost,

@@ -1,4 +1,4 @@
-"""The pads in 3-D: a column for each taxel, pairs of pads facing each other as the fingers of a gripper."""
+"""Show the pads in 3-D, with a column for each taxel; pairs of pads face each other like the fingers of a gripper."""
 
 from typing import TYPE_CHECKING
 
@@ -17,13 +17,19 @@ PLANE = Frame(30.0, 17.0, 3.2, .4, 1.4, 2.6)
 
 
 class Planes:
-    """The curves of the classifier, read once."""
+    """Draws the planes of the paper's classifier with its curves, which are read once."""
 
     def __init__(self) -> None:
         self._planes = VolfClassifier.from_file(config_path(METHOD_FILES[VOLF])).planes
 
     def pictures(self, masks: dict[int, np.ndarray]) -> str:
-        """Return all planes with a point for each of ``masks``, bool (rows, cols), by the number of the pad."""
+        """Return all planes as SVG, with a point for each pad.
+
+        Parameters
+        ----------
+        masks
+            Number of the pad -> taxels of its contact, bool (rows, cols).
+        """
         features = {pad: compute_features(mask, Group.CLASSIFIER) for pad, mask in masks.items()
                     if np.count_nonzero(mask) >= SMALLEST}
         drawn = ''.join(_picture(name, plane, features) for name, plane in self._planes.items())
@@ -52,24 +58,24 @@ def _picture(name: str, plane: Plane, features: dict[int, Features]) -> str:
 if TYPE_CHECKING:
     from viser import BatchedMeshHandle, ClientHandle, LineSegmentsHandle
 
-UNITS_PER_METRE = 100.0       #: scene units a metre: a pad is a few units wide, as viser's camera expects
-TALLEST_COLUMN = 3.0       #: column of the full scale [pitches]
-FLAT_COLUMN = 0.15         #: column of no load [pitches]
-GRIPPER_OPENING = 9.0       #: between two pads that face each other [pitches]
-NARROW_ASPECT = 0.7        #: ratio of the pane's sides from which on its width decides how far the camera is
+UNITS_PER_METRE = 100.0       #: scene units per metre; a pad is then a few units wide, as the camera of viser expects
+TALLEST_COLUMN = 3.0       #: height of a column at full scale [pitches]
+FLAT_COLUMN = 0.15         #: height of a column without load [pitches]
+GRIPPER_OPENING = 9.0       #: distance between two pads that face each other [pitches]
+NARROW_ASPECT = 0.7        #: if the pane is narrower than this aspect ratio, its width decides the camera's distance
 OUTLINE_RGB = (41, 230, 255)
 HIDDEN_RGB = (138, 143, 152)
 OLD_RGB = (190, 190, 190)
 IDENTITY_QUATERNION = np.array((1.0, 0.0, 0.0, 0.0), np.float32)
-TURNED_QUATERNION = np.array((0.0, 1.0, 0.0, 0.0), np.float32)  #: by 180 degrees about x
-#: of a column with its base at 0
+TURNED_QUATERNION = np.array((0.0, 1.0, 0.0, 0.0), np.float32)  #: rotation by 180 degrees about x
+#: corners and faces of a column with its base at 0
 BOX_CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (-.45, .45) for x in (-.45, .45)], np.float32)
 BOX_FACES = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2),
                   (2, 4, 6), (1, 3, 5), (3, 7, 5)], np.uint32)
 
 
 class Pads3d:
-    """The scene of one browser. Pads are placed by their order, not by the URDF: it is a sketch of a gripper."""
+    """The scene in one browser. It is a sketch of a gripper: pads are placed by their order, not by the URDF."""
 
     def __init__(self, client: 'ClientHandle'):
         self._client = client
@@ -78,7 +84,7 @@ class Pads3d:
         self._outlines: dict[str, LineSegmentsHandle] = {}
 
     def look_from(self, state: PadState, pads: int) -> None:
-        """Place the camera for ``pads`` pads like this one."""
+        """Place the camera so that ``pads`` pads of this size are in view."""
         width = UNITS_PER_METRE * state.pitch * max(state.values.shape)
         middle = 1.3 * width * ((pads - 1) // 2) / 2
         away = (width + 2 * middle) * max(1.0, NARROW_ASPECT / self._client.camera.aspect)
@@ -86,8 +92,8 @@ class Pads3d:
         self._client.camera.look_at = (middle, 0.0, 0.25 * width)
 
     def show(self, number: int, state: PadState, full_scale: float, is_old: bool) -> None:
-        """Show pad ``number``; an old state is flat and pale: no load is known."""
-        if self._sizes.get(state.pad) != (state.values.shape, state.pitch):  # a driver may start with another layout
+        """Show pad ``number``. An old state is drawn flat and pale, because the present load is not known."""
+        if self._sizes.get(state.pad) != (state.values.shape, state.pitch):  # a restarted driver may use another layout
             self._add(number, state)
         values, pitch = state.values.ravel(), UNITS_PER_METRE * state.pitch
         heights = np.nan_to_num(np.clip(values / full_scale, 0, 1)) * TALLEST_COLUMN + FLAT_COLUMN
@@ -133,4 +139,4 @@ class Pads3d:
         self._outlines[state.pad] = scene.add_line_segments(
             f'{name}/outline', np.zeros((1, 2, 3), np.float32), OUTLINE_RGB, thickness=0.3 * pitch, visible=False)
         scene.add_label(f'{name}/name', state.pad, anchor='bottom-center' if is_upper else 'top-center',
-                        position=(0.0, (.5 if is_upper else -.5) * rows * pitch, 0.0))  # at the edge next to the camera
+                        position=(0.0, (.5 if is_upper else -.5) * rows * pitch, 0.0))  # at the edge facing the camera

@@ -1,4 +1,4 @@
-"""The page of one browser: brought up to date as fast as that browser takes it, and no faster."""
+"""The page in one browser. It is updated as fast as this browser accepts updates, and no faster."""
 
 import math
 import threading
@@ -27,19 +27,20 @@ if TYPE_CHECKING:
 
     from tactile_node.viewing.bus_source import RecordingSource
 
-UPDATE_RATE = 17.5  #: updates at most [1/s]
-SLOW_PERIOD = 0.2   #: of chart and tables [s]
-SCENE_PERIOD = 0.15  #: of the 3-D view [s]
-PAUSE_SHARE = 5.0    #: times as long as a browser takes for one of these, it waits for the next: it may be slow
-LONGEST_SILENCE = 0.4  #: after which the page is brought up to date all the same: ages grow [s]
-CONNECTION_PERIOD = 0.2  #: of the look for a browser that has gone [s]
-MEASURED_TIME = 3.0  #: over which rate and delay are measured [s]
-PADS_WIDTH, HEALTH_WIDTH = 720.0, 380.0  #: pixels
+UPDATE_RATE = 17.5  #: highest rate of updates [1/s]
+SLOW_PERIOD = 0.2   #: shortest period of chart and tables [s]
+SCENE_PERIOD = 0.15  #: shortest period of the 3-D view [s]
+PAUSE_SHARE = 5.0    #: pause after such a slow part, as a multiple of the time that the browser took for it
+LONGEST_SILENCE = 0.4  #: period of updates without new data, because the displayed ages grow [s]
+CONNECTION_PERIOD = 0.2  #: period at which the connection to the browser is checked [s]
+MEASURED_TIME = 3.0  #: time over which rate and delay are measured [s]
+PADS_WIDTH = 720.0   #: width of the panel with the pads [pixels]
+HEALTH_WIDTH = 380.0  #: width of the panel with the health table [pixels]
 SLIDER_STEP = 0.05  #: [s]
 
 
 class PlayerControls:
-    """Adds them to ``gui``; `update` lets them follow what plays."""
+    """Controls to play a recording; `update` lets them follow the player."""
 
     def __init__(self, gui: 'GuiApi', player: 'RecordingSource'):
         self._player = player
@@ -55,16 +56,17 @@ class PlayerControls:
             self._slider.value = min(self._player.position, self._slider.max)  # type: ignore[misc]
 
     def _moved(self, event) -> None:
-        if event.client is not None:  # a person, not `update`
+        if event.client is not None:  # moved by a person, not by `update`
             self._player.play(False)
             self._player.seek(self._slider.value)
 
 
 class Page:
-    """Runs from `start` to `stop`. One update at most is under way: the next waits for the browser's answer.
+    """Updates one browser from `start` to `stop`, with at most one update under way.
 
-    So nothing queues anywhere between the skin and a slow browser, and what it shows is never older than one update.
-    What may look live travels alone, so that it comes soon; chart, tables and scene follow it in updates without.
+    The next update waits for the browser's answer. Therefore nothing queues between the skin and a slow browser, and
+    the browser never shows data older than one update. The data that may look live are sent first, alone, so that
+    they arrive soon. Chart, tables and scene follow in separate updates.
     """
 
     def __init__(self, client: 'ClientHandle', source: ViewSource, is_connected: Callable[[], bool],
@@ -74,12 +76,12 @@ class Page:
         self._scales = Scales(full_scale)
         self._stopping = threading.Event()
         self._thread = ReportedThread(self._run, f'view_page_{client.client_id}')
-        self._taken: deque[tuple[float, float]] = deque()  # when [s], with data of which age [s]
+        self._taken: deque[tuple[float, float]] = deque()  # (time of a receipt, age of the data then) [s]
         self._number = 0
         self._is_taken = threading.Event()
-        self._receipt_time = 0.0  # of the last update [s]
+        self._receipt_time = 0.0  # time of the last receipt [s]
         self._slow_due = self._scene_due = 0.0
-        self._scene_shown, self._aspect = -math.inf, 0.0  # the last that the browser has taken
+        self._scene_shown, self._aspect = -math.inf, 0.0  # of the last scene that the browser has confirmed
         self._history = HealthHistory()
         self._planes: Planes | None = None
 
@@ -141,7 +143,7 @@ class Page:
             gui.add_html(str(macros().legend()))
         panel.dock_left()
         pane = self._client.camera
-        panel.set_width(max(PADS_WIDTH, min(0.8 * pane.image_height, 0.45 * pane.image_width)))  # fills its height
+        panel.set_width(max(PADS_WIDTH, min(0.8 * pane.image_height, 0.45 * pane.image_width)))  # as its height allows
         self._scene = Pads3d(self._client)
 
     def _update_pads(self, shown: Shown, drawn: list[DrawnPad], now: float) -> None:
@@ -152,7 +154,7 @@ class Page:
         self._client.flush()
 
     def _has_taken_rest(self, shown: Shown, drawn: list[DrawnPad]) -> bool:
-        """Send what else is due, and wait for the browser; False when it has gone."""
+        """Send the other parts that are due and wait for the browser; return False if it has gone."""
         begun = time.monotonic()
         is_scene_due, is_slow_due = begun >= self._scene_due and self._scene_wanted.value, begun >= self._slow_due
         if not is_scene_due and not is_slow_due:
@@ -213,12 +215,12 @@ class Page:
             self._scene.show(number, pad.state, pad.full_scale, not pad.is_live)
 
     def taken(self, number: int) -> None:
-        """The browser has put update ``number`` on its page; on any thread."""
+        """Note that the browser has put update ``number`` on its page; may be called from any thread."""
         if number == self._number:
             self._is_taken.set()
 
     def _has_answered(self) -> bool:
-        """Wait until the browser has taken the update; False when it has gone."""
+        """Wait until the browser has confirmed the update; return False if it has gone."""
         while not self._stopping.is_set() and self._is_connected():
             if self._is_taken.wait(CONNECTION_PERIOD):
                 self._receipt_time = time.monotonic()

@@ -1,4 +1,4 @@
-"""The parts of the page as HTML, by the template page.html: pads, state of the data. What is old looks old."""
+"""Parts of the page as HTML, from the template page.html: the pads and the state of the data. Old data look old."""
 
 import math
 import time
@@ -20,12 +20,12 @@ from tactile_node.viewing.templates import environment
 if TYPE_CHECKING:
     from tactile_node.viewing.bus_source import RecordingSource
 
-OLD_AGE = 0.5          #: age from which on data are marked as old [s]
-FRAME_TIME = 0.02      #: for which a browser leaves on the screen what it has painted [s]
+OLD_AGE = 0.5          #: age from which data are marked as old [s]
+FRAME_TIME = 0.02      #: time for which a browser keeps a painted picture on the screen [s]
 OLD_SCENE_AGE = 1.0    #: age up to which the 3-D view is marked as current [s]
-PAGE_SILENCE = 2.0  #: for which a page may get nothing before it says so [s]
-HELD_SCALE = 10.0  #: for which the largest reading sets the scale [s]
-CLOCK_DIFFERENCE_LIMIT = 5.0  #: from this difference of stamps and this computer on, the page reports two clocks [s]
+PAGE_SILENCE = 2.0  #: time without an update after which the page reports this [s]
+HELD_SCALE = 10.0  #: time for which the largest reading sets the colour scale [s]
+CLOCK_DIFFERENCE_LIMIT = 5.0  #: difference between stamps and this computer's clock above which it is reported [s]
 
 
 class DrawnPad(NamedTuple):
@@ -33,9 +33,9 @@ class DrawnPad(NamedTuple):
 
     name: str
     state: PadState | None
-    age: float         #: [s]; inf: not known
-    full_scale: float  #: [unit]
-    since_receipt: float = 0.0  #: how long ago the receipt of the update before had come [s]
+    age: float         #: age of the state [s]; inf if not known
+    full_scale: float  #: reading with the brightest colour, in the unit of the pad
+    since_receipt: float = 0.0  #: time since the receipt of the previous update [s]
 
     @property
     def is_old(self) -> bool:
@@ -43,14 +43,18 @@ class DrawnPad(NamedTuple):
 
     @property
     def is_live(self) -> bool:
-        """New, with valid taxels: the frames of a dead skin have none."""
+        """True if the state is new and has valid taxels. The frames of a dead skin have none."""
         return self.state is not None and not self.is_old and not np.isnan(self.state.values).all()
 
 
 def fresh_for(pads: list[DrawnPad]) -> float | None:
-    """Return for how long after its last receipt the browser may show as live what is sent now [s]; None: nothing is.
+    """Return how long the browser may show these data as live, or None if no pad is live.
 
-    The receipt came later than it left, so that nothing is counted too young, whatever the way takes.
+    Returns
+    -------
+    float or None
+        Time after the browser sent its last receipt [s]. The receipt arrives later than it was sent, so data never
+        count as younger than they are, however long an update takes on its way.
     """
     return min((_fresh_for(pad.age, pad.since_receipt) for pad in pads if pad.is_live), default=None)
 
@@ -60,9 +64,16 @@ def _fresh_for(age: float, since_receipt: float) -> float:
 
 
 class FullScale:
-    """The reading that has the brightest colour: the largest of the last HELD_SCALE seconds, rounded up.
+    """Computes the reading with the brightest colour: the largest of the last HELD_SCALE seconds, rounded up.
 
-    ``fixed``: that reading instead. It is never less than from which on a taxel is pressed, so that noise stays dark.
+    It is never below the press threshold, so that noise stays dark.
+
+    Parameters
+    ----------
+    unit
+        Unit of the readings.
+    fixed
+        Reading to use instead, or None.
     """
 
     def __init__(self, unit: str, fixed: float | None = None):
@@ -71,12 +82,12 @@ class FullScale:
         self._peaks: deque[tuple[float, float]] = deque()
 
     def update(self, values: np.ndarray, now: float) -> float:
-        """Take a frame, shown at ``now`` [s], and return the scale."""
+        """Process a frame that is shown at the time ``now`` [s], and return the reading with the brightest colour."""
         if self._fixed:
             return self._fixed
-        peak = float(np.fmax.reduce(values, axis=None, initial=self._least))  # fmax leaves NaN out
+        peak = float(np.fmax.reduce(values, axis=None, initial=self._least))  # fmax ignores NaN
         while self._peaks and (self._peaks[-1][1] <= peak or self._peaks[-1][0] > now):
-            self._peaks.pop()  # it can never be the largest again
+            self._peaks.pop()  # because it can never become the largest again
         self._peaks.append((now, peak))
         while now - self._peaks[0][0] > HELD_SCALE:
             self._peaks.popleft()
@@ -84,11 +95,11 @@ class FullScale:
 
 
 class Scales:
-    """The colour scale of each pad; ``fixed``: the reading of the brightest colour."""
+    """The colour scale of each pad; ``fixed`` is the reading with the brightest colour for all pads."""
 
     def __init__(self, fixed: float | None = None):
         self._fixed = fixed
-        self._scales: dict[tuple[str, str], FullScale] = {}  # by name and unit: a driver may start with another layout
+        self._scales: dict[tuple[str, str], FullScale] = {}  # by name and unit: a new layout may change the unit
 
     def drawn_now(self, source: ViewSource, shown: Shown) -> list[DrawnPad]:
         return [self.drawn(name, state, math.inf if state is None else source.age(state))
@@ -111,20 +122,20 @@ def macros() -> Any:
 
 
 def pads_html(pads: list[DrawnPad], number: int, is_recording: bool = False) -> str:
-    """Return all pads; ``number`` makes each update another one."""
+    """Return all pads as HTML; ``number`` makes each update differ from the last one."""
     return str(macros().pads(pads, number, is_recording))
 
 
 def said_of(pad: DrawnPad) -> str:
-    """Return what the data of a pad are worth now."""
+    """Return text that says whether the data of a pad are live."""
     if pad.state is None:
-        return 'no data has come'
+        return 'no data received yet'
     fresh = f'LIVE, {1e3 * pad.age:.0f} ms old' if pad.is_live else 'no valid taxels'
     return silence(pad.age) if pad.is_old else fresh
 
 
 def silence(age: float) -> str:
-    """Return that nothing new comes.
+    """Return text that says for how long no data were received.
 
     >>> silence(3.21), silence(math.inf)
     ('no data for 3.2 s', 'age of the data not known')
@@ -138,33 +149,33 @@ def hidden_text(state: PadState) -> str:
 
 
 class PageFacts(NamedTuple):
-    """What the page reports of its source and of its pace."""
+    """Facts about the source, and about how fast the browser follows."""
 
     title: str
-    player: 'RecordingSource | None'  #: of a recording; None: live
+    player: 'RecordingSource | None'  #: player of a recording; None for live data
     problem: str
-    rate: float       #: updates that this browser has taken [1/s]
-    delay: float      #: age of the newest data when the browser had them [s]; NaN: not measured yet
-    scene_age: float  #: of what the 3-D view shows, by the browser's receipt [s]; inf: it shows nothing yet
+    rate: float       #: updates that this browser has confirmed [1/s]
+    delay: float      #: age of the newest data when the browser had received them [s]; NaN if not measured yet
+    scene_age: float  #: age of the 3-D view by the browser's receipt [s]; inf if it shows nothing yet
     grasp: GraspFacts | None = None
 
 
 def clock_difference(pads: list[DrawnPad], wall: float) -> float:
-    """Return by how much the stamps are behind ``wall``, the clock of this computer [s]; NaN: all is old."""
+    """Return how far the stamps are behind ``wall``, the clock of this computer [s]; NaN if all data are old."""
     return max((wall - pad.age - pad.state.stamp for pad in pads if pad.state is not None and pad.is_live),
                key=abs, default=math.nan)
 
 
 def _other_clock(behind: float) -> str:
-    """What comes now may have been recorded long ago: a replay publishes the stamps of its log."""
+    """Return a warning if the stamps are far from this computer's clock, as in a replay with the stamps of its log."""
     if not abs(behind) > CLOCK_DIFFERENCE_LIMIT:
         return ''
-    return (f'; by its stamps {abs(behind):.0f} s {"before" if behind > 0 else "after"} the time of this computer: a '
-            'replay, or the clocks differ')
+    return (f'; the stamps are {abs(behind):.0f} s {"before" if behind > 0 else "after"} the time of this computer: it '
+            'is a replay, or the clocks differ')
 
 
 def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) -> str:
-    """Return the line that says whether this is live, and the receipt of update ``number`` of ``page``."""
+    """Return the line that says whether the page is live, and the receipt of update ``number`` of ``page``."""
     fresh = None if facts.player is not None else fresh_for(pads)
     grasp_age = math.nan if facts.grasp is None else time.monotonic() - facts.grasp.acquired
     grasp_fresh = _fresh_for(grasp_age, max((pad.since_receipt for pad in pads), default=0.0))

@@ -1,4 +1,4 @@
-"""What a view shows again: taxels of a bag as published, or of a CAN log as the driver would assemble them."""
+"""Recordings that a view can play: a bag with taxels as published, or a CAN log, assembled as the driver does it."""
 
 import tempfile
 import threading
@@ -20,13 +20,13 @@ from tactile_node.viewing.states import BusFacts, facts_of, facts_of_status
 
 
 class _Track:
-    """Frames of one pad: an index in memory, the taxels in a file."""
+    """Frames of one pad: the index is kept in memory, the taxels in a file."""
 
     def __init__(self, shape: tuple[int, ...], pitch: float, unit: str):
         self.geometry = shape, pitch, unit
-        self.places = array('d')  # as stamps, but never back
+        self.places = array('d')  # stamps, corrected so that they never go back
         self.file = tempfile.TemporaryFile()
-        self._lock = threading.Lock()  # of its place: os.pread, which needs none, is not on Windows
+        self._lock = threading.Lock()  # for the file position; os.pread would need no lock, but Windows lacks it
         self._record = np.dtype([('stamp', 'f8'), ('sequence', 'u8'), ('values', 'f4', shape),
                                  ('status', 'u1', shape), ('missing', 'u4')])
 
@@ -36,7 +36,7 @@ class _Track:
         with self._lock:
             self.file.seek(len(self.places) * self._record.itemsize)
             self.file.write(record.tobytes())
-        self.places.append(max(frame.stamp, self.places[-1]) if self.places else frame.stamp)  # last: it is complete
+        self.places.append(max(frame.stamp, self.places[-1]) if self.places else frame.stamp)  # after the write
 
     def frame(self, index: int) -> TaxelFrame:
         size = self._record.itemsize
@@ -48,16 +48,16 @@ class _Track:
 
 
 class Moment(NamedTuple):
-    """A pad's newest frame at a time of the recording."""
+    """Newest frame of a pad at one time in the recording."""
 
-    number: int  #: of the pad's frames
+    number: int  #: index among the pad's frames
     frame: TaxelFrame
     pitch: float
     unit: str
 
 
 class Timeline:
-    """One thread adds, another looks up. Times are Unix time [s]."""
+    """Frames and bus facts by time. One thread may add while another looks up. Times are Unix time [s]."""
 
     def __init__(self) -> None:
         self._tracks: dict[str, _Track] = {}
@@ -66,7 +66,7 @@ class Timeline:
         self.begin, self.end = np.inf, -np.inf  #: stamps of the first and the last frame
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
-        """Add a frame; False where it is left out, since its taxels are others than those of the pad's first one."""
+        """Add a frame. Return False if it is left out because its geometry differs from the pad's first frame."""
         geometry = frame.values.shape, pitch, unit
         if pad not in self._tracks:
             self._tracks[pad] = _Track(*geometry)
@@ -82,18 +82,18 @@ class Timeline:
         self._fact_times.append(max(stamp, self._fact_times[-1]) if self._fact_times else stamp)
 
     def index(self, pad: str, time: float) -> int:
-        """Return which frame of ``pad`` is the newest at ``time``, -1: none."""
+        """Return the index of the newest frame of ``pad`` at ``time``, or -1 if there is none."""
         track = self._tracks.get(pad)
         return -1 if track is None else bisect_right(track.places, time) - 1
 
     def moment(self, pad: str, index: int) -> Moment:
-        """Return the frame that `index` has found."""
+        """Return the frame at an index that `index` has returned."""
         track = self._tracks[pad]
         _, pitch, unit = track.geometry
         return Moment(index, track.frame(index), pitch, unit)
 
     def facts(self, time: float) -> tuple[BusFacts | None, float]:
-        """Return the newest facts at ``time`` and their age [s]; with the last frame, also those that came after it."""
+        """Return the newest facts at ``time`` and their age [s]; at the last frame, facts that came later count too."""
         index = len(self._facts) - 1 if time >= self.end else bisect_right(self._fact_times, time) - 1
         return (self._facts[index], max(time - self._fact_times[index], 0.0)) if index >= 0 else (None, 0.0)
 
@@ -104,21 +104,38 @@ class Timeline:
 
 
 class BagRecording:
-    """A bag, of ``pads`` or of all. Raises LogError for a bag without our taxel arrays, ConfigurationError."""
+    """A bag with taxel arrays.
+
+    Parameters
+    ----------
+    path
+        Path of the bag.
+    pads
+        Pads to show; empty for all pads in the bag.
+    window
+        Part of the bag to show.
+
+    Raises
+    ------
+    LogError
+        If the bag has no taxel arrays of this package.
+    ConfigurationError
+        If a pad is not in the bag.
+    """
 
     def __init__(self, path: str, pads: Sequence[str] = (), window: TimeWindow = WHOLE):
         self._reader, self._window = TopicBagReader(path), window
         self.title = path
         if missing := [pad for pad in pads if pad not in self._reader.pads]:
             raise ConfigurationError('--pads', expected=f'some of {", ".join(self._reader.pads)}, as in the bag',
-                                     got=', '.join(missing), remedy='Leave it out for all of them.')
+                                     got=', '.join(missing), remedy='Leave the option out to show all of them.')
         self.pads = tuple(pads) or self._reader.pads
 
     def check(self) -> None:
-        """Do nothing more: it has been opened."""
+        """Do nothing, because `__init__` has already opened the bag."""
 
     def read(self, timeline: Timeline, is_stopping: Callable[[], bool]) -> str:
-        """Read all, as fast as possible; return what is wrong with it, '' for nothing."""
+        """Read the whole bag as fast as possible; return a description of unreadable parts, or '' if there are none."""
         others = 0
         for message in self._reader.messages((TAXELS, STATUS), window=self._window):
             if is_stopping():
@@ -135,12 +152,24 @@ class BagRecording:
         return f'not shown: {", ".join(unread)} (last: {self._reader.problem})' if unread else ''
 
 
-FACTS_PERIOD = 0.5  #: between two looks at the state of a bus; of a log by its time [s]
-READ_POLL = 0.2      #: for the end of the reading [s]
+FACTS_PERIOD = 0.5  #: period at which the state of the bus is read [s]; for a log, by the time of the log
+READ_POLL = 0.2      #: period at which the end of the reading is checked [s]
 
 
 class LogRecording:
-    """A CAN log; ``channel`` chooses one bus of a log of several, ``eds`` are those of the pads, as of LogSource."""
+    """A CAN log.
+
+    Parameters
+    ----------
+    path
+        Path of the log.
+    pads
+        Pads to show.
+    channel, any_device, eds
+        As in `LogSource`.
+    window
+        Part of the log to show.
+    """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], channel: str = '', any_device: bool = False,
                  window: TimeWindow = WHOLE, eds: Sequence[str] = ('',)):
@@ -152,7 +181,7 @@ class LogRecording:
         self.pads = tuple(pad.name for pad in pads)
 
     def check(self) -> None:
-        """Raise LogError where it cannot be read at all."""
+        """Raise LogError if the log cannot be read at all."""
         source = self._source(lambda pad, frame: None, lambda stamp: None)
         source.open()
         source.close()
@@ -184,14 +213,14 @@ class LogRecording:
 
 
 def _of_others(source: LogSource) -> str:
-    """Nodes of other node-IDs that send the same COB-IDs: what is shown may be theirs."""
+    """Return a warning if nodes with other node-IDs send the same COB-IDs, because the taxels may be theirs."""
     return '; '.join(f'pad {pad}: node {", ".join(map(str, nodes))} sends its COB-IDs, not its own: check --node-id'
                      for pad, nodes in source.heard.strangers().items())
 
 
 def _unread(source: LogSource) -> str:
     unread, last = source.statistics().unread, source.reader.problem
-    return f'not shown: {unread} lines or rests that could not be read (last: {last})' if unread else ''
+    return f'not shown: {unread} lines or parts that could not be read (last: {last})' if unread else ''
 
 
 def _without_taxels(timeline: Timeline) -> str:

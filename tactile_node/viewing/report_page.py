@@ -1,4 +1,4 @@
-"""The report as one HTML page, by the template report.html: no script, and nothing from elsewhere."""
+"""Make the report as a single HTML page from the template report.html, without scripts and external content."""
 
 import math
 from collections.abc import Iterator
@@ -30,24 +30,25 @@ from tactile_node.viewing.touch_finder import RECOGNITION_PERIOD
 
 ABSENT_TEXT = 'not in this recording'
 TEXT_OBJECTS = DEVICE_NAME, HARDWARE_VERSION, SOFTWARE_VERSION
-#: Okabe and Ito: distinct with every kind of colour vision
+#: palette of Okabe and Ito, which can be distinguished with every kind of colour vision
 SHAPE_COLOURS: dict[ShapeClass, str] = {
     Shape.CIRCLE: '#0072b2', Shape.SQUARE: '#d55e00', Shape.RECTANGLE: '#009e73',
     Shape.RIGHT_TRIANGLE: '#cc79a7', Shape.ISOSCELES_TRIANGLE: '#e69f00', Shape.UNKNOWN: '#777777'}
-TAUGHT_COLOUR = '#56b4e9'  #: shapes that `tactile teach` has added, all of them
-FORCE_COLOUR, LOAD_COLOUR = '#444444', '#0072b2'
-MARK_LEGEND = {Mark.GOOD: ('#2e8b57', 'values in every frame, which change'),
-         Mark.NEVER_CHANGED: ('#b9d8c4', 'never changed (nor does an untouched, quiet taxel)'),
+TAUGHT_COLOUR = '#56b4e9'  #: colour of all shapes that `tactile teach` has added
+FORCE_COLOUR = '#444444'
+LOAD_COLOUR = '#0072b2'
+MARK_LEGEND = {Mark.GOOD: ('#2e8b57', 'values in every frame, and they change'),
+         Mark.NEVER_CHANGED: ('#b9d8c4', 'never changed (normal for an untouched, quiet taxel)'),
          Mark.SATURATED: ('#f2c14e', 'at the end of its range at times'),
          Mark.SOME_MISSING: ('#f78154', 'no value in some frames'),
          Mark.NO_VALUE: ('#8d3b72', 'no value in any frame'), Mark.FLICKERING: ('#5f7fff', 'flickers'),
          Mark.STUCK: ('#c1121f', 'stuck'), Mark.DEAD: ('#1d1d1d', 'dead'), Mark.UNMAPPED: ('#ececec', 'no taxel')}
-MOST_EVENTS = 5  #: of a touch that are listed
-MOST_LISTED_TAXELS = 20  #: taxels listed
+MOST_EVENTS = 5  #: number of events of a touch that are listed
+MOST_LISTED_TAXELS = 20  #: number of taxels that are listed
 
 
 def page_of(report: Report) -> str:
-    """Return the page. All that comes from the recording is escaped."""
+    """Return the page. All text from the recording is escaped."""
     begin = report.recording.begin
     functions = {function.__name__: function for function in (
         utc, command_text, node_label, event_text, force_of, health_pictures, identity_of, load_chart, load_text,
@@ -61,14 +62,14 @@ def page_of(report: Report) -> str:
 
 
 def count_text(ends: Ends) -> str:
-    """Return how many there are, and how many are listed."""
+    """Return the number of entries, and how many of them are listed."""
     listed = len(ends)
     return f'{ends.count}' if ends.count == listed else (
         f'{ends.count}, of which the first and last {listed} are listed')
 
 
 def name_of(touch: ReportedTouch) -> str:
-    """Return the shape, and why it is unknown."""
+    """Return the name of the shape; for an unknown shape, also the reason."""
     name = touch.shape.value.replace('_', ' ')
     return f'{name}: {touch.reason.name.lower().replace("_", " ")}' if touch.shape is Shape.UNKNOWN else name
 
@@ -76,24 +77,25 @@ def name_of(touch: ReportedTouch) -> str:
 def size_of(touch: ReportedTouch) -> str:
     if not touch.dimensions:
         return 'no outline'
-    bound = ' (a bound: at the edge, partly hidden or saturated)' if touch.size_is_bound else ''
+    bound = ' (a lower bound: at the edge, partly hidden or saturated)' if touch.size_is_bound else ''
     lengths = ', '.join(f'{name.replace("_", " ")} {1e3 * length:.1f}' for name, length in touch.dimensions)
     return f'{lengths} mm{bound}'
 
 
 def force_of(touch: ReportedTouch) -> str:
-    """Return the force; on/off taxels give none."""
+    """Return the force as text; on/off taxels give no force."""
     return 'not known' if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
 
 
 def moves_of(touch: ReportedTouch, begin: float) -> str:
-    """Return what has happened to the contact, the first MOST_EVENTS."""
+    """Return the first MOST_EVENTS events of the touch as text."""
     said = [f'{event.kind.name.lower()} at {event.stamp - begin:.2f} s' for event in touch.events[:MOST_EVENTS]]
     return ', '.join((*said, *(['...'] if len(touch.events) > MOST_EVENTS else []))) or 'no event'
 
 
 def reading_text(value: float, unit: str) -> str:
-    """
+    """Return a reading with its unit as text.
+
     >>> reading_text(81200.0, 'Pa'), reading_text(0.25, 'N')
     ('81.2 kPa', '0.25 N')
     """
@@ -101,7 +103,7 @@ def reading_text(value: float, unit: str) -> str:
 
 
 def touch_picture(touch: ReportedTouch, pad: PadReport, number: int) -> Markup:
-    """Return the frame in which ``touch`` pressed most, with its outline and the colour bar."""
+    """Return the frame in which ``touch`` pressed most, with the outline and the colour bar, as SVG."""
     picture = touch.picture
     assert picture is not None
     top = float(np.nanmax(picture.values, initial=0.0))
@@ -111,13 +113,13 @@ def touch_picture(touch: ReportedTouch, pad: PadReport, number: int) -> Markup:
 
 
 def _pad_picture(rows: int, cols: int, paths: list[tuple[str, str]], label: str, points: str, top: str) -> Markup:
-    """Return a picture of a pad and below it, with the text ``top``, its colour bar."""
+    """Return a picture of a pad with the colour bar below; ``top`` is the text at the bright end of the bar."""
     made: Markup = pictures().pad(rows, cols, paths, label, points)
     return made + pictures().colour_bar(top) if top else made
 
 
 def touch_charts(pad: PadReport, begin: float, end: float) -> tuple[list[tuple[str, str]], Markup, str]:
-    """Return the legend of the shapes, and the charts of confidence and force; '' where no force is known."""
+    """Return the legend of the shapes, the chart of the confidence and the chart of the force ('' if not known)."""
     stamps = np.array([sample.stamp for sample in pad.samples]) - begin
     confidence = np.array([sample.confidence for sample in pad.samples])
     force = np.array([sample.force for sample in pad.samples])
@@ -144,7 +146,7 @@ def mark_counts(health: TaxelHealth) -> list[tuple[str, str]]:
 
 
 def health_pictures(health: TaxelHealth, unit: str) -> list[tuple[str, Markup]]:
-    """Return the state of each taxel, its highest value, and where it had none how often, by their names."""
+    """Return named pictures of each taxel's state, of its highest value, and of how often it had no value."""
     marks, share = marks_of(health), no_value_share(health)
     top, worst = float(np.nanmax(health.highest, initial=0.0)), float(np.nanmax(share, initial=0.0))
     pads = [('State', cells([(colour, marks == mark) for mark, (colour, _) in MARK_LEGEND.items()]), ''),
@@ -155,7 +157,7 @@ def health_pictures(health: TaxelHealth, unit: str) -> list[tuple[str, Markup]]:
 
 
 def worst_taxels(health: TaxelHealth) -> tuple[list[tuple[Any, ...]], int]:
-    """Return the taxels that most often had no value, as rows of the table, and how many there are."""
+    """Return table rows for the taxels that most often had no value, and the total number of such taxels."""
     share, marks, rows = np.nan_to_num(no_value_share(health)), marks_of(health), []
     odd = [place for place in np.argsort(-share, axis=None, kind='stable')
            if share.flat[place] > 0 or marks.flat[place] in FAULTS]
@@ -178,8 +180,8 @@ def load_text(load: LoadCurve) -> str:
     if load.shares is not None:
         return f'mean {load.mean:.1%}, at most {load.shares.max():.1%}'
     values, _ = _load_values(load)
-    return (f'mean {load.mean / 1e3:.1f} kbit/s, at most {values.max():.1f} kbit/s. The bit rate is not in this '
-            'recording; with --bitrate the load is a share of it')
+    return (f'mean {load.mean / 1e3:.1f} kbit/s, at most {values.max():.1f} kbit/s. The recording does not contain the '
+            'bit rate; give --bitrate to see the load as a percentage')
 
 
 def _load_values(load: LoadCurve) -> tuple[np.ndarray, str]:
@@ -190,7 +192,7 @@ def _load_values(load: LoadCurve) -> tuple[np.ndarray, str]:
 
 
 def identity_of(node: NodeReport) -> list[tuple[str, str | None]]:
-    """Return what the SDO answers say of the device, by name."""
+    """Return names and values of the objects that identify the device, from its SDO answers."""
     return [(name, ' then '.join(_value(key[0], value) for value in node.objects[key]) if key in node.objects else None)
             for key, name in OBJECTS.items()]
 
@@ -203,5 +205,5 @@ def _value(index: int, data: bytes) -> str:
 
 
 def event_text(event: Any) -> str:
-    """Return a change of the NMT state, an EMCY, or a sentence of the driver in words."""
+    """Return a change of the NMT state, an EMCY or a sentence of the driver as text."""
     return state_name(event.state) if isinstance(event, NmtChange) else getattr(event, 'text', None) or str(event)

@@ -1,4 +1,4 @@
-"""The page's server: viser on loopback behind our gate, a page for each browser, the source on while there is one."""
+"""Server of the page: viser on loopback behind a gate. Each browser has a page; the source runs while there is one."""
 
 import io
 import secrets
@@ -15,11 +15,11 @@ from tactile_node.viewing.source import ViewSource
 if TYPE_CHECKING:
     from viser import ClientHandle
 
-LINGER_TIME = 2.0  #: for which the source stays on without a browser: a page is loaded again [s]
+LINGER_TIME = 2.0  #: time for which the source keeps running without a browser, which may only reload the page [s]
 
 
 class ViewServer:
-    """Runs from `__init__` to `close`. Raises ConfigurationError for a port that is taken."""
+    """Serves the page from `__init__` to `close`. Raises ConfigurationError if the port is in use."""
 
     def __init__(self, source: ViewSource, port: int = 8080, full_scale: float | None = None):
         import viser
@@ -28,10 +28,10 @@ class ViewServer:
         self._pages: dict[int, Page] = {}
         self._is_closing = False
         self.is_source_on = False
-        with redirect_stdout(io.StringIO()):  # it prints the address behind the gate
+        with redirect_stdout(io.StringIO()):  # because viser prints its own address, behind the gate
             inner_host = _inner_host()
             self._viser = viser.ViserServer(host=inner_host, port=0, verbose=False)
-        # A browser may ask for a tunnel through a server in the internet.
+        # Otherwise a browser could request a tunnel through a server on the internet.
         self._viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         try:
             self._gate = Gate(port, (inner_host, self._viser.get_port()), self._taken)
@@ -64,7 +64,7 @@ class ViewServer:
 
         page = Page(client, self._source, is_connected, self._full_scale)
         with self._changed:
-            if self._is_closing or not is_connected():  # viser calls on many threads: it may have gone already
+            if self._is_closing or not is_connected():  # viser calls from many threads, so the client may have gone
                 return
             self._pages[client.client_id] = page
             self._changed.notify_all()
@@ -83,7 +83,7 @@ class ViewServer:
             page.taken(update)
 
     def _switch_source(self) -> None:
-        """On one thread: a source is never started twice, nor while it stops."""
+        """Start and stop the source on a single thread, so that it is never started twice or while it stops."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._is_closing or bool(self._pages) != self.is_source_on)
@@ -92,7 +92,7 @@ class ViewServer:
                 is_wanted = bool(self._pages) and not self._is_closing
             if is_wanted != self.is_source_on:
                 error = call_guarded(self._source.start if is_wanted else self._source.stop)
-                if error is not None:  # the next browser starts it again
+                if error is not None:  # the next browser will start the source again
                     self._source.store.put_error(error)
                 self.is_source_on = is_wanted
             if self._is_closing and not self.is_source_on:
@@ -104,11 +104,14 @@ class ViewServer:
 
 
 def _inner_host() -> str:
-    """A random address of 127.0.0.0/8: viser checks neither Host nor Origin, and web pages can try all ports of one."""
+    """Return a random address in 127.0.0.0/8.
+
+    viser checks neither Host nor Origin. Web pages could try all ports of a known address.
+    """
     host = '127.' + '.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))
     with socket.socket() as probe:
         try:
             probe.bind((host, 0))
-        except OSError:  # not Linux: 127.0.0.1 alone
+        except OSError:  # on systems other than Linux, only 127.0.0.1 works
             return LOOPBACK
     return host

@@ -1,4 +1,4 @@
-"""What any source of a view offers, and the newest state of each pad: what is not looked at in time is replaced."""
+"""Interface of a source for the views, and a store for the newest state of each pad; older states are replaced."""
 
 import threading
 import time
@@ -14,23 +14,23 @@ from tactile_node.viewing.states import BusFacts, GraspFacts, PadState
 if TYPE_CHECKING:
     from tactile_node.viewing.bus_source import RecordingSource
 
-FORCE_HISTORY = 20.0  #: of the force [s]
-MOST_FORCE_POINTS = 600  #: of the force of a pad
+FORCE_HISTORY = 20.0  #: length of the history of the force [s]
+MOST_FORCE_POINTS = 600  #: number of points in the history of a pad
 
 
 class Shown(NamedTuple):
-    """All that a page needs, at one moment."""
+    """All that a page needs at one moment."""
 
-    version: int                     #: grows with every change
-    pads: Mapping[str, PadState | None]  #: None: nothing has come from it
+    version: int                     #: increases with every change
+    pads: Mapping[str, PadState | None]  #: None for a pad without data so far
     bus: BusFacts | None = None
-    bus_acquired: float = 0.0        #: when these facts were true, by the steady clock [s]
-    grasp: GraspFacts | None = None  #: None: none has come
-    problem: str = ''                #: why the source gives nothing, '' while it does
+    bus_acquired: float = 0.0        #: time at which these facts were true, by time.monotonic [s]
+    grasp: GraspFacts | None = None  #: None if no grasp was received
+    problem: str = ''                #: reason why the source delivers nothing; '' while it works
 
 
 class Store:
-    """Keeps the newest state of each of ``pads``, and the force over the last FORCE_HISTORY seconds."""
+    """Keeps the newest state of each pad, and its force over the last FORCE_HISTORY seconds."""
 
     def __init__(self, pads: Sequence[str]):
         self._changed = threading.Condition()
@@ -43,7 +43,7 @@ class Store:
         return tuple(self._forces)
 
     def put(self, state: PadState) -> None:
-        """Replace the state of its pad; one that is older than that begins the force's history again."""
+        """Replace the state of its pad. If the stamp goes back or jumps, the history of the force starts anew."""
         with self._changed:
             forces = self._forces[state.pad]
             if forces and not 0 <= state.stamp - forces[-1][0] < FORCE_HISTORY:
@@ -52,7 +52,7 @@ class Store:
             self._change(pads={**self._shown.pads, state.pad: state})
 
     def put_bus(self, facts: BusFacts | None, age: float = 0.0) -> None:
-        """``age``: of the facts now [s]."""
+        """Replace the facts about the bus, which are ``age`` [s] old."""
         self._change(bus=facts, bus_acquired=time.monotonic() - age)
 
     def put_grasp(self, grasp: GraspFacts) -> None:
@@ -62,25 +62,25 @@ class Store:
         self._change(problem=problem)
 
     def put_error(self, error: Exception) -> None:
-        """Show ``error``, which has ended the source, as its problem."""
+        """Report ``error``, which has ended the source, as the problem."""
         self.put_problem(failure_text(failure_of(error)))
 
     def forget(self, pad: str) -> None:
-        """Nothing is known of a pad, as before its first frame."""
+        """Forget the state of a pad, as before its first frame."""
         with self._changed:
             if self._shown.pads[pad] is not None:
                 self._forces[pad].clear()
                 self._change(pads={**self._shown.pads, pad: None})
 
     def clear(self) -> None:
-        """Forget all: what was seen before a source was stopped is not shown as if it were there."""
+        """Forget everything, so that data from before a stop of the source are not shown as present."""
         with self._changed:
             for forces in self._forces.values():
                 forces.clear()
             self._change(pads=dict.fromkeys(self.pads), bus=None, grasp=None, problem='')
 
     def close(self) -> None:
-        """Let no one wait any longer."""
+        """Wake all waiting threads and let none wait again."""
         with self._changed:
             self._is_closed = True
             self._changed.notify_all()
@@ -89,12 +89,12 @@ class Store:
         return self._shown
 
     def wait(self, version: int, timeout: float) -> None:
-        """Return when there is something newer than ``version``, or after ``timeout`` [s]."""
+        """Wait until there is a newer version than ``version``, but at most ``timeout`` [s]."""
         with self._changed:
             self._changed.wait_for(lambda: self._shown.version > version or self._is_closed, timeout)
 
     def forces(self, pad: str) -> np.ndarray:
-        """Return stamps [s] and forces [N] of the last FORCE_HISTORY seconds, shape (2, n)."""
+        """Return the stamps [s] and forces [N] of the last FORCE_HISTORY seconds, shape (2, n)."""
         with self._changed:
             points = np.array(self._forces[pad], float).reshape(-1, 2)
         return points[points[:, 0] > points[-1:, 0].sum() - FORCE_HISTORY].T
@@ -106,27 +106,27 @@ class Store:
 
 
 class ViewSource:
-    """Puts what it sees into ``store``, only between `start` and `stop`."""
+    """A source of data for the views. It fills ``store``, but only between `start` and `stop`."""
 
     title: str
     store: Store
-    player: 'RecordingSource | None' = None  #: None: what is shown is live
+    player: 'RecordingSource | None' = None  #: player of a recording; None for live data
 
     def check(self) -> None:
-        """Raise TactileError where it cannot be used; called once, before the first start."""
+        """Raise TactileError if the source cannot be used. It is called once, before the first start."""
 
     def start(self) -> None:
-        """Begin: somebody looks, `check` has passed. What fails now is shown as the store's problem."""
+        """Start to fill the store, because somebody watches. A failure from now on is put into the store."""
         raise NotImplementedError
 
     def stop(self) -> None:
-        """Compute nothing: no one looks."""
+        """Stop all computation, because nobody watches."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Release everything; allowed in any state."""
+        """Release all resources; may be called in any state."""
         self.stop()
 
     def age(self, state: PadState) -> float:
-        """Return the time since ``state`` was acquired [s]; in a recording, until the position that is shown."""
+        """Return the age of ``state`` [s]; in a recording, the time from its stamp to the position shown."""
         return time.monotonic() - state.acquired

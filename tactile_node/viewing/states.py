@@ -1,4 +1,4 @@
-"""What is shown of a pad and of its bus at one moment: facts, from any source."""
+"""State of a pad and of its bus at one moment, as facts from any source."""
 
 import math
 from collections.abc import Mapping
@@ -15,18 +15,18 @@ from tactile_node.pose.events import EventKind, Moving
 
 
 class SeenContact(NamedTuple):
-    """The largest contact as recognised; of a pad that is seen and empty, `shape` is 'none'."""
+    """The largest contact as recognised. If the whole pad is visible and empty, `shape` is 'none'."""
 
-    shape: str          #: class name, as on topics
-    reason: str         #: why it is unknown, '' for another shape
+    shape: str          #: name of the class, as on topics
+    reason: str         #: reason why the shape is unknown; '' for any other shape
     probabilities: Mapping[str, float]
-    outline: np.ndarray | None            #: corners (n, 2) in the pad's frame [m]; None: no shape, so no outline
-    dimensions: tuple[tuple[str, float], ...]  #: name, length [m]
-    size_is_bound: bool                   #: it may be larger
-    force: float                          #: [N], NaN: not known
-    mask: np.ndarray | None               #: bool (rows, cols), its taxels; None: not known
-    force_is_bound: bool = False          #: it may be more: taxels are saturated or hidden
-    moves: str = ''                       #: what moves and what has just happened, see `moving_words`
+    outline: np.ndarray | None            #: corners (n, 2) in the pad's frame [m]; None without a shape
+    dimensions: tuple[tuple[str, float], ...]  #: names and lengths [m]
+    size_is_bound: bool                   #: True if the contact may be larger
+    force: float                          #: [N]; NaN if not known
+    mask: np.ndarray | None               #: taxels of the contact, bool (rows, cols); None if not known
+    force_is_bound: bool = False          #: True if the force may be larger, as taxels are saturated or hidden
+    moves: str = ''                       #: motion and last event as text, see `moving_words`
 
     @property
     def confidence(self) -> float:
@@ -34,11 +34,27 @@ class SeenContact(NamedTuple):
         return self.probabilities.get(self.shape, 0.0)
 
 
-SAID_FOR = 3.0  #: s after an event
+SAID_FOR = 3.0  #: time for which an event is shown [s]
 
 
 def moving_words(moving: int, speed: float, rate: float, event: int, age: float) -> str:
-    """Return what a contact does, by a sum of `Moving`, and its last ``event``, ``age`` [s] ago; '' for nothing new.
+    """Return the motion and the last event of a contact as text, or '' if there is nothing new.
+
+    Parameters
+    ----------
+    moving
+        Sum of `Moving` flags.
+    speed
+        Speed of the slide [m/s].
+    rate
+        Rate of the turn [rad/s].
+    event
+        Last event, an `EventKind`; 0 for none.
+    age
+        Age of the event [s].
+
+    Examples
+    --------
 
     >>> moving_words(Moving.SLIDING, 0.0123, math.nan, EventKind.SLIDING, 0.44)
     'sliding 12.3 mm/s, event: sliding 0.4 s ago'
@@ -50,25 +66,25 @@ def moving_words(moving: int, speed: float, rate: float, event: int, age: float)
 
 
 class PadState(NamedTuple):
-    """One taxel frame of a pad and what was recognised in it; arrays are read-only."""
+    """One taxel frame of a pad and the contact recognised in it. The arrays are read-only."""
 
     pad: str
-    stamp: float         #: of the acquisition [s, Unix epoch]
-    acquired: float      #: its time by the steady clock (time.monotonic) [s]; of a recording, when it was shown
+    stamp: float         #: acquisition time [s, Unix epoch]
+    acquired: float      #: acquisition time by time.monotonic [s]; in a recording, the time when it was shown
     values: np.ndarray   #: float, (rows, cols), NaN = no valid value
     status: np.ndarray   #: uint8 TaxelStatus, (rows, cols)
     pitch: float         #: [m]
     unit: str            #: 'Pa', 'N' or '1'
-    contact: SeenContact | None = None  #: None: nothing recognises this frame
+    contact: SeenContact | None = None  #: None if the source recognises no contacts
 
 
 class GraspFacts(NamedTuple):
-    """The grasp of two pads."""
+    """The grasp between two pads."""
 
     contact: str     #: name of a GraspContact, in lower case
-    is_fresh: bool   #: both sides are current
+    is_fresh: bool   #: True if both sides are current
     is_stable: bool
-    acquired: float  #: the older side, by the steady clock [s]; -inf: not known
+    acquired: float  #: acquisition time of the older side, by time.monotonic [s]; -inf if not known
 
 
 class NodeFacts(NamedTuple):
@@ -76,42 +92,42 @@ class NodeFacts(NamedTuple):
 
     node_id: int
     nmt_state: str
-    heartbeat_age: float  #: [s], NaN: none received
-    fault: str            #: '' without one
-    emergency: str        #: the last EMCY, '' without one
+    heartbeat_age: float  #: [s]; NaN if no heartbeat was received
+    fault: str            #: '' without a fault
+    emergency: str        #: last EMCY; '' without one
 
 
 class PadFacts(NamedTuple):
-    """The fate of a pad's CAN frames since the source was opened."""
+    """Counts of a pad's frames since the source was opened."""
 
     pad: str
     frames_complete: int
     frames_incomplete: int
-    expected: int               #: TPDOs
-    used: int                   #: TPDOs
-    losses: Mapping[str, int]   #: TPDOs lost, by reason; reasons without any are left out
+    expected: int               #: number of expected TPDOs
+    used: int                   #: number of used TPDOs
+    losses: Mapping[str, int]   #: number of lost TPDOs for each reason; a reason without losses is left out
     nodes: tuple[NodeFacts, ...] = ()
-    faulty_taxels: tuple[tuple[int, int, str], ...] = ()  #: row, column, fault
+    faulty_taxels: tuple[tuple[int, int, str], ...] = ()  #: row, column and fault of each
 
 
 class BusFacts(NamedTuple):
     """State of a bus and its pads."""
 
-    failure: str                #: '' while it works
-    load: float                 #: part of the bus's time in use; NaN: not known (a log)
-    counts: Mapping[str, int]   #: what was lost of the bus itself, by name; those without any are left out
+    failure: str                #: '' while the bus works
+    load: float                 #: fraction of the time in which the bus is busy; NaN if not known, as for a log
+    counts: Mapping[str, int]   #: losses on the bus itself, by name; a name without losses is left out
     pads: tuple[PadFacts, ...]
 
 
 def facts_of(statistics: BusStatistics, health: BusHealth, load_is_known: bool = True) -> BusFacts:
-    """Return the facts of a live bus or a log; a log knows no load."""
+    """Return the facts of a live bus or a log. The load of a log is not known."""
     counts = counters.read_counters(counters.BUS_LOSSES, statistics)
     return BusFacts(failure_text(health.failure), health.load if load_is_known else math.nan, _some(counts),
                     tuple(_pad(name, pad, health.nodes.get(name, ())) for name, pad in statistics.pads.items()))
 
 
 def facts_of_status(message: Any) -> BusFacts:
-    """Return the facts of a SkinStatus, from a topic or a bag."""
+    """Return the facts in a SkinStatus, from a topic or a bag."""
     counts = {loss.name: int(getattr(message, loss.name)) for loss in counters.BUS_LOSSES if loss.is_field}
     return BusFacts(message.failure, float(message.bus_load), _some(counts), tuple(map(_pad_of_status, message.pads)))
 

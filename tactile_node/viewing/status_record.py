@@ -1,6 +1,7 @@
-"""What the driver reported of itself in a bag: SkinStatus, or where there is none, /diagnostics.
+"""Collect the driver's own reports in a bag, from SkinStatus or, if there is none, from /diagnostics.
 
-Its counts begin when it was configured; those of a report are of the recording, so the first message is taken off.
+The counters of the driver start when it is configured. The report covers only the recording, so the counts in the first
+message are subtracted.
 """
 
 from collections import Counter
@@ -13,13 +14,14 @@ from tactile_node.cia301.objects import NmtState
 from tactile_node.taxel_frame import read_only
 from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NmtChange, NodeReport, Reported
 
-OK_LEVEL = 1                            #: SkinStatus, PadStatus; NOT_KNOWN is 0
-NMT_NOT_KNOWN, NMT_BOOT_UP = 0, 1  #: NodeStatus
-STATUS_PERIOD = 1.0               #: s between two SkinStatus
+OK_LEVEL = 1                            #: level of SkinStatus and PadStatus; NOT_KNOWN is 0
+NMT_NOT_KNOWN = 0                       #: NMT state in NodeStatus
+NMT_BOOT_UP = 1                         #: NMT state in NodeStatus
+STATUS_PERIOD = 1.0               #: time between two SkinStatus messages [s]
 
 
 class StatusRecord:
-    """Takes the messages of one bag in turn."""
+    """Processes the messages of one bag in turn."""
 
     def __init__(self) -> None:
         self._levels: dict[str, tuple[int, str]] = {}
@@ -30,7 +32,7 @@ class StatusRecord:
         self._has_message = False
 
     def feed_status(self, stamp: float, status: Any) -> None:
-        """A SkinStatus."""
+        """Process a SkinStatus."""
         self._has_message = True
         self._loads.append((stamp, float(status.bus_load)))
         self._report(stamp, 'bus', status.level - OK_LEVEL, status.failure or status.message)
@@ -43,14 +45,14 @@ class StatusRecord:
                 self._report(stamp, f'node {node.node_id}', int(bool(node.fault_text)), node.fault_text)
 
     def feed_diagnostics(self, stamp: float, diagnostics: Any) -> None:
-        """A DiagnosticArray, of any program."""
+        """Process a DiagnosticArray from any program."""
         self._has_message = True
         for status in diagnostics.status:
             level = status.level if isinstance(status.level, int) else status.level[0]
             self._report(stamp, status.name, level, status.message)
 
     def bus(self) -> BusReport:
-        """Return what the driver says of its bus, and the changes of level or text; None without a message."""
+        """Return the facts about the bus; ``reported`` has the changes of level or text, or None without a message."""
         load = None
         if self._loads:
             stamps, shares = np.array(self._loads).T
@@ -58,12 +60,12 @@ class StatusRecord:
         return BusReport(load, self._reported if self._has_message else None)
 
     def losses(self, pad: str) -> tuple[tuple[str, int], ...] | None:
-        """CAN frames lost within the recording, by reason; ``pad`` may have its namespace before it."""
+        """Return the CAN frames lost in the recording for each reason; ``pad`` may include a namespace."""
         counts = self._losses.get(pad.rpartition('/')[2])
         return None if counts is None else counts.within()
 
     def nodes(self) -> tuple[NodeReport, ...] | None:
-        """Return the nodes of the pads; None without a SkinStatus that has nodes."""
+        """Return the nodes of the pads, or None if no SkinStatus names a node."""
         return tuple(node.report for _, node in sorted(self._nodes.items())) or None
 
     def _report(self, stamp: float, where: str, level: int, message: str) -> None:
@@ -74,7 +76,7 @@ class StatusRecord:
 
 
 class _Counts:
-    """Counts that only rise, until their program starts again; the first ones are of before the recording."""
+    """Counts that only rise until their program restarts; the first counts are from before the recording."""
 
     def __init__(self) -> None:
         self._last: Mapping[str, int] | None = None
@@ -104,8 +106,8 @@ class _ReportedNode:
             self.report.nmt.add(NmtChange(stamp, state))
         self._state = state
         new = 0 if self._count is None else node.emcy_count - self._count
-        new = new if new >= 0 else node.emcy_count  # the driver has started again
+        new = new if new >= 0 else node.emcy_count  # the driver was restarted
         if new:
             self.report.emergencies.add(Reported(stamp, node.emcy_last, bool(node.emcy_active)))
-            self.report.emergencies.count += new - 1  # only the last of them is in the message
+            self.report.emergencies.count += new - 1  # the message holds only the last EMCY
         self._count = node.emcy_count

@@ -1,4 +1,4 @@
-"""What the taxels of a pad sent over a recording, and the worst that is known of each."""
+"""Collect the values that a pad's taxels sent in a recording, and rate the state of each taxel."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -12,27 +12,27 @@ from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
 
 @dataclass(frozen=True)
 class TaxelHealth:
-    """Counts by taxel over all frames; arrays are read-only, (rows, cols)."""
+    """Counts for each taxel over all frames. Arrays have the shape (rows, cols) and are read-only."""
 
     frames: int
-    by_status: np.ndarray      #: int, (TaxelStatus, rows, cols): frames in which the taxel had this status
-    lowest: np.ndarray         #: least value; NaN: never had one
-    highest: np.ndarray
-    faults: np.ndarray         #: uint8 TaxelFault, by what it sent
+    by_status: np.ndarray      #: int, (TaxelStatus, rows, cols): number of frames with this status
+    lowest: np.ndarray         #: lowest value; NaN if the taxel never had a value
+    highest: np.ndarray        #: highest value; NaN if the taxel never had a value
+    faults: np.ndarray         #: uint8 TaxelFault, found from the values that the taxel sent
 
     @property
     def valued(self) -> np.ndarray:
-        """Frames in which each taxel had a value."""
+        """Number of frames in which each taxel had a value."""
         return self.by_status[[TaxelStatus.VALID, TaxelStatus.SATURATED]].sum(0)
 
     @property
     def never_changed(self) -> np.ndarray:
-        """Bool: had a value in two frames or more, and always the same."""
+        """Bool: True for a taxel that had a value in at least two frames, and always the same value."""
         return (self.valued >= 2) & (self.lowest == self.highest)
 
 
 class TaxelRecord:
-    """Record of one pad's taxels; its frames have one shape (rows, cols)."""
+    """Collects the values of one pad's taxels; all frames must have the shape (rows, cols)."""
 
     def __init__(self, rows: int, cols: int, unit: str):
         self._by_status = np.zeros((len(TaxelStatus), rows * cols), np.int64)
@@ -56,30 +56,30 @@ class TaxelRecord:
 
 
 class Mark(IntEnum):
-    """The worst that is known of a taxel; a later one prevails."""
+    """Worst known state of a taxel; if several apply, the highest number is used."""
 
-    GOOD = 0           #: had a value in every frame, which changed
-    NEVER_CHANGED = 1  #: an untouched taxel of a quiet skin does not either
-    SATURATED = 2      #: at the end of its range in some frames
-    SOME_MISSING = 3   #: without a value in some frames
-    NO_VALUE = 4       #: without a value in every frame
+    GOOD = 0           #: the taxel had a value in every frame, and the value changed
+    NEVER_CHANGED = 1  #: the value never changed, which is normal for an untouched taxel of a skin without noise
+    SATURATED = 2      #: the taxel was at the end of its range in some frames
+    SOME_MISSING = 3   #: the taxel had no value in some frames
+    NO_VALUE = 4       #: the taxel had no value in any frame
     FLICKERING = 5
-    STUCK = 6          #: also at the end of its range
-    DEAD = 7           #: by what it sent, by the layout or the driver
-    UNMAPPED = 8       #: no place of a taxel
+    STUCK = 6          #: stuck at a value, or at the end of its range
+    DEAD = 7           #: dead according to its values, the layout or the driver
+    UNMAPPED = 8       #: there is no taxel at this place
 
 
 FAULTS = Mark.FLICKERING, Mark.STUCK, Mark.DEAD
 
 
 def no_value_share(health: TaxelHealth) -> np.ndarray:
-    """Return, for each taxel, the share of frames without a value; NaN where there is no taxel. (rows, cols)."""
+    """Return the fraction of frames without a value for each taxel, (rows, cols); NaN where there is no taxel."""
     share: np.ndarray = 1 - health.valued / max(1, health.frames)
     return np.where(health.by_status[TaxelStatus.UNMAPPED] == health.frames, np.nan, share)
 
 
 def marks_of(health: TaxelHealth) -> np.ndarray:
-    """Return the Mark of each taxel, uint8, (rows, cols)."""
+    """Return the `Mark` of each taxel, uint8, shape (rows, cols)."""
     missing, faults, counts = no_value_share(health), health.faults, health.by_status
     marks = np.zeros(missing.shape, np.uint8)
     for mark, places in (

@@ -1,4 +1,4 @@
-"""The templates of the pages: HTML by Jinja2, in which every text is escaped."""
+"""Templates of the pages: HTML by Jinja2, with every text escaped."""
 
 from functools import cache
 from pathlib import Path
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 @cache
 def environment() -> 'Environment':
-    """Return where the templates of this folder are found."""
+    """Return the Jinja2 environment, which finds the templates in this folder."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined  # slow to import, and not for every command
 
     return Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
@@ -18,7 +18,7 @@ def environment() -> 'Environment':
 
 
 def printable(value: object) -> object:
-    """Return ``value`` with U+FFFD for each character that does not print; what is HTML already stays.
+    """Return ``value`` with U+FFFD for each unprintable character; a value that is already HTML is not changed.
 
     >>> printable('<b>' + chr(7)) == '<b>' + chr(0xFFFD)
     True
@@ -29,5 +29,5 @@ def printable(value: object) -> object:
 
 
 def printable_text(text: str, keep: str = '') -> str:
-    """Return ``text`` with U+FFFD in place of what does not print: an escape would be a command to a terminal."""
+    """Return ``text`` with U+FFFD for each unprintable character, since an escape would be a command to a terminal."""
     return ''.join(each if each.isprintable() or each in keep else '\N{REPLACEMENT CHARACTER}' for each in text)

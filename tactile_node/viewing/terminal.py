@@ -1,4 +1,4 @@
-"""A source on a terminal, for use over ssh: pictures side by side, redrawn in place, or a line of text each second."""
+"""Show a source on a terminal, for use over ssh: pictures that are redrawn in place, or one line of text per second."""
 
 import shutil
 import sys
@@ -14,15 +14,15 @@ from tactile_node.viewing.source import Shown, ViewSource
 from tactile_node.viewing.templates import printable_text
 
 SHADES = ' .:-=+*#%@'
-XTERM_COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  # xterm-256: dark to bright
+XTERM_COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  #: xterm-256, dark to bright
 CLEAR_LINE = '\x1b[2K'
-CLEAR_BELOW = '\x1b[J'  # what a taller picture has left
-PAD_GAP = '   '        #: between two pads
-LEAST_WIDTH = 38   #: of a pad [columns]: two fit into 80
+CLEAR_BELOW = '\x1b[J'  #: clears the remains of a taller picture
+PAD_GAP = '   '        #: space between two pads
+LEAST_WIDTH = 38   #: smallest width of a pad [columns]; two pads fit into 80 columns
 
 
 class PadView(NamedTuple):
-    """What is known of one pad: the latest taxels (rows, cols) as fractions of full scale, and words below."""
+    """A pad as shown: its latest taxels (rows, cols) as fractions of full scale, and the text below."""
 
     name: str
     taxels: np.ndarray
@@ -30,7 +30,7 @@ class PadView(NamedTuple):
 
 
 def picture(taxels: np.ndarray, colour: bool) -> list[str]:
-    """Return the lines of a picture, two characters a taxel; '??' marks a taxel without a value.
+    """Return the lines of a picture with two characters per taxel; '??' marks a taxel without a value.
 
     >>> picture(np.array([[0.0, 1.0, np.nan]]), colour=False)
     ['  @@??']
@@ -39,7 +39,7 @@ def picture(taxels: np.ndarray, colour: bool) -> list[str]:
 
 
 def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
-    """Return the lines of several pads next to each other, names above, words (lines of them) below."""
+    """Return the lines of several pads next to each other, each with its name above and its text below."""
     if not views:
         return []
     columns = []
@@ -57,7 +57,7 @@ def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
 
 
 def width_of(views: Sequence[PadView]) -> int:
-    """Return how many columns `side_by_side` takes."""
+    """Return the number of columns that `side_by_side` needs."""
     return sum(map(_width, views)) + len(PAD_GAP) * (len(views) - 1)
 
 
@@ -66,7 +66,7 @@ def _width(view: PadView) -> int:
 
 
 def draw(stream: TextIO, lines: Sequence[str], back: int) -> int:
-    """Draw ``lines`` over the ``back`` lines that were drawn before, of a terminal; return how many there are now."""
+    """Draw ``lines`` over the ``back`` lines drawn last time; return the number of lines drawn now."""
     up = f'\x1b[{back}A' if back else ''
     stream.write(up + ''.join(f'{CLEAR_LINE}{line}\n' for line in lines) + CLEAR_BELOW)
     stream.flush()
@@ -82,13 +82,13 @@ def _cell(value: float, colour: bool) -> str:
     return f'\x1b[48;5;{XTERM_COLOURS[round(level * (len(XTERM_COLOURS) - 1))]}m  \x1b[0m'
 
 
-PICTURE_PERIOD = 0.1       #: of the pictures [s]
-LINE_PERIOD = 1.0  #: of lines of text [s]
+PICTURE_PERIOD = 0.1       #: time between two pictures [s]
+LINE_PERIOD = 1.0  #: time between two lines of text [s]
 
 
 def show_in_terminal(source: ViewSource, stop_requested: Event, stream: TextIO | None = None,
                      full_scale: float | None = None) -> None:
-    """Show ``source`` until the event is set, or until a recording has been played to its end."""
+    """Show ``source`` until ``stop_requested`` is set, or until a recording has been played to its end."""
     stream = sys.stdout if stream is None else stream
     live, scales, height = stream.isatty(), Scales(full_scale), 0
     source.start()
@@ -112,12 +112,12 @@ def show_in_terminal(source: ViewSource, stop_requested: Event, stream: TextIO |
 
 
 def line_of(drawn: list[DrawnPad], footer: str) -> str:
-    """Return all pads in one line of text."""
+    """Return the state of all pads as one line of text."""
     return '; '.join((*(f'{printable_text(pad.name)}: {_said(pad)}' for pad in drawn), footer))
 
 
 def _view(pad: DrawnPad) -> PadView:
-    """Row 0 at the bottom, as on the page; of what is old nothing is drawn."""
+    """Return a pad as shown, with row 0 at the bottom as on the page; old values are not drawn."""
     if pad.state is None:
         return PadView(printable_text(pad.name), np.full((1, 1), np.nan), _said(pad))
     values = pad.state.values / pad.full_scale if pad.is_live else np.full_like(pad.state.values, np.nan)

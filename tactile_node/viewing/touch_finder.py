@@ -1,10 +1,15 @@
-"""Finds the touches in the taxel frames of one pad.
+"""Find the touches in the taxel frames of one pad.
 
-A touch is a run of taxel frames with a contact of SMALLEST_CONTACT taxels or more; frames with less are counted, for
-the noise of single taxels looks like that. What ends it: a frame without such a contact in which the pad is seen, or at
-least RELEASED of the taxels that were pressed before; or a pause of MAX_PAUSE. A frame that hides them neither begins
-nor ends one. Every frame is looked at for a contact. Its shape is recognised RECOGNITION_PERIOD apart, on purpose: the
-nodes recognise every frame that they can, but a report of hours must not take hours.
+A touch is a run of taxel frames with a contact of at least SMALLEST_CONTACT taxels. Frames with a smaller contact are
+only counted, because noise of single taxels looks the same. A touch ends in one of these cases:
+
+- A frame shows the whole pad without such a contact.
+- A frame without such a contact shows at least the fraction RELEASED of the taxels that were pressed before.
+- No taxel frame comes for MAX_PAUSE.
+
+A frame that hides these taxels neither begins nor ends a touch. The finder searches every frame for a contact, but
+recognises a shape only once every RECOGNITION_PERIOD. The nodes recognise every frame that they can; a report about
+hours must not take hours.
 """
 
 from collections import Counter
@@ -23,25 +28,33 @@ from tactile_node.viewing.touch import MOST_TOUCHES, Picture, ReportedTouch, Sam
 
 
 class PadRecogniser:
-    """Recognises what touches one pad, frame by frame; ``recogniser`` may be shared by several pads."""
+    """Recognises the contact on one pad, frame by frame; pads may share the ``recogniser``."""
 
     def __init__(self, pad: str, pitch: float, unit: str, recogniser: VisibilityGuard):
         self._pad, self._taxels, self._recogniser = pad, Taxels(pitch, unit), recogniser
         self.restart()
 
     def restart(self) -> None:
-        """Forget the frames before, as after a jump in a recording."""
+        """Forget the previous frames, as needed after a jump in a recording."""
         self._pipeline = ContactPipeline(self._recogniser)
 
     def state(self, frame: TaxelFrame, acquired: float) -> PadState:
-        """Return what is seen in ``frame``, which was ``acquired`` [s, steady clock]."""
+        """Return the state in ``frame``.
+
+        Parameters
+        ----------
+        frame
+            Taxel frame of the pad.
+        acquired
+            Time of its acquisition by the steady clock [s].
+        """
         result = self._pipeline.follow(frame.values, self._taxels, frame.stamp, **_marks(frame))
         return PadState(self._pad, frame.stamp, acquired, frame.values, frame.status, self._taxels.pitch,
                         self._taxels.unit or '', _seen(result, frame.stamp))
 
 
 def _marks(frame: TaxelFrame) -> dict[str, np.ndarray]:
-    """Return which taxels of ``frame`` are saturated, and which are none."""
+    """Return masks of the saturated and of the unmapped taxels of ``frame``."""
     return {'saturated': frame.status == TaxelStatus.SATURATED, 'unmapped': frame.status == TaxelStatus.UNMAPPED}
 
 
@@ -60,19 +73,29 @@ def _seen(result: StreamedContact, stamp: float) -> SeenContact:
                            stamp - event.stamp if event else np.inf))
 
 
-RECOGNITION_PERIOD = 0.1  #: s between two recognitions of one touch: they cost as much as the rest of a report
-RELEASED = 0.5   #: of the taxels last pressed: a pad with a row that never comes is never seen as a whole
-MAX_PAUSE = 0.5  #: s without a taxel frame after which a contact may be another one
+RECOGNITION_PERIOD = 0.1  #: time between two recognitions of one touch [s]; they cost as much as the rest of a report
+RELEASED = 0.5   #: fraction of the taxels last pressed; needed because a pad with a missing row is never seen whole
+MAX_PAUSE = 0.5  #: time without a taxel frame after which a contact may be another one [s]
 
 
 class ReportedTouchFinder:
-    """``pitch`` [m] and ``unit`` are the pad's; ``recogniser`` may be shared."""
+    """Finds the touches on one pad.
+
+    Parameters
+    ----------
+    recogniser
+        Recogniser of the shapes, which several finders may share.
+    pitch
+        Distance between neighbouring taxels [m].
+    unit
+        Unit of the values.
+    """
 
     def __init__(self, recogniser: VisibilityGuard, pitch: float, unit: str):
         self._taxels = Taxels(pitch, unit)
         self._pipeline = ContactPipeline(recogniser, fits=False)
         self._touch: _OpenTouch | None = None
-        self._last: float | None = None  # stamp
+        self._last: float | None = None  # stamp of the last frame
         self.found = TouchList()
         self.samples: list[Sample] = []
 
@@ -94,7 +117,7 @@ class ReportedTouchFinder:
             self._end(is_open=False)
 
     def end(self) -> None:
-        """The recording has ended."""
+        """Note the end of the recording."""
         self._end(is_open=True)
         self.found.keep_pictures()
 
@@ -110,22 +133,22 @@ class ReportedTouchFinder:
 
 
 class _OpenTouch:
-    """The touch under way."""
+    """The touch that has not yet ended."""
 
     def __init__(self, pipeline: ContactPipeline):
         self._pipeline = pipeline
         self._begin = self._end = 0.0
         self._frames = 0
-        self._most = -np.inf  # sum of the contact's values
-        self._stamp = 0.0     # of that frame
-        self._last = np.zeros(0, bool)  # taxels pressed in the last one
-        self._strongest: FoundContact | None = None  # of that frame
+        self._most = -np.inf  # largest sum of the contact's values
+        self._stamp = 0.0     # stamp of the frame with this sum
+        self._last = np.zeros(0, bool)  # taxels pressed in the last frame
+        self._strongest: FoundContact | None = None  # contact in the frame with the largest sum
         self._reasons: Counter[UnknownReason] = Counter()
         self.samples: list[Sample] = []
         self._events: list[Event] = []
 
     def shown(self, seen: np.ndarray) -> float:
-        """The share of the taxels last pressed that are ``seen``, bool (rows, cols)."""
+        """Return the fraction of the taxels last pressed that are ``seen``, bool (rows, cols)."""
         return float(seen[self._last].mean())
 
     def feed(self, stamp: float, found: FoundContact) -> None:
@@ -165,7 +188,7 @@ class _OpenTouch:
 
 
 def _most_frequent(shapes: Sequence[ShapeClass]) -> ShapeClass:
-    """Return the most frequent class of the frames, at a tie a shape: a contact that comes or goes has none yet.
+    """Return the most frequent class; at a tie, a shape before "unknown", as a beginning or ending touch has no shape.
 
     >>> _most_frequent([Shape.UNKNOWN, Shape.UNKNOWN, Shape.UNKNOWN, Shape.SQUARE, Shape.SQUARE]).value
     'unknown'
