@@ -48,7 +48,7 @@ def test_slow_drift_is_followed():
 @pytest.mark.slow
 @pytest.mark.parametrize('before', [0.0, 30.0])
 def test_a_grasp_of_minutes_keeps_its_pressure_and_leaves_no_jump(before):
-    """One grasp is there from the first frame.
+    """The grasp is there from the first frame, or begins after 30 s.
 
     The skin does not drift here, so the code causes any loss of pressure.
     """
