@@ -51,8 +51,8 @@ def graph() -> dict:
         watcher = rclpy.create_node('watcher')
         stack.callback(watcher.destroy_node)
         stack.enter_context(spinning(system.nodes))
-        # Nodes in separate processes have these subscriptions. Later, nodes in one process hand messages over and drop
-        # their subscriptions.
+        # The nodes would have the same subscriptions in separate processes. Once active, nodes in one process hand
+        # messages over and drop some subscriptions.
         before = settled(watcher, system.nodes)[SUBSCRIBED]
         system.autostart(Event())
         found = settled(watcher, system.nodes)

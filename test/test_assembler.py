@@ -317,7 +317,7 @@ def test_frames_after_a_complete_one_are_surplus(assembler):
     send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'))
     assert send(assembler, (ROW_1, '0F0F')) == Loss(LossReason.SURPLUS)
     assert only(assembler.sync(1)) is None
-    send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=1.1)  # the rest of the surplus sweep
+    send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=1.1)  # The rest of the surplus sweep.
     send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), at=1.5)
     frame, late = assembler.feed(ROW_3, b'\x0B\x0B', 1.5)
     check(frame, np.full((3, 2), 2), sequence=1)
@@ -457,7 +457,7 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, period
 @pytest.mark.parametrize('a_period', [4, 5, 7, 10, 30, 1000])
 @pytest.mark.parametrize('lost', [0, 1, 3])
 def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost, a_period):
-    """An adapter that has held TPDOs back hands over ``a_period`` of them in each period until none waits.
+    """An adapter that has held TPDOs back hands over ``a_period`` of them in each period until its queue is empty.
 
     Sweep n is sampled at SYNC n and has the value 2 * (n // 2).
     """

@@ -222,7 +222,7 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
         before, after = base.recognise(contact), of_library.recognise(contact)
         assert of_node.recognise(contact) == after and line['probabilities'] == pytest.approx(
             {shape.value: p for shape, p in after.probabilities.items()})
-        # If one of the two answers is unknown, a rule has limited its confidence.
+        # If one of the two answers is in doubt, a rule has limited its confidence.
         if {before.doubt, after.doubt} != {UnknownReason.NOT_UNKNOWN}:
             continue
         expected = {shape: max(before.probabilities[shape], 1e-6) ** 0.5 * np.exp(bias)
@@ -236,7 +236,7 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
 
 @pytest.mark.parametrize('taxels, is_sure', [(3, False), (8, True)])
 def test_an_adaptation_makes_no_name_sure_that_the_taxels_do_not_support(taxels, is_sure, arrays, tmp_path):
-    """Neither agreeing frames nor a bias make a name sure that rests on too few taxels.
+    """A name that rests on too few taxels stays unsure, even with many agreeing frames or a large bias.
 
     A rectangle takes 9 taxels; 2 x 3 taxels are too few.
     """
@@ -278,7 +278,7 @@ def test_a_file_that_is_no_assessed_file_is_refused_with_our_error(arrays, chang
 
 
 def test_shapes_taught_afterwards_leave_the_adaptation_out(arrays, tmp_path):
-    """The biases of an adaptation belong to the old classes."""
+    """The biases of an adaptation apply only to the classes without the taught shapes."""
     with (tmp_path / 'taught.npz').open('wb') as stream:
         write_taught(stream, arrays, [], {}, {})
     assert not any('_skin_' in name for name in read_arrays(tmp_path / 'taught.npz'))

@@ -158,7 +158,7 @@ def of_sqlite(folder, name):
     writer = can.Logger(str(folder / name))
     for message in SENT[:3]:
         writer.on_message_received(message)
-    while writer.num_frames < 3:  # When python-can's writer is stopped, it loses the messages that still wait.
+    while writer.num_frames < 3:  # When python-can's writer is stopped, it loses its queued messages.
         time.sleep(0.01)
     writer.stop()
     return folder / name
@@ -168,7 +168,7 @@ def of_sqlite(folder, name):
 def other_threads():
     """Yield two threads that live as long as the test.
 
-    If a thread had ended, the next one could get its number.
+    If a thread ended earlier, the next one could get its number.
     """
     with ThreadPoolExecutor(1) as one, ThreadPoolExecutor(1) as another:
         yield one, another

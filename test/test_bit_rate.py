@@ -67,7 +67,7 @@ def scan(capsys, adapter, *words):
 
 @pytest.mark.parametrize(('bitrate', 'noise'), [(800_000, b''), (500_000, b't7051AB0\r'), (1_000_000, b'')])
 def test_the_bit_rate_is_the_one_at_which_frames_are_sound(bitrate, noise):
-    """At a wrong bit rate, the adapter delivers nothing or an invalid frame."""
+    """At a wrong bit rate, the adapter delivers nothing, or bytes that are not a frame."""
     with bus_of(Adapter(bitrate, noise)) as adapter:
         assert find_bit_rate('slcan', adapter.port, 0.2) == bitrate
 

@@ -90,9 +90,9 @@ def test_a_line_that_no_block_is_half_full_of_is_fitted_in_taxels():
 
 @pytest.mark.parametrize('depth', [0.3, 1.0, 2.0])
 def test_far_away_a_pressed_taxel_is_a_point_force(depth):
-    """The reference is Boussinesq's 3 z^3 / (2 pi (r^2 + z^2)^(5/2)), which holds for small taxels.
+    """The reference is Boussinesq's formula for a point force: 3 z^3 / (2 pi (r^2 + z^2)^(5/2)).
 
-    Averages over two taxels are 6 % larger.
+    The formula holds for small taxels. Averages over two taxels are 6 % larger.
     """
     far, z = 6.0, depth
     assert kernel(depth)[KERNEL_REACH, KERNEL_REACH + 6] == pytest.approx(

@@ -75,7 +75,7 @@ def short_timeout(tmp_path):
     (['--interface', 'virtual', '--channel', 'empty', '--wait-at-start', 'false'],
      'Check power, wiring, termination, bit rate and node-ID'),
     (['--interface', 'slcn'], 'got \'slcn\'. Did you mean "slcan"?'),
-    (['--interface', 'nosuch'], ', socketcan, '),  # Waiting would not help here.
+    (['--interface', 'nosuch'], ', socketcan, '),  # The command must not wait, because waiting would not help.
     (['--interface', 'virtual', '--layout', '/nowhere.yaml'], '/nowhere.yaml'),
     (['--interface', 'virtual', '--pads', 'left,right'], 'a node-ID for each of the pads'),
     (['--interface', 'virtual', '--pads', 'left right', '--node-id', '32,64'], 'Commas separate several pads'),
@@ -121,7 +121,8 @@ def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
         assert {node.get_parameter('queue_depth').value for node in system.nodes} == {7}
         published = {publisher.topic_name for node in system.nodes for publisher in node.publishers}
         assert {'/robot/hand/left/shape', '/robot/hand/right/shape', '/robot/hand/held'} <= published
-        assert system.driver.get_parameter('wait_at_start').value is True  # This is the default without the command.
+        # The value is the same as without the command.
+        assert system.driver.get_parameter('wait_at_start').value is True
 
 
 def test_the_force_on_a_simulated_skin_has_a_standard_deviation_and_the_process_ends_with_another_one():

@@ -66,7 +66,7 @@ def test_driver_and_skin_are_two_programs_joined_by_slcan(tmp_path):
 
 
 def _whole_and_touched(frame) -> bool:
-    return frame.missing_can_frames == 0 and frame.values.max() > 30e3  # Peak pressure in Pa.
+    return frame.missing_can_frames == 0 and frame.values.max() > 30e3  # Smallest peak pressure [Pa].
 
 
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.mcap'])

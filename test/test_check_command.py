@@ -64,9 +64,9 @@ def test_a_layout_and_an_eds_that_disagree_are_compared_to_their_end(capsys):
 
 
 def test_one_wrong_count_gives_the_first_errors_of_a_kind_and_how_many_more_there_are(tmp_path, capsys):
-    """Eight TPDOs too many describe rows 16 to 19.
+    """The layout has eight TPDOs too many, for rows 16 to 19.
 
-    Each one lacks two records and an object in the EDS, and lies outside the pad.
+    Each of them lacks two records and an object in the EDS, and lies outside the pad.
     """
     path = written(tmp_path, SIM.replace('count: 4, number: 8', 'count: 5, number: 8'))
     code, out = check(capsys, path, CONFIG / 'sim16x16.eds')

@@ -27,7 +27,8 @@ from tactile_node.grasp.closing import (
 )
 from tactile_node.grasp.tracker import GraspContact
 
-PERIOD, LATENCY = 0.02, 0.04  # Period of the frames, and time until a frame is seen [s].
+PERIOD = 0.02   # Time between two frames [s].
+LATENCY = 0.04  # Time until a frame is seen [s].
 THRESHOLD = 0.05  # Force from which on a pad counts as touched [N].
 EMPTY = PadForce(0.0)
 LIMITS = TouchLimits()
@@ -317,7 +318,7 @@ def test_the_rest_begins_where_the_last_movement_ends():
     end, now = clear(lambda now: 0.04 - 0.005 * min(now, 1.0), lambda now: True)
     assert end is None and 1.0 + REST_TIME - REST_CHANGE / 0.005 - 0.02 <= now <= 1.0 + REST_TIME + 0.02
     sways = clear(lambda now: 0.04 + 0.4 * REST_CHANGE * math.sin(100 * now), lambda now: True)
-    assert sways[0] is None and sways[1] == pytest.approx(REST_TIME, abs=0.03)  # noise of the position sensor
+    assert sways[0] is None and sways[1] == pytest.approx(REST_TIME, abs=0.03)  # This is noise of the position sensor.
 
 
 @pytest.mark.parametrize(('opening', 'expected', 'after'), [

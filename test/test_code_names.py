@@ -1,4 +1,4 @@
-"""`name_of` returns the name of a code; every constant of our interfaces belongs to one field."""
+"""`name_of` returns the name of a code in a field. Every constant of our interfaces names one code."""
 
 from contextlib import suppress
 from importlib import import_module

@@ -103,7 +103,7 @@ def test_a_contact_that_may_continue_in_hidden_taxels_is_a_bound():
     frame = block()
     frame[6, 6] = np.nan
     found = moments(frame)
-    assert not (found.force_is_bound or found.size_is_bound) and found.filled == 1, 'the neighbours give its value'
+    assert not (found.force_is_bound or found.size_is_bound) and found.filled == 1, 'an enclosed taxel is filled'
 
 
 def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
@@ -226,7 +226,10 @@ def test_more_contacts_than_have_labels_are_a_bound():
 @pytest.mark.parametrize('dead', [False, True])
 @pytest.mark.parametrize(('side', 'noise'), [(4, 500.0), (8, 500.0), (8, 4000.0)])
 def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
-    """They agree within a factor of 2. Each frame estimates its deviations from the noise beside the contact."""
+    """The stated deviations and those of repeated frames agree within a factor of 2.
+
+    Each frame estimates its deviations from the noise beside the contact.
+    """
     rng, extractor, found = np.random.default_rng(side), PatternExtractor(THRESHOLDS), []
     ramp = np.linspace(60e3, 100e3, 16)
     for _ in range(400 if LONG else 200):
@@ -305,7 +308,7 @@ def test_a_dead_taxel_at_the_rim_makes_the_force_uncertain_and_no_bound(place):
 @pytest.mark.slow
 @pytest.mark.parametrize('noise', [0.005, 0.01, 0.03] if LONG else [0.005, 0.03])
 def test_standard_deviations_of_contacts_with_a_rim(noise):
-    """The median ratio is within a factor of 2.
+    """The median of stated to measured deviation is within a factor of 2.
 
     Taxels of the rim enter and leave the contact between frames, and a single frame shows little of that.
     """

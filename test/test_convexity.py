@@ -1,4 +1,4 @@
-"""A contact of one of the five shapes fills its convex hull; other contacts do not."""
+"""The check whether a contact fills its convex hull, as contacts of the five shapes do."""
 
 import numpy as np
 import pytest

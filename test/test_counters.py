@@ -39,7 +39,7 @@ ROWS = (('BUS_LOSSES', 'poll_overruns', 0), ('BUS_EVENTS', 'stalls', 0), ('PAD_C
 
 
 def sent():
-    """Return the diagnostics of a bus with one pad and one node, and its status."""
+    """Return the diagnostics and the status of a bus with one pad and one node."""
     diagnostics = diagnosed(BusDiagnostics('driver', 'can0'), COUNTS, HEALTH)
     return diagnostics, status_message(diagnostics, COUNTS, HEALTH)
 

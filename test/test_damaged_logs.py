@@ -167,7 +167,7 @@ def test_damage_within_a_binary_log_is_reported(tmp_path, suffix):
     writer, random = McapCanWriter(path) if suffix == '.mcap' else can.Logger(str(path)), np.random.default_rng(1)
     for n in range(6000):
         writer.on_message_received(can.Message(1.7e9 + n / 1000, 0x181, False, data=random.bytes(8), channel=0))
-    # When python-can's writer is stopped, it loses the messages that still wait.
+    # When python-can's writer is stopped, it loses its queued messages.
     while suffix == '.db' and writer.num_frames < 6000:
         time.sleep(0.01)
     writer.stop()
@@ -210,7 +210,7 @@ def blf_log(folder, change=lambda content: content, compression=-1):
 
 
 def places(content, kind):
-    """Return where the objects of ``kind`` begin in a BLF. Kind 1 is a CAN frame, and kind 10 is a container."""
+    """Return the positions of the objects of ``kind`` in a BLF. Kind 1 is a CAN frame, and kind 10 is a container."""
     head = struct.Struct('<4sHHLL')
     found = (match.start() for match in re.finditer(b'LOBJ', content))
     return [at for at in found if len(content) >= at + head.size and head.unpack_from(content, at)[-1] == kind]

@@ -29,7 +29,10 @@ class Result(NamedTuple):
 
     @property
     def misled(self) -> np.ndarray:
-        """Return True for messages taken as current that are older than the limit plus the path's own error."""
+        """True for each message that a reader takes as current although it is too old.
+
+        Too old means older than the limit plus the path's own error.
+        """
         return self.fresh & (self.true > LIMIT + SETTLED_ERROR)
 
 

@@ -54,7 +54,7 @@ def circle(radius, sd=0.03):
 
 
 def test_a_wrong_size_of_the_right_shape_is_no_right_touch():
-    """This holds however wide the standard deviation of the size is, and however sure the shape is."""
+    """A wide standard deviation and a sure shape do not make a wrong size right."""
     near, wide = circle(4.2), circle(5.5, sd=0.76)
     assert near.is_right_shape and near.is_right_size and near.size_error == pytest.approx(0.0002)
     assert wide.is_right_shape and not wide.is_right_size and wide.size_error == pytest.approx(0.0015)

@@ -1,7 +1,7 @@
 """The examples run the bus side as a service and in a container, as their readers expect.
 
-systemd ignores a line of a unit that it does not know. `systemd-analyze verify` prints such lines, but returns 0. A
-reader who copies the unit would not notice.
+systemd ignores unknown lines of a unit. `systemd-analyze verify` prints such lines, but returns 0. A reader who copies
+the unit would not notice.
 """
 
 import re

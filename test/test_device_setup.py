@@ -114,7 +114,7 @@ def test_a_set_up_that_is_interrupted_is_taken_back():
 
 
 def test_a_device_that_cannot_be_restored_is_reported(caplog):
-    """The device accepts one write to each object and no second one."""
+    """The device accepts only the first write to each object."""
     device = of_another_layout(fixed=[(0x1A00, 0)])
     download = device.download
 
@@ -174,7 +174,10 @@ def test_errors_are_read_as_far_as_the_device_has_them():
 
 
 def monitored(heartbeat_time: float | None) -> tuple[NodeMonitor, BusMonitor, PadStatistics]:
-    """Return the monitor of a configured, running node with a timeout of 0.5 s, and its bus and pad."""
+    """Return the monitors of a configured, running node and its bus, and the statistics of its pad.
+
+    The timeout is 0.5 s.
+    """
     bus = BusMonitor([32])
     node = NodeMonitor(NODE, bus, 0.5, 0.5)
     node.configured(node.setup, 0.0, heartbeat_time)

@@ -71,7 +71,7 @@ def test_a_device_that_is_gone_is_never_ok_nor_operational(chain):
     chain.bench.device.power_off()
     seen = len(chain.levels)
     chain.until(lambda: len(chain.levels) >= seen + 4, 'no diagnostics')
-    # The first message after the outage may describe the second before it.
+    # The first message may still describe the time before the outage.
     assert all(levels[1] != OK for levels in chain.levels[seen + 1:]), chain.levels[seen:]
     assert 'neither heartbeat nor taxels' in chain.reports[-1] and chain.levels[-1][1] == ERROR
     node = chain.status[-1].pads[0].nodes[0]
@@ -103,7 +103,7 @@ def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain)
 def test_the_pads_of_a_driver_are_seen_all_or_none(chain, monkeypatch):
     """While the driver waits at start, the executor publishes the state of its pads.
 
-    Their number must not grow then.
+    The number of pads must not grow meanwhile.
     """
     driver, seen = chain.node, []
 
@@ -153,7 +153,7 @@ def test_with_simulated_time_and_no_clock_faults_are_reported_with_the_stamp_0(c
 def test_each_frame_has_the_time_since_its_sync_when_it_was_sent(chain):
     """Sender and receiver share a clock here.
 
-    Without this time, the taxels of a delayed driver would look current.
+    If the age did not include this time, the taxels of a delayed driver would look current.
     """
     arrived = []
     chain.listener.create_subscription(TaxelArray, '/pad32/taxels', lambda frame: arrived.append((time.time(), frame)),

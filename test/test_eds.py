@@ -82,7 +82,7 @@ TEXT = '[1008]\nParameterName=x\nDataType=0011\nAccessType=ro\nDefaultValue=007\
 
 
 def test_a_number_with_a_leading_0_is_octal(tmp_path):
-    """By CiA 306, numbers follow C. A text is not changed."""
+    """By CiA 306, a leading 0 marks an octal number, as in C. Texts stay unchanged."""
     text = OCTAL + TPDO.format('$NODEID+0600') + TEXT
     dictionary = load_eds(write(tmp_path, text), 5)
     assert identity_of(dictionary, 'device.eds').vendor == 0o22

@@ -206,7 +206,7 @@ def test_after_a_restart_nothing_of_before_is_given(tmp_path, text):
 
 @pytest.mark.parametrize('text', [SWEEPS, SNAPSHOTS], ids=['sweeps', 'snapshots'])
 def test_what_a_started_node_sends_is_not_joined_to_what_it_sent_before(tmp_path, text):
-    """The node may have been given another range or mapping. By these stamps, it restarts within milliseconds."""
+    """The node may have been given another range or mapping. In this test, it restarts within milliseconds."""
     assembler = made(tmp_path, text)
     results = sweep(assembler, 5.0, 11, [0, 1])
     assembler.start(1)
@@ -225,7 +225,7 @@ def test_incomplete_frames_can_be_withheld(tmp_path, text):
     assert is_balanced(assembler)
 
 
-# Snapshots.
+# Snapshots
 
 def test_a_snapshot_has_the_age_of_each_tpdo(snapshots):
     assert send(snapshots, 2, 5.0, 13) == send(snapshots, 0, 5.004, 11) == ()

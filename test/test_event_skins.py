@@ -1,6 +1,6 @@
 """Skins without SYNC, end to end.
 
-The simulated device is checked byte by byte. Then follow the driver, a replay of its log, and its faults.
+The simulated device is checked byte by byte. Further tests check the driver, a replay of its log, and its faults.
 """
 
 import time
@@ -152,7 +152,7 @@ def test_values_from_before_a_node_was_configured_again_are_not_given(tmp_path):
 
 @pytest.mark.bus
 def test_while_the_driver_is_stopped_nothing_is_given():
-    """Another master may start the device. Without SYNC, the device then sends taxels that nobody wants."""
+    """Another master may start the device. Without SYNC, the device then sends although the driver is stopped."""
     with Bench('event_stopped', SWEEPS, source=still(SWEEPS)) as bench:
         bench.run()
         bench.take_whole(2)

@@ -33,7 +33,7 @@ def test_every_feature_is_that_of_the_definition(name):
 def test_every_rotated_pattern_is_that_of_the_definition(name):
     """With TACTILE_LONG, the test takes every angle.
 
-    Otherwise it takes every third, with another first angle per pattern.
+    Otherwise it takes every third angle, and starts at another angle for each pattern.
     """
     mask, begin = assorted()[name], list(assorted()).index(name) % 3
     chosen = slice(None) if os.environ.get('TACTILE_LONG') else slice(begin, None, 3)

@@ -192,7 +192,7 @@ def test_frames_are_fused_by_their_stamps(replayed, tactile, tmp_path):
     fused = list(map(json.loads, tactile('classify', replayed, '--fuse')))
     assert max(line['fused_frames'] for line in fused) > 5 and max(line['held'] for line in fused) > 0.1
     arrays = dict(np.load(replayed))
-    later = np.arange(len(arrays['stamps'])) * 10.0  # The interval is longer than any fusion waits.
+    later = np.arange(len(arrays['stamps'])) * 10.0  # The interval is longer than fusion waits for the next frame.
     np.savez(tmp_path / 'slow.npz', **{**arrays, 'stamps': later})
     slow = list(map(json.loads, tactile('classify', tmp_path / 'slow.npz', '--fuse')))
     assert max(line['fused_frames'] for line in slow) == 1
@@ -256,7 +256,7 @@ def test_an_archive_that_numpy_has_not_written_is_refused(tmp_path, make):
 
 def test_an_archive_is_refused_by_its_size_before_it_is_unpacked(tmp_path, monkeypatch):
     np.savez_compressed(tmp_path / 'x.npz', values=np.zeros((100, 16, 16)))
-    # The limit is the size of the values, so the header exceeds it.
+    # The limit equals the size of the values. With the header, the file exceeds it.
     monkeypatch.setattr(frame_file, 'MOST_UNPACKED', 100 * 16 * 16 * 8)
     monkeypatch.setattr(np, 'load', lambda *_, **__: pytest.fail('unpacked'))
     with pytest.raises(InputError):

@@ -54,7 +54,7 @@ def test_in_an_overload_no_stamp_is_wrong_and_after_it_all_is_whole(over, after,
 @pytest.mark.parametrize('clock', [HOST, WIRE])
 @pytest.mark.parametrize('delay', [0.005, 0.012, 0.018])
 def test_a_slow_node_that_leaves_out_a_sweep_has_no_wrong_stamp(delay, clock):
-    """This also holds if the node takes more than half a period to answer, and each sweep crosses the next SYNC."""
+    """The node may take more than half a period to answer, so that each sweep crosses the next SYNC."""
     seen, = played(ONE, np.arange(SWEEPS) * 0.02, clock, delay=lambda number: delay,
                    skips=lambda number: number in (EVENT, 3 * EVENT // 2))
     assert not seen.wrong and len(seen.whole) >= SWEEPS - 16
@@ -83,8 +83,8 @@ def test_on_a_bus_that_is_never_idle_for_long_a_sweep_left_out_costs_not_all():
 def test_foreign_frames_that_go_first_give_no_frame_a_wrong_stamp(load, foreign, pads, clock):
     """Beyond a full bus, the nodes fall behind and omit sweeps. Without foreign frames, all sweeps arrive whole.
 
-    Above a load of 94 % (90 % with slcan), the end of each sweep crosses the next SYNC. Once, only 1 frame in 1,000 was
-    whole under this load.
+    Above a load of 94 % (90 % with slcan), the end of each sweep crosses the next SYNC. Under this load, the assembler
+    once gave only 1 whole frame in 1,000.
     """
     period = period_at(load, pads)
     others = Node([0x081], skips=lambda number: True)
@@ -92,7 +92,7 @@ def test_foreign_frames_that_go_first_give_no_frame_a_wrong_stamp(load, foreign,
         others.chatter(np.arange(0.0, SWEEPS * period, frame_seconds(8) / foreign))
     for seen in played(pads, np.arange(SWEEPS) * period, clock, chatter=[others]):
         assert not seen.wrong and (foreign or len(seen.answered) == SWEEPS)
-        # The last sweep ends when nothing proves its period.
+        # The end of the last sweep may stay in doubt, because nothing follows it.
         assert len(seen.whole) >= (0.3 * len(seen.answered) if foreign else SWEEPS - 1)
 
 

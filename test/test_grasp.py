@@ -18,7 +18,8 @@ LEFT, RIGHT = PadPose((0.0, 0.0, 0.0), (-pi / 2, 0.0, 0.0)), PadPose((0.0, 0.0, 
 SETTINGS = GraspSettings(Gripper(LEFT, RIGHT), SteadinessSettings(max_creep=0.0005, slip=0.001), min_hold=0.2,
                          max_skew=0.05, max_age=0.25)
 RESOLUTION = 0.0002  # Resolution of a position [m].
-PERIOD, PATH = 0.02, 0.01  # Time between two results, and from acquisition to arrival [s].
+PERIOD = 0.02  # Time between two results [s].
+PATH = 0.01    # Time from acquisition to arrival [s].
 STABLE_AFTER = 0.6  # Time until a grasp is stable [s]: 1.5 resolutions at max_creep, without noise.
 
 
@@ -81,7 +82,7 @@ def test_a_contact_is_what_both_sides_are_known_to_be(states, expected, mirrored
 
 @pytest.mark.parametrize('state', [T, E])
 def test_a_result_that_is_too_old_is_unseen(state):
-    """This also holds for a result that has just arrived after a delay."""
+    """A result that has just arrived after a long delay is unseen, too."""
     tracker = GraspTracker(SETTINGS)
     for time in until(0.3):
         tracker.update('left', touch(time), time + PATH)
@@ -160,7 +161,10 @@ def test_another_shape_a_slip_or_a_loss_restarts_the_hold(name):
 
 @pytest.mark.parametrize('name', UNCERTAIN)
 def test_a_single_result_that_shows_nothing_only_suspends_it(name):
-    """A lost result acts in the same way. If such results continue, the hold starts again."""
+    """A single uncertain result suspends the grasp, as a lost one does.
+
+    If such results continue, the hold starts again.
+    """
     tracker, disturbed = GraspTracker(SETTINGS), UNCERTAIN[name]
     run(tracker, until(1.0))
     run(tracker, [1.0], right=disturbed)

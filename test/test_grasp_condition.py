@@ -20,7 +20,8 @@ from tactile_skin.msg import ContactShape, Grasp
 
 pytestmark = pytest.mark.ros
 
-PERIOD, AGE = 0.05, 0.03  # Period of the messages, and age on arrival [s].
+PERIOD = 0.05  # Time between two messages [s].
+AGE = 0.03     # Age of a message on arrival [s].
 
 
 class World:
@@ -107,7 +108,7 @@ def test_what_is_not_held_or_not_seen_fails(held, states):
 
 @pytest.mark.parametrize('required, expected', [({}, Status.SUCCESS), ({'min_confidence': 0.5}, Status.FAILURE)])
 def test_a_shape_that_is_surely_unknown_is_not_sure(held, required, expected):
-    """A minimum confidence implies a known shape. Here the confidence of the likeliest class would be enough."""
+    """A minimum confidence requires a known shape, even if the confidence of the likeliest class is high enough."""
     grasp = held.message(held._tracker.state(held.now))
     grasp.shape, grasp.class_name, grasp.confidence = ContactShape.UNKNOWN, 'unknown', 0.5
     held.watch = SimpleNamespace(current=lambda: grasp)

@@ -225,7 +225,7 @@ def test_a_goal_with_wrong_limits_is_refused_with_the_reason_and_so_is_one_too_m
 
 
 def test_a_goal_that_waits_does_not_keep_the_executor_busy(make_own):
-    """The executor would poll a coroutine that awaits without a pause."""
+    """The executor would poll an awaiting coroutine without a pause."""
     planner = make_own()
     planner.send()
     passes, before = 0, time.process_time()

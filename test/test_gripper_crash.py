@@ -34,7 +34,7 @@ LONG = pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LO
 class Gripper:
     """The process of gripper_process.py, and the lines that it has printed.
 
-    ``motor`` takes the position at which the gripper came to rest.
+    Each time the gripper comes to rest, ``motor`` moves to the same opening.
     """
 
     def __init__(self, kind, motor):

@@ -91,7 +91,7 @@ def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_p
 
 
 def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
-    """A process stopped by SIGSTOP is no duplicate.
+    """While a process is stopped by SIGSTOP, it does not count as a duplicate.
 
     When it continues, its queue may contain goals of the other process.
     """

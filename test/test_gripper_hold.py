@@ -70,7 +70,8 @@ def test_the_opening_follows_what_gives_way_and_the_goal_has_ended_before(held, 
     bench.pads.strongest = 0.0
     speed = LIMITS.slow_speed if kind == KINDS[0] else LIMITS.fast_speed
     for _ in range(3):
-        bench.pads.width -= SHRINKS + (speed - LIMITS.slow_speed) * LIMITS.latency * 2  # A fast gripper moves further.
+        # A fast gripper moves further, so the object must shrink more.
+        bench.pads.width -= SHRINKS + (speed - LIMITS.slow_speed) * LIMITS.latency * 2
         bench.until(lambda: force(bench) > FORCE - 0.1)
         bench.wait(0.2)
         assert not bench.motor.moves

@@ -161,7 +161,7 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
             assert not stages[1].counts.dropped and not stages[1].counts.skipped
         assert grasps and {side.class_name for side in grasps[-1].sides} == {'square'}
         assert max(side.age.sec + side.age.nanosec * 1e-9 for side in grasps[-1].sides) < 1.0
-        for side in grasps[-1].sides:  # The shape for `grasp_sides` is also completed when it is read.
+        for side in grasps[-1].sides:  # These values are computed when they are read, also for `grasp_sides`.
             assert list(side.box_lengths) == pytest.approx([7 * 0.004, 7 * 0.004], abs=0.004)
 
 

@@ -295,10 +295,10 @@ def test_a_force_that_is_not_known_grips_with_none_that_is(changes):
 @pytest.mark.parametrize('gripper', GRIPPERS.values(), ids=GRIPPERS)
 @pytest.mark.parametrize('turn', [(0.1, 0.0), (0.0, -0.2), (0.15, 0.1)])
 def test_faces_lean_as_the_object_is_turned(gripper, turn):
-    """Two parallel planes are turned about the left pad's x and y by small angles. The depth in each pad is known.
+    """Two parallel planes are turned about the left pad's x and y by small angles.
 
-    The planes are z = -l and z = l along the left pad's z. Only ``turn`` x place changes the depth: the left pad reads
-    more where the plane is lower.
+    Their depth in each pad is computed by hand. The planes are z = -l and z = l along the left pad's z. Only ``turn`` x
+    place changes the depth: the left pad reads more where the plane is lower.
     """
     rate = 3e6  # Pressure per depth [Pa/m].
     x, y = gripper.left.rotation[:, 0], gripper.left.rotation[:, 1]

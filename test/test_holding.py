@@ -137,7 +137,7 @@ def test_without_a_measured_opening_it_never_opens():
 @pytest.mark.parametrize('noise', [0.0, 0.4])
 @pytest.mark.parametrize('offset', [-3.0, 3.0])
 def test_no_correction_causes_another(stiffness, step, noise, offset):
-    """Each case has one correction, whatever the step. ``offset`` [N] is the force to correct.
+    """One correction must be enough, whatever the step. ``offset`` [N] is the force to correct.
 
     The steps change the force by up to 1 N, which is larger than any other effect here.
     """

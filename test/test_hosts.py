@@ -1,4 +1,4 @@
-"""Driver and planner on two hosts: the traffic on the link, and what a consumer sees when the cable is pulled.
+"""Driver and planner on two hosts: the traffic on the link, and the view of a consumer while the cable is pulled.
 
 Run these tests with `make hosts`. The hosts find each other by address; in test_link.py they use a discovery server.
 With TACTILE_LONG both ways are tested, each side is restarted, and durations are asserted. two_hosts.py provides the

@@ -57,8 +57,8 @@ HELD = {
 def test_a_pad_is_not_empty_while_something_presses_it(name, unit):
     """A gripper that opens on "empty" would drop the object. With TACTILE_LONG, each mask is tested with both units."""
     for mask, pattern in states(HELD[name], unit=unit):
-        assert pattern.contacts or not pattern.pad_seen, f'{mask.sum()} taxels press'
-        assert pattern.contacts or not visibility_of(pattern).pad_seen, f'{mask.sum()} taxels press'
+        assert pattern.contacts or not pattern.pad_seen, f'{mask.sum()} taxels on'
+        assert pattern.contacts or not visibility_of(pattern).pad_seen, f'{mask.sum()} taxels on'
         assert pattern.contacts or not visibility_of(pattern, smallest_contact=20).pad_seen, f'{mask.sum()} taxels on'
 
 

@@ -36,7 +36,8 @@ from tactile_node.viewing.report_page import page_of
 mcap = pytest.importorskip('mcap.writer')
 rosbags = pytest.importorskip('rosbags.rosbag2')
 
-FRAMES, EACH = 500, 50  #: The CAN frames are 1 ms apart, from 1.7e9 s on, with 50 frames in a chunk.
+FRAMES = 500  #: Number of CAN frames, 1 ms apart from 1.7e9 s on.
+EACH = 50     #: Number of frames in a chunk.
 BEGIN = 1.7e9
 
 
@@ -75,7 +76,7 @@ def with_bytes(data, at, new):
     return data[:at] + new + data[at + len(new):]
 
 
-#: Damages to the bytes of a file with ten chunks, each with the numbers of the chunks that it may cost.
+#: Kinds of damage to a file with ten chunks, each with the numbers of the chunks that it may cost.
 DAMAGES = {
     'a bit of the content': (lambda data, at: flipped(data, 4), {4}),
     'bits in two places': (lambda data, at: flipped(flipped(data, 4), 7), {4, 7}),

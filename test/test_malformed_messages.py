@@ -230,7 +230,7 @@ GRASPS: dict[R, list[Change]] = {
                      {'fresh': False} | NO_LINE | NO_OBJECT | {'grip_force': 1.0, 'grip_force_sd': 0.1,
                                                                'force_imbalance': 0.0},
                      {'fresh': False, 'contact': Grasp.ONE_SIDED, 'side_states.1': Grasp.SIDE_EMPTY} | NO_LINE
-                     | NO_OBJECT,  # A shape on one side only.
+                     | NO_OBJECT,  # Only one side has a shape, so the shapes of the sides cannot be the same.
                      {'dimensions.0': 0.0}, {'dimension_sds.0': 0.0}, {'dimensions.0': -0.01},
                      {'yaw': NAN}, {'yaw_sd': NAN}, {'yaw': 0.8}, {'symmetry': 0}, {'handedness': 1},
                      WITHOUT_SIZE | {'symmetry': 4}, {'side_states.0': 1, 'contact': 1} | NO_LINE | NO_OBJECT

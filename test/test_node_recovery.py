@@ -114,7 +114,7 @@ def cob_id(bench, number):
 
 
 def test_no_other_tpdo_is_taken_for_taxels(tmp_path, caplog):
-    """The demo device of CANopenNode sent both TPDOs under one COB-ID. The first one was then read as valid values."""
+    """The demo device of CANopenNode sent two TPDOs under one COB-ID. The first one was then read as valid values."""
     caplog.set_level(logging.WARNING)
     with Bench('rivals', 'sim8x8_16bit.yaml', source=lambda t: ROWS, sync_period=0.02) as bench:
         bench.run()

@@ -24,7 +24,7 @@ def test_a_box_of_40_mm_held_in_the_middle():
 
 
 def test_a_wedge_touched_3_mm_higher_on_the_right():
-    # The y axis of the right pad points down, so 12 mm there is 3 mm higher.
+    # The y axis of the right pad points down, so y = 12 mm is 3 mm higher than y = 15 mm.
     line = contact_line(PADS, (0.015, 0.015), (0.015, 0.012), 0.004)
     assert line.right - line.left == pytest.approx([0, 0.003, 0.004])
     assert line.width == pytest.approx(0.005)
@@ -94,7 +94,7 @@ def test_up_down_and_across_the_tree():
     assert tree.find('left', 'hand').transform.translation == pytest.approx([0, -0.02, 0.05])
     assert tree.find('hand', 'left').transform.translation == pytest.approx([0, 0.02, -0.05])
     assert tree.find('right', 'left').transform.translation == pytest.approx([0, 0.04, 0])
-    # The hand's -y axis is x of the base.
+    # The hand's -y axis points along x of the base.
     assert tree.find('left', 'base').transform.translation == pytest.approx([1.02, 2, 3.15])
     assert tree.find('base', 'hand').transform.translation == pytest.approx([-2, 1, -3.1])
     assert tree.find('hand', 'hand').transform.translation == pytest.approx([0, 0, 0])

@@ -172,7 +172,7 @@ def test_two_serial_devices_started_as_on_the_page_give_a_view_and_a_grasp(monke
                     counts = np.rint(400 + load * pressed / pressures.max()
                                      + 4 * rng.standard_normal(pressed.shape)).astype(int)
                     os.write(keyboard, ' '.join(map(str, counts.ravel())).encode() + b'\n')
-                time.sleep(0.08)  # A busy machine can follow at this pace.
+                time.sleep(0.08)  # At this pace, a busy machine keeps up.
         send_until(lambda: grasps and grasps[-1].contact == Grasp.NO_CONTACT, 0)
         monkeypatch.setattr(rclpy, 'init', lambda **given: None)  # ROS is already running.
         view = TopicSource()

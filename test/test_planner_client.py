@@ -191,7 +191,7 @@ def planning() -> Iterator[Actions]:
 
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
-ATTEMPTS = 3  # A busy machine has this many attempts to be in time. Wrong advice has only one.
+ATTEMPTS = 3  # A busy machine has this many attempts to be in time. Wrong advice fails at the first attempt.
 
 
 def freeze(world) -> None:

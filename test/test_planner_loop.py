@@ -112,7 +112,7 @@ def advice(monkeypatch, thing, turn=(0.0, 0.0, 0.0), force=2.0, shift=0.0):
 @pytest.mark.parametrize(('name', 'turn', 'force'), [
     (name, turn, FORCES[(row + column) % 2]) for row, name in enumerate(FACES) for column, turn in enumerate(TURNS)])
 def test_oblique_faces_are_laid_flat_on_the_pads(name, force, turn, monkeypatch):
-    """A prism stands at an angle, and friction holds it. Opposite edges touch the left and the right pad.
+    """A prism stands off at an angle, and friction holds it. Opposite edges touch the left and the right pad.
 
     The advice reduces the angle and adds no other error. The line between the contacts is a diagonal of the prism.
     """

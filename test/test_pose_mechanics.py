@@ -18,7 +18,8 @@ from training.ground_truth.mechanics import solve
 PUNCHES = {
     'circle': (0.564,), 'square': (1.0,), 'rectangle': (1.4, 0.714), 'right_triangle': (1.73, 1.155, 1.0),
     'isosceles_triangle': (1.41, 1.41)}
-AREA, POSES = 60.0, 16  #: Area in taxels, and number of frames for each indenter.
+AREA = 60.0  #: Area of a contact [taxels].
+POSES = 16   #: Number of frames for each indenter.
 MOST = 3.0  #: Largest bias of a length [%].
 MOST_OF_CONE = 5.0  #: The pressure of a cone falls to zero at its edge.
 
@@ -90,7 +91,7 @@ def test_a_cone_is_as_large_as_its_contact(tip):
 
 
 def test_a_large_contact_at_the_pads_edge_knows_less_than_one_beside_it():
-    """This also holds if the last block of taxels is incomplete."""
+    """The last block of taxels may be incomplete."""
     for rows in range(97, 103):
         frame = np.zeros((rows, 120))
         frame[rows - 70:, 10:100] = 1e4

@@ -22,7 +22,8 @@ from tactile_node.sources.supervisor import Supervisor
 
 pytestmark = [pytest.mark.bus, pytest.mark.skipif(
     INTERFACE != 'socketcan', reason='this test needs SocketCAN; `make socketcan` runs it')]
-PRESSED, PERIOD = 12.5, 0.25  # The period is long because the emulated machine is slow.
+PRESSED = 12.5
+PERIOD = 0.25  # The period is long because the emulated machine is slow.
 LONGEST = 120  # Longest wait [s].
 BUS_OFF = 0x40  # From linux/can/error.h.
 

@@ -122,7 +122,7 @@ def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
 class Clocked:
     """A Traffic with a steady clock set by the test.
 
-    It records the span before each frame in which the bus was not provably free.
+    For each frame, it records how long the bus before the frame was not provably free.
     """
 
     def __init__(self, monkeypatch, queue_limit=99):

@@ -216,7 +216,7 @@ def test_a_foreign_shape_is_unfamiliar():
     assert found.as_json()['reason'] == 'unfamiliar'
     cross[17:19, 24] = False
     frame = np.where(np.isin(x * 100 + y, (2417, 2418)), np.nan, cross)
-    assert make_recogniser().recognise(pattern_of(frame)).reason is UnknownReason.UNFAMILIAR, 'hidden taxels matter not'
+    assert make_recogniser().recognise(pattern_of(frame)).reason is UnknownReason.UNFAMILIAR, 'despite hidden taxels'
 
 
 @pytest.mark.parametrize(('hidden', 'most'), [(6, 0.84), (5, 0.84), (0, 1.0)])

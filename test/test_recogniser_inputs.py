@@ -50,10 +50,10 @@ def test_specks_between_hidden_rows_are_not_seen_instead_of_unfamiliar(recognise
     assert (found.shape, found.reason) == (Shape.UNKNOWN, UnknownReason.NOT_SEEN)
 
 
-FIGURES = ('rectangle', 'square', 'triangle', 'circle')  #: Figures whose overlaps are the first numbers.
+FIGURES = ('rectangle', 'square', 'triangle', 'circle')  #: The first four numbers are the overlaps with these figures.
 OF_CLASS = dict(zip(CLASSES, ('circle', 'square', 'rectangle', 'triangle', 'triangle')))
 
-ALSO = {'square': ('rectangle',)}  #: Further figures for a class.
+ALSO = {'square': ('rectangle',)}  #: Further figures that cover the shapes of a class.
 
 
 def numbers_of(levels: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ def test_each_limit_is_seen(required, expected):
     (GraspContact.ONE_SIDED, M.ONE_SIDED)])
 @pytest.mark.parametrize('claims', [{}, {'fresh': False}])
 def test_without_two_contacts_that_are_seen_nothing_else_counts(contact, expected, claims):
-    """This also holds if the state still claims to be stable."""
+    """The state may still claim to be stable."""
     assert short_of(HELD._replace(contact=contact, **claims)) == (expected,)
 
 

@@ -1,4 +1,4 @@
-"""A contact must be more than chance."""
+"""Taxels that are pressed by chance are no contact."""
 
 import numpy as np
 import pytest

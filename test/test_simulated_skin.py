@@ -186,7 +186,8 @@ def test_touches_press_and_let_go():
 
 CONFIG = Path(__file__).parents[1] / 'config'
 GRIPPER = [make_pad('left', 32, 'sim16x16.yaml'), make_pad('right', 64, 'sim16x16.yaml')]
-FULL_SCALE, PITCH = 100e3, 0.002  # Full scale [Pa] and pitch [m] of sim16x16.
+FULL_SCALE = 100e3  # Full scale of sim16x16 [Pa].
+PITCH = 0.002       # Pitch of sim16x16 [m].
 TIMES = np.arange(0, 8, 0.02)  # Times in seconds.
 
 

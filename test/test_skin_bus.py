@@ -28,7 +28,7 @@ pytestmark = pytest.mark.bus
         '620#23001801A0010000',  # Download 0x1800 sub 1: 0x000001A0.
         '000#0120', '080#',  # NMT start, then SYNC.
         '000#8020']),  # The driver stops at the end.
-    # Row 0 has five taxels of 1023 counts; then row 11 begins.
+    # Row 0 with five taxels of 1023 counts, and the first byte of row 11.
     ('rows12x5_10bit.yaml', ['1A0#00FFFFFFFFFFFF03', '1A0#0B']),
     ('mpdo8x8_16bit.yaml', ['620#2F001802FE000000', '1A0#20072104']),  # Type 254; then 0x2107 sub 4 of node 0x20.
     ('event12x8_8bit.yaml', ['620#23001801A0010080', '620#2F001802FE000000', '620#2B00180514000000',  # Type 254, 20 ms.

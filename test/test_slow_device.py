@@ -36,7 +36,7 @@ def delay_answers(device, seconds):
 
 @pytest.mark.parametrize('delay', [0.05, 0.12, 0.2])
 def test_a_device_that_answers_after_the_timeout_is_configured(delay):
-    """The answer was once taken for that of the next request, and the device was refused."""
+    """A late answer was once taken for that of the next request, and the device was refused."""
     retries = 12  # The retries take 1 s in all, because a busy machine adds to the delay.
     with Bench(f'late {delay}', layout='rows12x5_10bit.yaml', sdo_timeout=0.08, sdo_retries=retries) as bench:
         bench.driver.open()
@@ -144,7 +144,10 @@ def test_an_abort_without_an_object_is_ours():
 
 
 def test_answers_about_other_objects_are_no_answer():
-    """Each of these answers once ended the wait, and the request was repeated at once, 2,700 times a second."""
+    """Each answer about another object once ended the wait.
+
+    The request was then repeated at once, 2,700 times a second.
+    """
     wire = Wire(*['4308100041424344'] * 20)
     client = client_on(wire, 0.2)
     begin = time.monotonic()

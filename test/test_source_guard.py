@@ -25,7 +25,7 @@ def accepted(*sources):
 @pytest.mark.parametrize('first', [0, 3, 90, 2_000, 4_000_000])
 @pytest.mark.parametrize('clock', [-3600.0, -0.2, 0.0, 0.2])
 def test_of_two_drivers_none_is_used(first, clock):
-    """This holds for any numbers and clock of the other driver.
+    """The sequence numbers and the clock of the other driver do not matter.
 
     None of its messages is used, and soon none of ours.
     """

@@ -1,4 +1,4 @@
-"""Stamps while clocks are set, with clocks that the test moves."""
+"""Stamps stay right while the clocks are set. The test moves the clocks."""
 
 import pytest
 

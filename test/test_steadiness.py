@@ -37,9 +37,9 @@ STEPS = (0.0, 0.1)        # pitches
 
 
 def cases(*speeds):
-    """Parametrize pitch, noise, step and speed: with all combinations, or with half of them.
+    """Parametrize a test with pitch, noise, step and speed.
 
-    In the half, each pair of values occurs.
+    TACTILE_LONG uses all combinations. Otherwise half of them are used, in which each pair of values occurs.
     """
     every = product(*map(enumerate, (PITCHES, NOISES, STEPS, speeds)))
     return pytest.mark.parametrize(('pitch', 'noise', 'step', 'speed'), [
@@ -76,7 +76,7 @@ def test_a_steady_creep_never_rests(rate, pitch, noise, step, speed):
 @pytest.mark.parametrize('rate', RATES)
 @cases(0.0, REST)
 def test_what_rests_is_seen_to_and_stays_so_for_a_minute(rate, pitch, noise, step, speed):
-    """This takes 1 s and 0.7 s per mm of pitch, which is the time needed to distinguish rest from creep."""
+    """Rest is seen within 1 s plus 0.7 s per mm of pitch. This time is needed to distinguish rest from creep."""
     rng = np.random.default_rng(2)
     times, centres = path(speed, rate, 65.0, rng, noise * pitch, step * pitch)
     found = rests(times, centres, FRACTION * pitch)

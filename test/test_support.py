@@ -77,7 +77,10 @@ def fragment(rng):
 
 @pytest.mark.parametrize(('draw', 'right'), [(speckled_square, {Shape.SQUARE}), (fragment, set())])
 def test_hardly_a_name_is_sure_and_wrong(draw, right):
-    """At most one of 40 names is sure and wrong. The network alone is sure of 7 and 6 wrong names."""
+    """At most one of 40 names is sure and wrong.
+
+    The network alone gives 7 sure but wrong names for the squares and 6 for the fragments.
+    """
     recogniser, wrong = make_recogniser(), 0
     for seed in range(40):
         found = recogniser.recognise(PatternExtractor().extract(np.round(draw(np.random.default_rng(seed)))))

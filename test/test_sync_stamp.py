@@ -17,7 +17,8 @@ from tactile_node.bus.traffic import Traffic
 from tactile_node.skin.pads import PadSettings
 
 pytestmark = pytest.mark.bus
-PERIOD, STALL = 0.02, 0.3  # Times in seconds.
+PERIOD = 0.02  # Period of SYNC [s].
+STALL = 0.3    # Time for which the process or the write is held up [s].
 ALLOWED = 0.02  # Largest error of a stamp [s].
 
 
@@ -149,7 +150,7 @@ def test_a_sync_that_waited_for_another_sender_has_the_time_of_its_own_write(tmp
 
 
 def test_a_write_that_does_not_return_holds_up_nothing_else(tmp_path):
-    """The answers arrive. Neither they nor the SYNC delay the work of the assembler."""
+    """The answers arrive. Neither they nor the SYNC delays the work of the assembler."""
     released, answered = threading.Event(), threading.Event()
     with HeldUp(tmp_path) as held:
         held.bus.after = lambda: answered.set() or released.wait(60)

@@ -158,9 +158,9 @@ def test_of_a_device_that_zeroes_itself_in_part_no_value_is_valid_until_the_next
 
 @pytest.mark.parametrize('later', [[], [1.0]], ids=['', 'after a plain tare'])
 def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tare(later):
-    """This also holds after a plain tare.
+    """After a plain tare, too, no value is valid.
 
-    It measured the values left by the device's zero, and is wrong without that zero.
+    The plain tare measured the values left by the device's zero, so it is wrong without that zero.
     """
     pad, boots = TaredPad(GUARD), []
     tared(pad, [frame([[0.5]])], 3, zero_device=lambda: 1, boots=lambda: len(boots))

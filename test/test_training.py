@@ -1,4 +1,4 @@
-"""Training data drawn in bulk equal the results of the library for the same frames. Overlaps give the labels."""
+"""Training data that is drawn in bulk equals the library's results for the same frames. Overlaps give the labels."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_contacts_that_are_seen_in_part_keep_the_label_of_the_whole(on_off):
     near = samples.levels > 80
     beside = np.array([ndimage.binary_dilation(contact, iterations=2) for contact in near])
     hidden_beside = (samples.unseen > 128) & beside
-    assert 0.3 < (hidden_beside.sum((1, 2)) > 3).mean() < 1, 'most contacts, but not all, must miss taxels in or beside'
+    assert 0.3 < (hidden_beside.sum((1, 2)) > 3).mean() < 1, 'most must miss taxels in or near the contact, not all'
 
 
 def test_samples_of_another_code_are_not_read(tmp_path):

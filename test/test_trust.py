@@ -95,7 +95,7 @@ target_link_libraries(cases ${tactile_skin_TARGETS})
 @needs_compiler
 @pytest.mark.slow
 def test_another_package_finds_messages_action_and_rules_by_cmake(tmp_path):
-    """The test calls CMake like colcon in a workspace, for the installation in this environment."""
+    """The test calls CMake as colcon does in a workspace, with the installation of this environment."""
     cmake = Path(sys.executable).with_name('cmake')
     if not cmake.exists():
         pytest.skip('cmake is not installed')

@@ -24,7 +24,7 @@ def opened(by):
 def test_the_pads_are_where_the_drawing_has_them(robot, gap):
     """The middles of the skins are 130 mm ahead.
 
-    Taxel (0, 0) is half of 15 rows and columns of 2 mm from the middle.
+    Taxel (0, 0) is 15 mm from the middle along rows and columns, which is half of 15 pitches of 2 mm.
     """
     left, right = (place(robot, f'{side}_pad', opened(gap)) for side in ('left', 'right'))
     assert left[:3, 3] == pytest.approx([-0.015, -gap / 2, 0.145])
@@ -40,7 +40,7 @@ def test_the_pads_are_where_the_drawing_has_them(robot, gap):
 def test_a_grasp_has_the_places_of_the_urdf(robot):
     """The parameters left_xyz to right_rpy are read off the closed gripper.
 
-    They place contacts like the moved frames.
+    With them, the grasp node places contacts where the moved frames do.
     """
     node = Gripper(PadPose((-0.015, 0.0, 0.145), (-pi / 2, 0.0, 0.0)),
                    PadPose((-0.015, 0.0, 0.115), (pi / 2, 0.0, 0.0)))

@@ -169,9 +169,10 @@ def test_old_data_say_how_old_they_are_and_not_what_touches():
 
 
 def test_a_browser_counts_what_is_live_from_its_last_receipt():
-    """If the data are as old as the receipt, the browser has all of the time left, except one frame of its own.
+    """The time for which a browser may show data as live starts at its last receipt.
 
-    This holds however late the data arrive.
+    If the data are as old as the receipt, all of that time is left, except one frame of the browser. This holds however
+    late the data arrive.
     """
     pads = [drawn(0.3)._replace(since_receipt=0.3), drawn(0.2)._replace(since_receipt=0.3), drawn(3.0)]
     assert fresh_for(pads) == pytest.approx(OLD_AGE - FRAME_TIME) and fresh_for(pads[2:]) is None

@@ -19,7 +19,8 @@ PICTURES = Path(__file__).resolve().parents[1] / 'build' / 'view'
 FLAGS = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader']
 RATE = 50.0  #: Rate at which the pads of this test send [1/s].
 TUNNEL_RATE = 100e3  #: Data rate of the tunnel [bytes/s].
-JAM_PERIOD, JAM_TIME = 2.0, 0.6  #: Period and duration of the jams in a tunnel, in which nothing moves [s].
+JAM_PERIOD = 2.0  #: Time between two jams of a tunnel [s].
+JAM_TIME = 0.6    #: Duration of a jam, in which nothing moves [s].
 
 # With TACTILE_VIEW_TEST, a missing tool is an error. Otherwise the tests are skipped.
 if not os.environ.get('TACTILE_VIEW_TEST'):
@@ -124,7 +125,10 @@ def test_the_page_loads_follows_and_asks_only_this_machine(browser, server):
 
 
 def test_the_page_keeps_pace(browser, server):
-    """The limits are those of docs/operation_results.md, halved for a loaded machine: half of 15/s, and twice 0.2 s."""
+    """The limits are those of docs/operation_results.md with room for a loaded machine.
+
+    They are half of 15 updates per second, and twice 0.2 s.
+    """
     page = opened(browser, server)
     best_rate, best_delay = 0.0, np.inf
     for _ in range(8):
@@ -299,7 +303,7 @@ class Tunnel:
         writer.close()
 
 
-#: For 10 s, read the ages of a pad every 20 ms while the pad says LIVE and is not covered [s]. After a pause of the
+#: For 10 s, read the ages [s] of a pad every 20 ms while the pad says LIVE and is not covered. After a pause of the
 #: browser, this timer runs after the page's own timers.
 AGES = """begin => new Promise(resolve => {
     const ages = [];

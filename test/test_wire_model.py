@@ -244,7 +244,7 @@ def test_a_queue_without_room_skips_whole_sweeps_and_takes_the_next():
 
 
 def test_behind_a_gateway_several_hosts_arbitrate():
-    """A host with many frames does not delay the SYNC of another one."""
+    """With priorities, a host with many frames does not delay the SYNC of another host."""
     for by_priority, place in ((True, 1), (False, 50)):
         wire = Wire()
         gateway = wire.join(by_priority=by_priority)
