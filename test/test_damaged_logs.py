@@ -290,7 +290,7 @@ def test_a_blf_cut_at_the_begin_of_a_container_is_missing_the_objects_that_its_h
 
 
 def test_a_blf_that_was_not_ended_is_read_up_to_its_end(tmp_path):
-    """The header is written last, so it counts no objects."""
+    """The header is written last, so in an unfinished file it counts no objects."""
     count = slice(32, 36)
     def change(content):
         assert int.from_bytes(content[count], 'little') == BLF_FRAMES

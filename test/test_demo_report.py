@@ -73,7 +73,7 @@ def test_a_touch_without_a_fit_or_of_another_shape_has_no_right_size(verdicts):
     (100 * [0.02], 100, 0.002, False),
     (100 * [0.5], 100, 0.002, False),  # The package is slow here, not the machine.
     (60 * [0.02], 100, 0.002, False),  # The package has lost frames; the machine is fast enough.
-    (100 * [0.02], 100, 0.2, True)])  # The skin did not get a processor in time.
+    (100 * [0.02], 100, 0.2, True)])  # The simulated skin did not get processor time soon enough.
 def test_a_machine_that_is_too_slow_is_named(latency, frames, skin_late, is_slow):
     text = speed(Performance(latency, frames, skin_late))
     assert ('too slow or too busy' in text) is is_slow

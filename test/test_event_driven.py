@@ -267,7 +267,8 @@ def test_a_tpdo_that_stops_is_stale_within_its_age_and_never_valid_after(snapsho
         assert (rows(frame)[1] == 77) == (frame.stamp - stopped <= MAX_AGE)
         assert frame.missing_can_frames == (frame.stamp - stopped > MAX_AGE)
     last = frames(results)[-1]
-    assert last.stamp == 5 + T * 19 + 0.001  # Without the lost TPDO, a snapshot no longer waits for the next TPDO.
+    # The stopped TPDO is no longer expected, so the last snapshot does not wait for it.
+    assert last.stamp == 5 + T * 19 + 0.001
     assert rows(frames(sweep(snapshots, 6.0, 12))[-1]) == [12, 12, 12] and is_balanced(snapshots)
 
 

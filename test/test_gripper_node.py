@@ -295,7 +295,10 @@ def test_a_command_that_one_server_rejects_is_cancelled_at_another_that_accepts_
 
 
 def test_a_goal_to_open_partly_opens_after_a_server_was_lost_at_the_touch(make_bench):
-    """While in doubt, the goal is guarded like one to close. Such a goal would count as done at the first look."""
+    """While in doubt, the node guards the goal like one to close.
+
+    A goal to close would count as done at the first look.
+    """
     bench = make_bench()
     handle = bench.client.send(position=0.0)
     bench.until(lambda: min(bench.pads.forces()) > 0)

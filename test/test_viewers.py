@@ -47,7 +47,7 @@ PRESSED = 50e3  # Pressure in Pa.
 
 
 def taxels(values, saturated=(), unmapped=(), unit='Pa', sec=1_700_000_000) -> TaxelArray:
-    """Return a message in the form of any driver.
+    """Return a message as any driver may send it.
 
     ``saturated`` and ``unmapped`` list (row, col) of taxels.
     """
