@@ -137,9 +137,10 @@ def test_without_a_measured_opening_it_never_opens():
 @pytest.mark.parametrize('noise', [0.0, 0.4])
 @pytest.mark.parametrize('offset', [-3.0, 3.0])
 def test_no_correction_causes_another(stiffness, step, noise, offset):
-    """One correction must be enough, whatever the step. ``offset`` [N] is the force to correct.
+    """All corrections must have the same direction, whatever the step. ``offset`` [N] is the force to correct.
 
-    The steps change the force by up to 1 N, which is larger than any other effect here.
+    At the stiffness of the limits, one correction must be enough. The steps change the force by up to 1 N, which is
+    larger than any other effect here.
     """
     limits = TouchLimits(highest_force=5.0)  # The low limit also allows the control to ease off.
     spring = Spring(stiffness, step, noise, give=lambda now: -offset / stiffness)

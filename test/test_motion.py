@@ -117,7 +117,7 @@ def test_an_oblique_face_that_is_pressed_harder_does_not_slide(recogniser, slope
              for number, force in enumerate(forces)]
     assert 'SLIDING' not in kinds_of(found)
     assert found[-1].moving is Moving.STILL
-    slides = Observable.ALONG_X | Observable.ALONG_Y  # Slides are not observable while the force grows.
+    slides = Observable.ALONG_X | Observable.ALONG_Y  # Slides are not promised while the force grows.
     assert np.mean([bool(motion.observable & slides) for motion in found[10:75]]) < 0.2
     assert found[-1].observable & slides == slides
 

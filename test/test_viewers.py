@@ -302,16 +302,16 @@ def test_without_a_shape_only_taxels_and_name_are_left_of_one_drawn_before(field
     assert {name for name, _ in screen} == {'taxels', 'name'} and screen['name', 0].text == text
 
 
-@pytest.mark.parametrize(('stamps', 'arrivals', 'lifetimes'), [
+@pytest.mark.parametrize(('arrivals', 'stamps', 'lifetimes'), [
     ((0.0, 0.02, 0.04), (0.0, 0.02, 0.04), [0.5, 0.5, 0.5]),
     # A slow skin that becomes slower.
     ((0.0, 2.0, 4.0, 1e6, 2e6), (0.0, 2.0, 4.0, 1e6, 2e6), [0.5, 6.0, 6.0, 6.0, 30.0]),
     ((0.0, 1.0, 2.0), (0.0, 0.02, 0.04), [0.5, 3.0, 3.0]),  # A log of 50 Hz, played at a 50th of its pace.
     ((0.0, 0.02, 0.04), (0.0, 1.0, 2.0), [0.5, 3.0, 3.0]),  # A log of 1 Hz, played at 50 times its pace.
     ((0.0, 0.02, 10.0, 10.02), (0.0, 0.02, 10.0, 10.02), [0.5, 0.5, 0.5, 0.5])])  # An outage of the skin.
-def test_markers_last_from_one_frame_to_the_next_and_expire_when_a_skin_is_silent(stamps, arrivals, lifetimes):
+def test_markers_last_from_one_frame_to_the_next_and_expire_when_a_skin_is_silent(arrivals, stamps, lifetimes):
     lifetime = MarkerLifetime()
-    assert [lifetime.after(*times) for times in zip(stamps, arrivals)] == lifetimes
+    assert [lifetime.after(*times) for times in zip(arrivals, stamps)] == lifetimes
     duration = drawn(*square(), lifetime=0.5)['outline'].lifetime
     assert (duration.sec, duration.nanosec) == (0, 500_000_000)
 
