@@ -156,7 +156,7 @@ def test_time_in_which_the_gripper_has_yet_to_stop_is_not_blind_while_the_pads_a
     control = closing(3.0)
     assert control.look(0.0, seen, 0.06) is None
     assert control.look(0.2, seen, 0.06) is None and control.speed == 0.0
-    # A late frame has stopped the motion. The next frame arrives before the gripper stands still.
+    # A late frame has stopped the motion. The next frames arrive before the gripper stands still.
     for now in (0.3, BLIND_TIME + 0.2):
         assert control.look(now, seen._replace(acquired=now), 0.06, is_still=False) is None
     assert control.look(BLIND_TIME + 0.4, seen._replace(acquired=BLIND_TIME + 0.2), 0.06, is_still=False) is None

@@ -19,7 +19,8 @@ from tactile_node.grasp.closing import Outcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
-# Time limit for an answer of the gripper [s]. Fast DDS repeats a lost message after 3 s, which is shorter.
+# Time limit for an answer of the gripper [s]. The limit is longer than the 3 s after which Fast DDS repeats a lost
+# message.
 TIMEOUT = 5.0
 DISCOVERY = 2.0  # Time for the gripper node to discover a gripper that has already discovered the node [s].
 WIDEST = 0.08  # Opening of the open gripper [m].

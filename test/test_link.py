@@ -75,7 +75,7 @@ def waiting_bytes(world) -> int:
 
 
 def test_a_link_that_carries_less_than_is_sent(world):
-    """A full socket must not delay the driver. Without the profile, it does."""
+    """A full socket must not delay the driver. Without the profile, it would."""
     shaped = 'tc', 'qdisc', 'replace', 'dev', 'tun0', 'root'
     try:
         world.hosts.first.run(*shaped, 'tbf', 'rate', LINK_RATE, 'burst', '10kb', 'latency', '20s')
