@@ -1,4 +1,4 @@
-"""The SROS 2 policy allows the running nodes what they need, and no more."""
+"""The SROS 2 policy in examples/ allows the running nodes exactly the access that they need."""
 
 import time
 from contextlib import ExitStack
@@ -21,15 +21,15 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 ROOT = Path(__file__).resolve().parents[1]
 POLICY = ElementTree.parse(ROOT / 'examples/sros2_policy.xml').getroot()
 PADS, LAYOUT = ['left', 'right'], 'sim16x16.yaml'
-TIMEOUT = 60.0  # s, for a busy machine
+TIMEOUT = 60.0  # Time limit for a wait on a busy machine [s].
 SUBSCRIBED = 'topics', 'subscribe'
-#: What a policy allows, and how ROS calls the endpoints
+#: Name that ROS uses for the endpoint behind each entry of a policy.
 ENDPOINTS = {('topics', 'publish'): 'publisher', SUBSCRIBED: 'subscriber', ('services', 'reply'): 'service',
              ('services', 'request'): 'client'}
 
 
 def graph_of(watcher, nodes) -> dict:
-    """Names of what each running node publishes, subscribes to, serves and calls, by (kind, attribute), (ns, node)."""
+    """Return the topics and services of each running node by (kind, attribute) and then by (namespace, node)."""
     keys = [(node.get_namespace(), node.get_name()) for node in nodes]
     return {kind: {(space, name): {topic for topic, _ in getattr(watcher, f'get_{endpoint}_names_and_types_by_node')(
         name, space)} for space, name in keys} for kind, endpoint in ENDPOINTS.items()}
@@ -37,7 +37,7 @@ def graph_of(watcher, nodes) -> dict:
 
 @pytest.fixture(scope='module')
 def graph() -> dict:
-    """Of all nodes of two pads, active."""
+    """Return the endpoints of all nodes of two active pads."""
     rclpy.init()
     with ExitStack() as stack:
         stack.callback(rclpy.shutdown)
@@ -51,7 +51,9 @@ def graph() -> dict:
         watcher = rclpy.create_node('watcher')
         stack.callback(watcher.destroy_node)
         stack.enter_context(spinning(system.nodes))
-        before = settled(watcher, system.nodes)[SUBSCRIBED]  # as apart: what is handed over is not subscribed to later
+        # The nodes would have the same subscriptions in separate processes. Once active, nodes in one process hand
+        # messages over and drop some subscriptions.
+        before = settled(watcher, system.nodes)[SUBSCRIBED]
         system.autostart(Event())
         found = settled(watcher, system.nodes)
         assert all(found[SUBSCRIBED][key] <= before[key] for key in before)
@@ -59,7 +61,7 @@ def graph() -> dict:
 
 
 def settled(watcher, nodes) -> dict:
-    """The graph once it has not changed for two seconds: discovery takes its time."""
+    """Return the graph once it has not changed for two seconds, because discovery takes time."""
     deadline, before, since = time.monotonic() + TIMEOUT, None, time.monotonic()
     while True:
         now = graph_of(watcher, nodes)
@@ -71,7 +73,8 @@ def settled(watcher, nodes) -> dict:
         time.sleep(0.2)
 
 
-#: What ROS 2 makes of an action, as SROS 2 allows it to the node that executes it (design.ros2.org, "Actions")
+#: Topics and services that ROS 2 creates for an action (design.ros2.org, "Actions"). SROS 2 allows them to the node
+#: that executes the action.
 OF_ACTION = {('topics', 'publish'): ('feedback', 'status'),
              ('services', 'reply'): ('send_goal', 'cancel_goal', 'get_result')}
 

@@ -1,4 +1,7 @@
-"""Assessing recognition on a skin: the counts, when an adaptation is kept, what it changes, and where it is loaded."""
+"""Assessing recognition on a skin: the counts, and the adaptation.
+
+The tests show when an adaptation is kept, what it changes, and where it is loaded.
+"""
 
 import json
 
@@ -28,8 +31,9 @@ from training.ground_truth.seeds import Purpose, generator
 
 SIDE = 16
 FOREIGN = 'cross', 'l', 't'
-GAINS = np.exp(generator(Purpose.TEST, 780_000).uniform(-0.5, 0.5, (SIDE, SIDE)) * np.log(3))  # 3:1
-BLUR = 1.2  # with the gains, the recogniser is too sure
+# The gains differ by up to 3:1.
+GAINS = np.exp(generator(Purpose.TEST, 780_000).uniform(-0.5, 0.5, (SIDE, SIDE)) * np.log(3))
+BLUR = 1.2  # Together with the gains, this blur makes the recogniser overconfident.
 
 
 def frame_of(name, rng, gains=GAINS, blur=BLUR):
@@ -45,7 +49,7 @@ def label_of(name):
 
 
 def frames_of(names, number, count=8, **skin):
-    """Names and touch frames of ``count`` touches of each object."""
+    """Yield the name and the touch frame for ``count`` touches of each object."""
     rng = generator(Purpose.TEST, 780_000 + number)
     for name in names:
         for _ in range(count):
@@ -92,13 +96,14 @@ def test_the_counts_are_those_of_a_list_made_up():
     assert answers.counts(Shape.CIRCLE) == (3, 2, 0, 2, 1)
     assert answers.counts(Shape.SQUARE) == (2, 0, 2, 0, 0)
     assert answers.counts(Shape.UNKNOWN) == (2, 1, 0, 1, 1)
-    # 0.05² twice for the first, 0.4² twice for the second; a wrong one that is certain has 2
+    # Brier scores: 2 * 0.05² for the first answer and 2 * 0.4² for the second. A wrong answer given with certainty
+    # scores 2.
     assert answers.scores()[[0, 1, 4]] == pytest.approx([0.005, 0.32, 2.0])
     assert [(group.right.right, group.right.total) for group in answers.groups()] == [(0, 0), (1, 1), (0, 1), (2, 5)]
 
 
 def test_a_recogniser_that_is_too_sure_is_better_on_touches_that_it_has_not_seen(base, assessed):
-    """Fresh touches of all eight objects: of the skin that was assessed, and never used for it."""
+    """Fresh touches of all eight objects come from the assessed skin, but were not used in the assessment."""
     fresh = touches_of(EVERY, 2)
     before, after = answers_to(base, fresh), answers_to(adapted(base, assessed), fresh)
     gained = before.scores() - after.scores()
@@ -108,7 +113,7 @@ def test_a_recogniser_that_is_too_sure_is_better_on_touches_that_it_has_not_seen
 
 
 def test_the_gain_that_is_reported_is_that_of_fresh_touches(base, assessed):
-    """Touches that an adaptation was fitted on would show more of it."""
+    """Touches that an adaptation was fitted to would show a larger gain than fresh touches."""
     fresh = touches_of(EVERY, 3, count=16)
     gained = (answers_to(base, fresh).scores() - answers_to(adapted(base, assessed), fresh).scores()).mean()
     low, high = assessed.gain.interval
@@ -162,7 +167,7 @@ def test_contacts_of_too_few_taxels_are_counted_and_not_adapted_to(base):
 
 
 def test_every_contact_counts_but_those_cut_by_the_edge():
-    """`tactile teach` leaves out what shows no shape; the answers to it count here."""
+    """`tactile teach` leaves out touches that show no shape. An assessment counts the answers to them."""
     speck = np.pad(np.full((2, 2), 5e4), ((6, 8), (6, 8)))
     frames = [load * each for each in (speck, np.roll(speck, 5, 0) + np.roll(speck, -5, 0), np.roll(speck, -6, 0))
               for load in LOADS]
@@ -217,7 +222,8 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
         before, after = base.recognise(contact), of_library.recognise(contact)
         assert of_node.recognise(contact) == after and line['probabilities'] == pytest.approx(
             {shape.value: p for shape, p in after.probabilities.items()})
-        if {before.doubt, after.doubt} != {UnknownReason.NOT_UNKNOWN}:  # a rule has limited the confidence
+        # If one of the two answers is in doubt, a rule has limited its confidence.
+        if {before.doubt, after.doubt} != {UnknownReason.NOT_UNKNOWN}:
             continue
         expected = {shape: max(before.probabilities[shape], 1e-6) ** 0.5 * np.exp(bias)
                     for shape, bias in zip(OUTPUTS, BIASES)}
@@ -230,7 +236,10 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
 
 @pytest.mark.parametrize('taxels, is_sure', [(3, False), (8, True)])
 def test_an_adaptation_makes_no_name_sure_that_the_taxels_do_not_support(taxels, is_sure, arrays, tmp_path):
-    """However many frames agree: a rectangle is decided by 9 taxels, and neither by 2x3 of them nor by a bias."""
+    """A name that rests on too few taxels stays unsure, even with many agreeing frames or a large bias.
+
+    A rectangle takes 9 taxels; 2 x 3 taxels are too few.
+    """
     biases = [50.0 * (shape is Shape.RECTANGLE) for shape in OUTPUTS]
     np.savez(tmp_path / 'skin.npz', **changed('biases', biases)(arrays))
     bar = find_contact(np.pad(np.linspace(5e4, 6e4, 2 * taxels).reshape(2, taxels), 8), 'Pa')
@@ -269,7 +278,7 @@ def test_a_file_that_is_no_assessed_file_is_refused_with_our_error(arrays, chang
 
 
 def test_shapes_taught_afterwards_leave_the_adaptation_out(arrays, tmp_path):
-    """Its biases are for other classes."""
+    """The biases of an adaptation apply only to the classes without the taught shapes."""
     with (tmp_path / 'taught.npz').open('wb') as stream:
         write_taught(stream, arrays, [], {}, {})
     assert not any('_skin_' in name for name in read_arrays(tmp_path / 'taught.npz'))
@@ -277,7 +286,7 @@ def test_shapes_taught_afterwards_leave_the_adaptation_out(arrays, tmp_path):
 
 @pytest.fixture(scope='module')
 def recordings(tmp_path_factory):
-    """Frames in time of touches on the uneven skin, a file for each object."""
+    """Write one file for each object, with a time series of touches on the uneven skin."""
     folder, rng = tmp_path_factory.mktemp('touches'), generator(Purpose.TEST, 780_011)
     for name in EVERY:
         frames = [load * frame_of(name, rng) + 100 * rng.standard_normal((SIDE, SIDE)) for _ in range(8)
@@ -304,7 +313,7 @@ def test_the_command_reports_and_writes_a_file_that_changes_the_answers(recordin
 
 
 def test_the_command_assesses_an_adapted_file_as_it_is_and_replaces_its_adaptation(recordings, capsys):
-    """What is left to gain on the same touches is little."""
+    """On the same touches, a second adaptation can gain little."""
     output = recordings / 'once.npz'
     assert main([*words_of(recordings, *EVERY), '-o', str(output)]) == 0
     assert main([*words_of(recordings, *EVERY), '--model', str(output), '-o', str(recordings / 'twice.npz')]) == 1

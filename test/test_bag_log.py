@@ -1,4 +1,7 @@
-"""CAN frames in ROS 2 bags: ours read by others' libraries, others' bags read by us, replayed like any log."""
+"""CAN frames in ROS 2 bags.
+
+Other libraries read our bags, we read theirs, and both are replayed like any other log.
+"""
 
 import gzip
 import shutil
@@ -50,7 +53,10 @@ def store():
 
 
 def bag(folder, plugin, topics=(('/from_can_bus', CAN_TYPE),), stamped=True, compressed=False):
-    """A bag as rosbag2 makes it, by an independent writer: SENT's data frames on each topic, a quarter second apart."""
+    """Write a bag in the form of rosbag2 with an independent writer.
+
+    Each topic carries the data frames of SENT at intervals of 0.25 s.
+    """
     types, messages = store(), []
     kinds = types.types
     for topic, kind in topics:
@@ -74,7 +80,7 @@ def test_every_kind_of_frame_comes_back(tmp_path):
 
 
 def test_what_we_write_others_read(tmp_path):
-    """By MCAP's own indexed reader, with the schema in the file as the only source of the type."""
+    """MCAP's own indexed reader reads the file; the type comes only from the schema in the file."""
     with written(tmp_path / 'x.mcap').open('rb') as file:
         reader = mcap.make_reader(file)
         assert reader.get_header().profile == 'ros2' and reader.get_summary().statistics.message_count == 5
@@ -146,13 +152,13 @@ def test_a_session_replays_from_a_bag_as_from_the_log(tmp_path):
 
 
 def of_sqlite(folder, name):
-    """A bag in SQLite, or a log of python-can's SQLite format (.db), of the first three of SENT."""
+    """Write the first three messages of SENT as an SQLite bag, or as a log in python-can's SQLite format (.db)."""
     if name == 'bag':
         return bag(folder / name, 'SQLITE3')
     writer = can.Logger(str(folder / name))
     for message in SENT[:3]:
         writer.on_message_received(message)
-    while writer.num_frames < 3:  # python-can's writer loses what waits when it is stopped
+    while writer.num_frames < 3:  # When python-can's writer is stopped, it loses its queued messages.
         time.sleep(0.01)
     writer.stop()
     return folder / name
@@ -160,14 +166,20 @@ def of_sqlite(folder, name):
 
 @pytest.fixture
 def other_threads():
-    """Two threads that live as long as the test: the next thread would get the number of one that has ended."""
+    """Yield two threads that live as long as the test.
+
+    If a thread ended earlier, the next one could get its number.
+    """
     with ThreadPoolExecutor(1) as one, ThreadPoolExecutor(1) as another:
         yield one, another
 
 
 @pytest.mark.parametrize('name', ['bag', 'x.db'])
 def test_each_frame_of_a_log_in_sqlite_may_be_read_by_another_thread(tmp_path, name, other_threads):
-    """One thread opens a log, others play it, go on after a pause, and close it; SQLite binds what one has opened."""
+    """One thread opens a log; other threads play it, resume it after a pause, and close it.
+
+    SQLite binds a connection to the thread that has opened it.
+    """
     reader = CanLogReader(of_sqlite(tmp_path, name))
     messages = iter(reader)
     found = [next(messages), *(thread.submit(next, messages).result() for thread in other_threads)]

@@ -1,4 +1,4 @@
-"""`tactile bringup` and `make demo` as a user meets them: results, and sentences for what cannot work."""
+"""`tactile bringup` and `make demo` as a user meets them: results, and a clear sentence for every failure."""
 
 import csv
 import gzip
@@ -29,7 +29,7 @@ SYNCS = 25
 
 @pytest.fixture(scope='module')
 def lines():
-    """The lines of LOG before its SYNC number SYNCS + 1."""
+    """Return the lines of LOG before SYNC number SYNCS + 1."""
     lines = gzip.decompress(Path(LOG).read_bytes()).splitlines(keepends=True)
     return lines[:[number for number, line in enumerate(lines) if b' 080#' in line][SYNCS]]
 
@@ -75,7 +75,7 @@ def short_timeout(tmp_path):
     (['--interface', 'virtual', '--channel', 'empty', '--wait-at-start', 'false'],
      'Check power, wiring, termination, bit rate and node-ID'),
     (['--interface', 'slcn'], 'got \'slcn\'. Did you mean "slcan"?'),
-    (['--interface', 'nosuch'], ', socketcan, '),  # waiting would not help
+    (['--interface', 'nosuch'], ', socketcan, '),  # The command must not wait, because waiting would not help.
     (['--interface', 'virtual', '--layout', '/nowhere.yaml'], '/nowhere.yaml'),
     (['--interface', 'virtual', '--pads', 'left,right'], 'a node-ID for each of the pads'),
     (['--interface', 'virtual', '--pads', 'left right', '--node-id', '32,64'], 'Commas separate several pads'),
@@ -102,7 +102,10 @@ def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short
 
 @pytest.mark.parametrize('rule', ['-r', '--remap'])
 def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
-    """What launch_ros passes inside PushRosNamespace; rcl alone would make both processors /robot/hand/processor."""
+    """launch_ros passes these arguments inside PushRosNamespace.
+
+    With rcl alone, both processors would be named /robot/hand/processor.
+    """
     from tactile_node.cli.bringup import describe_nodes
     from tactile_node.cli.main import _parser
     from tactile_node.nodes.run import running
@@ -118,13 +121,16 @@ def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
         assert {node.get_parameter('queue_depth').value for node in system.nodes} == {7}
         published = {publisher.topic_name for node in system.nodes for publisher in node.publishers}
         assert {'/robot/hand/left/shape', '/robot/hand/right/shape', '/robot/hand/held'} <= published
-        assert system.driver.get_parameter('wait_at_start').value is True  # as without the command
+        # The value is the same as without the command.
+        assert system.driver.get_parameter('wait_at_start').value is True
 
 
 def test_the_force_on_a_simulated_skin_has_a_standard_deviation_and_the_process_ends_with_another_one():
-    """A taxel's is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels.
+    """The force has the expected standard deviation, and the process ends with another one.
 
-    Taxels whose side of the threshold is not decided add to it, so it is awaited in one of the touches.
+    The deviation of a taxel is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels. Taxels near the
+    threshold increase the deviation of the force. The test therefore waits for ten messages whose deviation is near the
+    expected one.
     """
     import rclpy
 
@@ -201,7 +207,8 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
     assert 'touches recognised' in printed and 'as a planner in another process sees it: median' in printed
     assert demo(['--output', str(tmp_path)]) == 2
     assert '--force' in capsys.readouterr().err, 'earlier results are kept'
-    if code == 1 and is_overloaded():  # all is there but a touch: it may have gone before its frames were read
+    # The output is complete except for one touch, which may have ended before its frames were read.
+    if code == 1 and is_overloaded():
         assert 'too slow or too busy' in printed
         raise TooSlowError('the demo missed touches')
     assert code == 0

@@ -1,4 +1,7 @@
-"""What counts alone say of a bus: two senders, another SYNC, a process that is too slow. No clock, no bus."""
+"""Message counts alone reveal faults of a bus: two senders, another SYNC producer, or a process that is too slow.
+
+These tests need neither a clock nor a bus.
+"""
 
 import time
 from collections.abc import Callable
@@ -14,8 +17,8 @@ from tactile_node.sources.bus_watch import OverloadWatch, SyncWatch
 from tactile_node.sources.node_monitor import NodeMonitor
 from tactile_node.sources.node_traffic import BusSeen, HeartbeatWatch, NodeTraffic, SurplusTpdos
 
-STEP = 0.02  # s between two rounds
-DELAY = 0.5  # s
+STEP = 0.02  # Time between two rounds [s].
+DELAY = 0.5  # Delay [s].
 
 
 def times(seconds: float, begin: float = 0.0) -> list[float]:
@@ -23,7 +26,10 @@ def times(seconds: float, begin: float = 0.0) -> list[float]:
 
 
 def rounds_of(count: float, seconds: float = 10.0):
-    """Rounds in which ``count`` heartbeats of 0.1 s come in place of one: time, heartbeats so far."""
+    """Return the time and the number of heartbeats so far for each round.
+
+    The heartbeat period is 0.1 s; ``count`` heartbeats arrive in each period.
+    """
     return [(now, int(count * now / 0.1)) for now in times(seconds)]
 
 
@@ -48,7 +54,7 @@ def test_answers_to_node_guarding_are_no_second_producer():
 
 
 def surplus(rates: tuple[float, ...], held=lambda now: 0.0, seconds: float = 5.0) -> list[tuple[int, ...]]:
-    """What is found each round while TPDOs come ``rates`` times as often as a SYNC of 20 ms."""
+    """Return the findings of each round while TPDOs arrive ``rates`` times in each SYNC period of 20 ms."""
     watch = SurplusTpdos()
     return [watch.update(now, int(now / 0.02), [int(rate * (now - held(now)) / 0.02) for rate in rates], DELAY)
             for now in times(seconds)]
@@ -67,7 +73,7 @@ def test_a_second_sender_that_begins_later_is_found_within_a_second():
 
 
 def test_tpdos_that_an_adapter_has_held_back_are_of_one_sender():
-    """Syncs were counted while their TPDOs waited; then all come at once."""
+    """SYNCs were counted while their TPDOs waited in the adapter; then all TPDOs arrive at once."""
     assert set(surplus((1.0,), lambda now: now % 1.0 if now % 1.0 < 0.45 else 0.0)) == {()}
 
 
@@ -76,7 +82,7 @@ def test_tpdos_that_are_lost_are_no_proof_of_a_second_sender():
 
 
 def overloads(late: dict[float, float], dropped_at: float = 99.0, held: tuple[float, float] = (99.0, 99.0)):
-    """The overload in each round; in those of ``held`` the assembler does nothing."""
+    """Return the overload found in each round. During the interval ``held``, the assembler does nothing."""
     calls, found = [], {}
     watch = OverloadWatch(calls.append, 0.25)
     for now in times(3.0, begin=100.0):
@@ -137,7 +143,10 @@ def test_a_producer_that_begins_within_a_window_has_its_own_period():
 
 
 def looks(sent: Callable[[float], int], seconds: float = 12.0) -> list[tuple[float, bool]]:
-    """When a node counts as two devices, of which ``sent`` heartbeats are received up to each time."""
+    """Return, for each time, whether a node counts as two devices.
+
+    ``sent`` gives the number of heartbeats received up to a time.
+    """
     heartbeats = Heartbeats()
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
     traffic = NodeTraffic(node, heartbeats.of(32))
@@ -163,7 +172,7 @@ def test_heartbeats_of_a_silence_are_of_one_device_and_a_second_one_after_it_is_
 
 @pytest.mark.parametrize(('stalls', 'is_reported'), [([5.0], False), ([1.0, 1.05], False), ([0.4] * 60, True)])
 def test_a_stall_excuses_a_silence_and_stalls_without_end_do_not(stalls, is_reported):
-    """A node was heard and is not any more; this process stalls again and again, for so long [s]."""
+    """A node falls silent after its first heartbeat. This process stalls for each of the times in ``stalls`` [s]."""
     bus = BusMonitor([32])
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
     monitor, pad = NodeMonitor(node, bus, 0.5, 0.5), FrameAssembler(node.layout, (32,)).statistics()

@@ -1,6 +1,7 @@
-"""A skin's response, from presses of one known disc to the sizes of others; on a skin whose response is hidden.
+"""Calibrate the response of a skin by presses of one known disc, then measure other objects.
 
-With TACTILE_LONG each press has more frames, and the others are pressed more often.
+The response of the simulated skin is hidden from the calibration. With TACTILE_LONG, each press has more frames and the
+other objects are pressed more often.
 """
 
 import json
@@ -28,10 +29,11 @@ from training.ground_truth.mechanics import solve
 from training.ground_truth.seeds import Purpose, generator
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
-FRAMES = 4 if LONG else 2  #: of each press of the disc
+FRAMES = 4 if LONG else 2  #: Number of frames for each press of the disc.
 OTHER_PRESSES, OTHER_FRAMES = (6, 6) if LONG else (4, 4)
-RADIUS = 0.0104  #: of the known disc [m]
-OTHERS = {'square': (0.0150,), 'rectangle': (0.0180, 0.0110)}  #: pressed after the calibration
+RADIUS = 0.0104  #: Radius of the known disc [m].
+#: Lengths of the objects that are pressed after the calibration [m].
+OTHERS = {'square': (0.0150,), 'rectangle': (0.0180, 0.0110)}
 
 
 @pytest.fixture(scope='module')
@@ -41,7 +43,7 @@ def rng():
 
 @pytest.fixture(scope='module')
 def response_file(rng, tmp_path_factory):
-    """What `tactile calibrate` writes after presses of the known disc."""
+    """Return the file that `tactile calibrate` writes after presses of the known disc."""
     folder = tmp_path_factory.mktemp('calibrated')
     write_log(folder / 'presses.log', pressed(rng, *solved('circle', (RADIUS,), 0.02), presses=6, frames=FRAMES))
     output = folder / 'skin.response.yaml'
@@ -51,7 +53,7 @@ def response_file(rng, tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def other_log(rng, tmp_path_factory):
-    """Presses of the others, each with its shape and lengths, in one log."""
+    """Write presses of the other objects, with their shapes and lengths, into one log."""
     path = tmp_path_factory.mktemp('others') / 'others.log'
     write_log(path, [frame for shape, lengths in OTHERS.items()
                      for frame in pressed(rng, *solved(shape, lengths, 0.15), OTHER_PRESSES, OTHER_FRAMES)])
@@ -59,7 +61,7 @@ def other_log(rng, tmp_path_factory):
 
 
 def length_errors(lines: str) -> dict[str, list[float]]:
-    """Of each shape recognised: mean relative errors of its lengths."""
+    """Return the mean relative errors of the lengths for each recognised shape."""
     errors: dict[str, list[float]] = {shape: [] for shape in OTHERS}
     for record in map(json.loads, lines.splitlines()):
         if record['shape'] in OTHERS and record['N'] > 20:
@@ -70,7 +72,7 @@ def length_errors(lines: str) -> dict[str, list[float]]:
 
 @pytest.mark.slow
 def test_sizes_of_other_objects_are_right_after_one_calibration(response_file, other_log, tmp_path, capsys):
-    """Within 1.5 % with the response, 2.5 % too large and more without it."""
+    """The sizes are right within 1.5 % with the response, and at least 2.5 % too large without it."""
     frames = tmp_path / 'others.npy'
     assert main(['replay', str(other_log), '--output', str(frames)]) == 0
     raw = np.load(frames)
@@ -106,11 +108,12 @@ def test_the_file_says_what_it_was_found_from(response_file):
     response = load_response(response_file)
     assert 0.5 * 0.7 * PITCH < response.layer.depth < 2 * 0.7 * PITCH
     ratio = response.curve.pressures[1:] / response.curve.readings[1:]
-    assert (np.diff(ratio) > 0).all()  # the skin saturates: the larger a reading, the more pressure per count
+    # The skin saturates: the larger a reading, the more pressure one count stands for.
+    assert (np.diff(ratio) > 0).all()
 
 
 def test_a_square_is_no_disc(rng, tmp_path, capsys):
-    """With its area's radius it was accepted, and other objects came out 12 % too large, surely."""
+    """A square was once accepted as a disc of the same area. Other objects then came out 12 % too large."""
     write_log(tmp_path / 'square.log', pressed(rng, *solved('square', (0.0168,), 0.02), presses=6, frames=FRAMES))
     output = tmp_path / 'r.yaml'
     assert main(['calibrate', str(tmp_path / 'square.log'), '--radius', '0.0095', '-o', str(output)]) == 2
@@ -129,14 +132,17 @@ def test_a_ball_is_no_flat_disc(rng):
 
 
 def test_light_contacts_stay_as_they_are_under_a_response(response_file):
-    """The curve went on steeply below the lightest press: contacts of 3-5 kPa fell below what is reported."""
+    """The curve was once too steep below the lightest press.
+
+    Contacts of 3-5 kPa then fell below the reporting threshold.
+    """
     curve = load_response(response_file).curve
     assert curve(np.array([3e3]))[0] > 2e3
 
 
 @pytest.mark.parametrize('depth', [1.5, 1e-60, 1e-5])
 def test_a_depth_that_does_not_fit_the_pitch_is_refused(depth):
-    """Millimetres written for metres were used."""
+    """Depths in millimetres were once accepted in place of metres."""
     with pytest.raises(ConfigurationError):
         fit_shape(disc(12, 12), disc(12, 12) > 25e3, Shape.CIRCLE, PITCH, Layer(depth, 0.1))
 

@@ -1,4 +1,7 @@
-"""A recorded log of real touches through driver, processor and classifier of one process, to a listener by DDS."""
+"""Replays a recorded log of real touches through driver, processor and classifier in one process.
+
+A listener receives their messages over DDS.
+"""
 
 import time
 from contextlib import ExitStack
@@ -18,11 +21,11 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 LOG, LAYOUT, NODE_ID, TPDOS = 'nus_ring_session.log.gz', 'nus_sinapse_64x64.yaml', 32, 64
 SYNC = 0x080
-TIMEOUT = 240.0  # s: the machine may be busy
+TIMEOUT = 240.0  # Time limit on a busy machine [s].
 
 
 class Listener:
-    """Everything on the three topics, in order of arrival."""
+    """Collects all messages of the three topics in the order of arrival."""
 
     def __init__(self):
         self.node = rclpy.create_node('listener')
@@ -32,7 +35,7 @@ class Listener:
             self.node.create_subscription(kind, f'/hand/finger/{name}', self.heard[name].append, qos)
 
     def wait_for(self, count: int) -> None:
-        """Spin until every topic has brought ``count`` messages."""
+        """Spin until ``count`` messages have arrived on every topic."""
         deadline = time.monotonic() + TIMEOUT
         while min(map(len, self.heard.values())) < count and time.monotonic() < deadline:
             rclpy.spin_once(self.node, timeout_sec=0.1)
@@ -40,7 +43,7 @@ class Listener:
 
 @pytest.fixture(scope='module')
 def heard() -> dict:
-    """The three topics' messages of a replay of LOG as fast as possible."""
+    """Return the messages of the three topics from a replay of LOG as fast as possible."""
     periods = sum(line.can_id == SYNC for line in read_candump(LOG))
     driver: Parameters = {'replay': str(DATA / LOG), 'replay_pace': 0.0, 'node_ids': [NODE_ID], 'layouts': [LAYOUT]}
     with ExitStack() as stack:
@@ -83,7 +86,7 @@ def test_every_tpdo_of_the_log_is_published_or_counted_as_missing(heard, syncs):
 
 
 def test_taxels_are_the_bits_of_the_log(heard, syncs):
-    """The middle frame, read by hand: TPDO of row r is the 64 taxels of the row, bit 0 first."""
+    """The middle frame is decoded by hand: the TPDO of row r holds the row's 64 taxels, bit 0 first."""
     lines, middle = read_candump(LOG), len(syncs) // 2
     begin, end = (next(i for i, line in enumerate(lines) if line.can_id == SYNC and line.stamp == stamp)
                   for stamp in syncs[middle:middle + 2])

@@ -1,6 +1,6 @@
-"""Which modules look at the wall clock of their host, and why that is right where the clocks of hosts are apart.
+"""Lists the modules that read the wall clock of their host, and the reason why they may.
 
-A module that is not here takes the stamps of messages and a steady clock. See docs/hosts.md.
+The clocks of two hosts may differ. All other modules use the stamps of messages and a steady clock. See docs/hosts.md.
 """
 
 import ast
@@ -10,34 +10,34 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(path for folder in ('tactile_node', 'examples', 'launch') for path in (ROOT / folder).rglob('*.py'))
-#: By module: what it takes the time of its host for
+#: Maps each module to its use of the host's wall clock.
 WALL_CLOCK = {
-    'tactile_node/bus/stamp_clock.py': 'stamps, on a line that never goes back',
-    'tactile_node/bus/slcan_bus.py': 'the time of CAN frames, which stamp_clock puts on that line',
+    'tactile_node/bus/stamp_clock.py': 'stamps that never go backwards',
+    'tactile_node/bus/slcan_bus.py': 'the time of CAN frames, which stamp_clock maps to its own stamps',
     'tactile_node/bus/bus_network.py': 'the time of sent CAN frames in a recording',
-    'tactile_node/cia301/emergency.py': 'the time of an EMCY, which people read',
-    'tactile_node/nodes/guarded_subscription.py': 'a warning that the stamps are of another clock',
-    'tactile_node/nodes/state_publisher.py': 'stamp of a diagnostic, as REP-107 has it',
-    'tactile_node/nodes/node_health.py': 'the same',
-    'tactile_node/nodes/pad_transforms.py': 'stamps on tf, of the host that publishes: see docs/hosts.md',
-    'tactile_node/viewing/page_parts.py': 'a warning that the stamps are of another clock',
-    'tactile_node/nodes/gripper_node.py': 'the time of an outcome, which people read',
-    'examples/other_skin.py': 'stamps of taxels, as the driver',
-    'examples/simulated_gripper/session.py': 'stamps of joint states, as every controller',
-    'examples/demo/bag.py': 'when a message was recorded, beside its stamp',
-    'examples/demo/watcher.py': 'one host',
-    'examples/demo/session.py': 'one host',
-    'examples/demo/skin.py': 'the same',
-    'tactile_node/simulator/device.py': 'what touches the simulated skin',
-    'tactile_node/simulator/slcan_pty.py': 'what a CAN adapter stamps',
-    'tactile_node/simulator/skin_simulator.py': 'the same'}
-#: QoS of DDS that compare the stamp of the sender's host with the clock of the receiver's (lifespan), or end with a
-#: lease that nothing here watches
+    'tactile_node/cia301/emergency.py': 'the time of an EMCY for human readers',
+    'tactile_node/nodes/guarded_subscription.py': 'a warning that the stamps come from another clock',
+    'tactile_node/nodes/state_publisher.py': 'the stamp of a diagnostic according to REP 107',
+    'tactile_node/nodes/node_health.py': 'the stamp of a diagnostic according to REP 107',
+    'tactile_node/nodes/pad_transforms.py': 'stamps on tf from the publishing host, see docs/hosts.md',
+    'tactile_node/viewing/page_parts.py': 'a warning that the stamps come from another clock',
+    'tactile_node/nodes/gripper_node.py': 'the time of an outcome for human readers',
+    'examples/other_skin.py': 'stamps of taxels, like those of the driver',
+    'examples/simulated_gripper/session.py': 'stamps of joint states, like those of every controller',
+    'examples/demo/bag.py': 'the time at which a message was recorded, beside its stamp',
+    'examples/demo/watcher.py': 'the demo runs on one host',
+    'examples/demo/session.py': 'the demo runs on one host',
+    'examples/demo/skin.py': 'the demo runs on one host',
+    'tactile_node/simulator/device.py': 'the touches of the simulated skin',
+    'tactile_node/simulator/slcan_pty.py': 'the stamps of a CAN adapter',
+    'tactile_node/simulator/skin_simulator.py': 'the stamps of a CAN adapter'}
+#: DDS QoS policies that no code may use. Lifespan compares the stamp of the sender's host with the clock of the
+#: receiver's host. The others end with a lease that no module watches.
 QOS = {'lifespan', 'deadline', 'liveliness', 'liveliness_lease_duration'}
 
 
 def name_of(node: ast.expr) -> str:
-    """The dotted name of a call's function, with () for calls in it."""
+    """Return the dotted name of a call's function, with () for each call within the name."""
     if isinstance(node, ast.Call):
         return f'{name_of(node.func)}()'
     if isinstance(node, ast.Attribute):
@@ -47,7 +47,7 @@ def name_of(node: ast.expr) -> str:
 
 @pytest.fixture(scope='module')
 def nodes():
-    """Each file with the calls and the assignments in it."""
+    """Return the calls and assignments of all files, each with its file."""
     return [(path, node) for path in FILES for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
             if isinstance(node, (ast.Call, ast.Assign))]
 
@@ -69,7 +69,7 @@ def test_the_modules_that_look_at_the_wall_clock_are_those_of_the_list(calls):
 
 
 def test_every_timer_is_on_a_steady_clock(calls):
-    """By default it is on the node's, which stands still while the wall clock is set back."""
+    """By default a timer uses the node's clock, which stands still while the wall clock is set back."""
     timers = [(path, call) for path, call in calls if name_of(call.func).endswith('create_timer')]
     assert timers
     for path, call in timers:

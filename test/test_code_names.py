@@ -1,4 +1,4 @@
-"""`name_of`: every constant of our interfaces is the name of a code of one field."""
+"""`name_of` returns the name of a code in a field. Every constant of our interfaces names one code."""
 
 from contextlib import suppress
 from importlib import import_module

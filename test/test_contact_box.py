@@ -1,4 +1,4 @@
-"""The least rectangle around any contact, bounds where it is cut, hollow contacts."""
+"""The smallest rectangle around a contact, lower bounds for cut contacts, and hollow contacts."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def contact_of(touching, rows=16, cols=16, seed=0, skin=SKIN):
 
 
 def bar(length, width, tip, angle=0.0):
-    """From beyond the left edge of the pad to ``tip`` (x)."""
+    """Return a bar that reaches from beyond the left edge of the pad to x = ``tip``."""
     along = np.array((np.cos(angle), np.sin(angle)))
     x, y = np.array((tip, 7.4)) - along * length / 2
     return Contact('rectangle', (length, width), x=float(x), y=float(y), angle=angle)
@@ -33,7 +33,7 @@ def test_a_bar_that_leaves_the_pad_has_a_bound_for_its_length_and_its_width(angl
     assert fit.is_bound == (True, False) and box.length_is_bound == (True, False)
     assert 0.85 * 11.5 < fit.dimensions[0] < 1.03 * seen and fit.dimensions[1] == pytest.approx(width, rel=0.05)
     assert np.ptp(fit.outline @ (np.cos(angle), np.sin(angle))) == pytest.approx(fit.dimensions[0], rel=0.01)
-    assert fit.centre[0] == pytest.approx(5.5 * np.cos(angle), abs=1.0)  # of what is seen
+    assert fit.centre[0] == pytest.approx(5.5 * np.cos(angle), abs=1.0)  # This is the centre of the visible part.
     assert abs(box.lengths[1] - width) < 2 * box.lengths_sd[1]
 
 
@@ -95,8 +95,8 @@ def test_a_solid_contact_of_weak_and_dead_taxels_is_not_hollow():
     for seed in range(40):
         frame = pressure_frame(Contact('circle', (5.0,), x=9.3, y=9.1), rng, 20, 20, skin=SKIN)
         frame *= rng.uniform(1 / 3, 1, frame.shape)
-        frame[9, 7 + seed % 5] = 0  # a single one that does not answer
+        frame[9, 7 + seed % 5] = 0  # One dead taxel.
         assert not tn.contact_box(tn.find_contact(frame)).hollow
     frame = np.pad(np.full((7, 7), 50e3), 3)
-    frame[4:9, 4:9] = np.nan  # what is not seen may be pressed
+    frame[4:9, 4:9] = np.nan  # A taxel without a value may be pressed.
     assert not tn.contact_box(tn.find_contact(frame)).hollow

@@ -1,4 +1,4 @@
-"""Force, centre of pressure, area and principal axis by hand."""
+"""Force, centre of pressure, area and principal axis, checked against values computed by hand."""
 
 import os
 from math import pi
@@ -71,7 +71,7 @@ def test_an_unseen_pad_has_no_force_that_could_be_taken_for_none():
     for found in (moments(unseen), contact_moments(unseen, np.zeros((16, 16), bool), PITCH, 'Pa')):
         assert np.isnan([found.force, found.area, *found.centre_of_pressure]).all()
     unseen[7:] = 0
-    assert np.isnan(moments(unseen).force), 'seven rows are enough for an object'
+    assert np.isnan(moments(unseen).force), 'an object may press in seven rows without values'
     assert moments(np.zeros((16, 16))).force == 0
 
 
@@ -82,7 +82,7 @@ def block(level=100e3, side=8):
 
 
 def test_saturation_makes_force_and_centre_bounds():
-    """64 N on a skin that ends at 100 kPa read 25.6 N."""
+    """On a skin that saturates at 100 kPa, a force of 64 N reads as 25.6 N."""
     frame = block()
     clean = moments(frame, pitch=0.002)
     assert clean.force == pytest.approx(25.6)
@@ -103,11 +103,11 @@ def test_a_contact_that_may_continue_in_hidden_taxels_is_a_bound():
     frame = block()
     frame[6, 6] = np.nan
     found = moments(frame)
-    assert not (found.force_is_bound or found.size_is_bound) and found.filled == 1, 'enclosed: as its neighbours'
+    assert not (found.force_is_bound or found.size_is_bound) and found.filled == 1, 'an enclosed taxel is filled'
 
 
 def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
-    """A hollow object: filled from its rim the force read 1.8 times the true one."""
+    """The object is hollow. Filling it from its rim once gave 1.8 times the true force."""
     frame = np.zeros((16, 16))
     frame[4:10, 4:10] = 100e3
     frame[5:9, 5:9] = np.nan
@@ -115,13 +115,13 @@ def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
     assert found.force == pytest.approx(20 * 100e3 * 0.002**2) and found.force_is_bound and found.size_is_bound
 
 
-#: a bar of 5 N that reaches one side of the pad
+#: A bar of 5 N that reaches one side of the pad.
 BARS = {SkinSide.FIRST_ROW: np.s_[:5, 6:11], SkinSide.LAST_ROW: np.s_[11:, 6:11],
         SkinSide.FIRST_COL: np.s_[6:11, :5], SkinSide.LAST_COL: np.s_[6:11, 11:]}
 
 
 def found_in(frame, finger_ends=NO_SIDE, unit='Pa', **masks):
-    """What the pipeline of nodes and library finds."""
+    """Return the contact found by the pipeline that the nodes and the library share."""
     return ContactPipeline().find(frame, Taxels(PITCH, unit, finger_ends=finger_ends), **masks)
 
 
@@ -159,7 +159,8 @@ def test_away_from_the_edge_no_force_is_a_bound():
 
 # --- All contacts of a pad
 
-LARGEST, SECOND = np.s_[2:8, 2:8], np.s_[10:14, 9:13]  # 36 and 16 taxels: 7.2 N and 3.2 N at 50 kPa
+# The contacts have 36 and 16 taxels, which is 7.2 N and 3.2 N at 50 kPa.
+LARGEST, SECOND = np.s_[2:8, 2:8], np.s_[10:14, 9:13]
 
 
 def pad_force(found):
@@ -225,7 +226,10 @@ def test_more_contacts_than_have_labels_are_a_bound():
 @pytest.mark.parametrize('dead', [False, True])
 @pytest.mark.parametrize(('side', 'noise'), [(4, 500.0), (8, 500.0), (8, 4000.0)])
 def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
-    """Within a factor of 2; each frame states its own from the noise beside the contact."""
+    """The stated deviations and those of repeated frames agree within a factor of 2.
+
+    Each frame estimates its deviations from the noise beside the contact.
+    """
     rng, extractor, found = np.random.default_rng(side), PatternExtractor(THRESHOLDS), []
     ramp = np.linspace(60e3, 100e3, 16)
     for _ in range(400 if LONG else 200):
@@ -242,12 +246,15 @@ def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
         assert 0.5 < stated / force.std() < 2 and ((0.5 < stated_centre / centre.std(0)) & (
             stated_centre / centre.std(0) < 2)).all()
     truth = np.where(block(1.0, side) > 0, ramp, 0.0).sum() * PITCH**2
-    assert abs(force.mean() - truth) < 2 * stated, 'also a filled taxel is within what is stated'
+    assert abs(force.mean() - truth) < 2 * stated, 'the stated deviation also covers a filled taxel'
     assert stated >= 0.5 * force.std()
 
 
 def pressed_face(slope, deepest=2e-3, stiffness=25e6):
-    """Pressures of a rigid face of 8 x 8 taxels whose edge at x = 4 is ``deepest`` [m] in an elastic skin, by hand."""
+    """Return the pressures under a tilted rigid face of 8 x 8 taxels, computed by hand.
+
+    Its edge at x = 4 is pressed ``deepest`` [m] into an elastic skin.
+    """
     depth = deepest - slope * (np.arange(16) - 4) * PITCH
     return np.where(block() > 0, stiffness * np.maximum(depth, 0.0), 0.0)
 
@@ -267,7 +274,8 @@ def test_even_faces_and_domes_have_no_slope():
     x, y = np.meshgrid(np.arange(16) - 7.3, np.arange(16) - 7.8)
     for frame in (block(), np.where((abs(y) < 5) & (abs(x) < (y + 5) / 2), 60e3, 0.0)):
         assert moments(frame).slope == (0.0, 0.0)
-    assert np.abs(moments(np.maximum(90e3 - 3e3 * (x**2 + y**2), 0)).slope).max() < 1e6  # steepest: 18 kPa a taxel
+    # The steepest slope is 18 kPa per taxel.
+    assert np.abs(moments(np.maximum(90e3 - 3e3 * (x**2 + y**2), 0)).slope).max() < 1e6
 
 
 def test_a_slope_that_is_not_measured_is_not_known():
@@ -288,7 +296,7 @@ def test_newtons_are_summed_and_on_off_has_no_force():
 
 @pytest.mark.parametrize('place', [(4, 4), (4, 7), (11, 11), (8, 4)])
 def test_a_dead_taxel_at_the_rim_makes_the_force_uncertain_and_no_bound(place):
-    """The object covers it; without its value the force is that of the other taxels."""
+    """The object covers the taxel. Without its value, the force is that of the other taxels."""
     frame = block(level=50e3) + np.random.default_rng(3).normal(0, 100, (16, 16))
     whole = moments(frame).force
     frame[place] = np.nan
@@ -300,15 +308,18 @@ def test_a_dead_taxel_at_the_rim_makes_the_force_uncertain_and_no_bound(place):
 @pytest.mark.slow
 @pytest.mark.parametrize('noise', [0.005, 0.01, 0.03] if LONG else [0.005, 0.03])
 def test_standard_deviations_of_contacts_with_a_rim(noise):
-    """Taxels of the rim enter and leave the contact, of which one frame shows little: in the median a factor of 2."""
+    """The median of stated to measured deviation is within a factor of 2.
+
+    Taxels of the rim enter and leave the contact between frames, and a single frame shows little of that.
+    """
     ratios = np.array([ratios_of(generator(Purpose.TEST, 400 + k), CLASSES[k % 5], noise)
                        for k in range(20 if LONG else 10)])
     assert (np.median(ratios, axis=0) > 0.5).all() and (np.median(ratios, axis=0) < 2).all()
-    assert (np.mean(ratios > 0.5, axis=0) >= 0.8).all(), 'to state too little would mislead'
+    assert (np.mean(ratios > 0.5, axis=0) >= 0.8).all(), 'a deviation that is too small would mislead'
 
 
 def ratios_of(rng, kind, noise):
-    """Stated standard deviation of force and centre by that of 150 frames."""
+    """Return the stated standard deviations of force and centre, divided by those of 150 frames."""
     contact = random_contact(rng, kind, float(rng.uniform(15, 100)), 24, 24)
     touch = pressure_frame(contact, rng, 24, 24, pressure=0.6, skin=Skin(blur=0.5))
     extractor, found = PatternExtractor(THRESHOLDS), []

@@ -1,4 +1,4 @@
-"""Taxel values -> contact pattern."""
+"""From taxel values to a contact pattern."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ NAN = np.nan
 
 
 def extract(*frames, **options):
-    """Mask after the last of ``frames``, thresholds 5 and 3."""
+    """Return the pattern after the last of ``frames``, with thresholds 5 and 3."""
     extractor = PatternExtractor(PressThresholds(5, 3), **options)
     return [extractor.extract(np.array(frame, float)) for frame in frames][-1]
 
@@ -19,8 +19,8 @@ def extract(*frames, **options):
 def test_hysteresis():
     assert extract([[4.9]]).mask.tolist() == [[False]]
     assert extract([[5]]).mask.tolist() == [[True]]
-    assert extract([[5]], [[3]]).mask.tolist() == [[True]], 'held down to the release threshold'
-    assert extract([[5]], [[2.9]], [[4]]).mask.tolist() == [[False]], 'released, it must be pressed again'
+    assert extract([[5]], [[3]]).mask.tolist() == [[True]], 'a pressed taxel stays pressed at the release threshold'
+    assert extract([[5]], [[2.9]], [[4]]).mask.tolist() == [[False]], 'a released taxel must reach 5 to be pressed'
 
 
 @pytest.mark.parametrize('invalid', [NAN, np.inf, -np.inf])
@@ -46,7 +46,7 @@ def test_contacts_are_numbered_by_their_size():
 
 @pytest.mark.parametrize('hidden', [1, 2, 7])
 def test_rows_that_are_not_seen_tear_no_contact_apart(hidden):
-    """A planner that counts contacts would look for two objects, and miss the force on one half."""
+    """If the contact broke apart, a planner would look for two objects and miss the force on one half."""
     frame = np.zeros((hidden + 8, 8))
     frame[2:-2, 2:6] = 9
     frame[4:4 + hidden] = NAN
@@ -71,7 +71,7 @@ def test_hidden_saturated_and_unmapped_taxels():
     saturated = np.array([[1, 1, 0], [0, 0, 0]], bool)
     pattern = PatternExtractor(PressThresholds(5, 3)).extract(frame, saturated=saturated, unmapped=unmapped)
     assert pattern.hidden.tolist() == [[False, True, False], [True, False, False]]
-    assert pattern.saturated.tolist() == [[True, False, False], [False] * 3], 'without a value it has no bound'
+    assert pattern.saturated.tolist() == [[True, False, False], [False] * 3], 'a missing value gives no bound'
     np.testing.assert_array_equal(pattern.unmapped, unmapped)
     whole = extract(frame)
     assert whole.hidden.sum() == 3 and not whole.saturated.any() and not whole.unmapped.any()

@@ -1,4 +1,4 @@
-"""Whether a contact fills its convex hull as the five shapes do."""
+"""The check whether a contact fills its convex hull, as contacts of the five shapes do."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_the_five_shapes_are_convex(taxels):
 def test_a_rim_that_one_edge_of_the_pad_cuts_encloses_what_it_did():
     half = ring(9, 7, row=0)
     assert convex(half)
-    assert not convex(np.roll(half, 6, axis=0)), 'the same arc away from the edge is a bow'
+    assert not convex(np.roll(half, 6, axis=0)), 'away from the edge, the same arc is a bow'
 
 
 def test_pressures_below_the_mask_close_a_rim():

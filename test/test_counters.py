@@ -1,4 +1,7 @@
-"""A counter is a row of a table: status, /diagnostics, view and reference have what the tables have, no more."""
+"""A counter is one row of a table.
+
+The status, /diagnostics, the view and the reference contain exactly the counters of the tables.
+"""
 
 import sys
 from pathlib import Path
@@ -30,19 +33,22 @@ pytestmark = pytest.mark.ros
 COUNTS = BusStatistics({'left': PadStatistics(complete=0, incomplete=0, expected=0, received=0, used=0, pending=0,
                                               losses=dict.fromkeys(LossReason, 0))}, {})
 HEALTH = BusHealth(nodes={'left': (NodeHealth(32, NmtState.OPERATIONAL, True, 0.1),)})
-#: Name of a table, one of its rows, and its place in the messages: the bus, its pad, the pad's node
+#: Name of a table, one of its rows, and its place in the messages: 0 is the bus, 1 its pad, 2 the pad's node.
 ROWS = (('BUS_LOSSES', 'poll_overruns', 0), ('BUS_EVENTS', 'stalls', 0), ('PAD_COUNTERS', 'tpdos_used', 1),
         ('NODE_COUNTERS', 'boots', 2))
 
 
 def sent():
-    """The diagnostics of a bus with one pad and one node, and its status."""
+    """Return the diagnostics and the status of a bus with one pad and one node."""
     diagnostics = diagnosed(BusDiagnostics('driver', 'can0'), COUNTS, HEALTH)
     return diagnostics, status_message(diagnostics, COUNTS, HEALTH)
 
 
 def counted(name, place):
-    """The counter in each message, None where /diagnostics lacks it, and whether the reference has it."""
+    """Return the counter in /diagnostics (None if it is missing) and in the status.
+
+    The third value is True if the reference contains the counter.
+    """
     diagnostics, status = sent()
     part = (status, status.pads[0], status.pads[0].nodes[0])[place]
     values = {pair.key: pair.value for pair in diagnostics.status[min(place, 1)].values}
@@ -61,7 +67,7 @@ def test_a_row_that_goes_or_comes_does_so_everywhere(monkeypatch, table, name, p
 
 def test_a_loss_of_the_bus_warns_and_is_in_the_view(monkeypatch):
     assert not facts_of(COUNTS, HEALTH).counts
-    lost = Counter('poll_overruns', '', lambda bus: 77 * (bus is COUNTS))  # none in the counts before
+    lost = Counter('poll_overruns', '', lambda bus: 77 * (bus is COUNTS))  # The counts before have no such loss.
     monkeypatch.setattr(counters, 'BUS_LOSSES', (lost,))
     diagnostics, status = sent()
     assert diagnostics.status[0].level == DiagnosticStatus.WARN and lost.name in diagnostics.status[0].message

@@ -1,4 +1,4 @@
-"""What is damaged within a log that this package writes is counted; what was recorded whole is read."""
+"""The reader counts the damaged parts of a log that this package has written, and reads all intact frames."""
 
 import gzip
 import itertools
@@ -25,7 +25,7 @@ def half(line):
     return line[:len(line) // 2]
 
 
-#: what may become of a line: its half, a digit less in the data, another byte, another word, nothing that is a log
+#: Ways to damage a line: cut it in half, remove a digit of the data, or replace a byte, a word or the whole line.
 DAMAGES = {'half': half, 'byte': lambda line: half(line) + b'\xff',
            'digit': lambda line: line.replace(b'55', b'5', 1) if b'55' in line else line.replace(b'VV', b'V', 1),
            'word': lambda line: line.replace(b'#', b'?', 1).replace(b'181', b'18?', 1), 'rubbish': lambda line: b'@@@@'}
@@ -33,7 +33,7 @@ TEXTS = ('.log', '.log.gz', '.asc', '.asc.gz', '.trc', '.csv')
 
 
 def text_log(folder, suffix, change):
-    """A log of 20 numbered frames that python-can has written; ``change``: its lines from the first frame on."""
+    """Write a log of 20 numbered frames with python-can. ``change`` alters its lines from the first frame on."""
     plain = folder / f'whole{suffix.removesuffix(".gz")}'
     with can.Logger(str(plain)) as writer:
         for n in range(20):
@@ -63,7 +63,7 @@ def test_a_damaged_line_costs_its_own_frame(tmp_path, suffix, damage):
 
 @pytest.mark.parametrize('suffix', TEXTS)
 def test_two_lines_that_have_run_into_each_other_cost_their_frames(tmp_path, suffix):
-    """The first gives up its last digit, the second its line."""
+    """The first line has lost its last digit and its line end, so the second line is appended to it."""
     reader = CanLogReader(text_log(tmp_path, suffix, lambda lines: b''.join(
         [*lines[:10], lines[10].rstrip()[:-1], *lines[11:]])))
     assert numbers(reader) == [n for n in range(20) if n not in (10, 11)] and reader.unread == 1
@@ -78,13 +78,13 @@ def test_of_a_text_cut_short_within_a_line_that_line_alone_is_lost(tmp_path, suf
 def test_of_a_format_that_only_python_can_knows_it_is_said_that_losses_are_not_counted(tmp_path, caplog, monkeypatch):
     monkeypatch.setattr(can, 'LogReader', can.CanutilsLogReader)
     path = tiny_log(tmp_path, '(1.0) can0 181#4142', name='x.xyz')
-    path.write_text('\n' + path.read_text())  # by its first bytes it would be candump's
+    path.write_text('\n' + path.read_text())  # Without the blank line, the first bytes would identify a candump log.
     assert [bytes(message.data) for message in CanLogReader(path)] == [b'AB']
     assert f'{path} is read by python-can' in caplog.text
 
 
 def other_makers(folder, suffix):
-    """Logs with all that these formats hold beside CAN frames; three frames each."""
+    """Return logs with three frames each, and with all other records that these formats allow."""
     text = {'.asc': """date Wed Nov 15 10:00:00.000 am 2023
 base hex  timestamps absolute
 internal events logged
@@ -130,7 +130,7 @@ def test_what_is_no_can_frame_in_another_makers_log_is_not_taken_for_damage(tmp_
     ['date Wed Nov 15 10:00:00.000 am 2023'], ['date Wed Nov 15 10:00:00.000 2023', 'base hex  timestamps absolute'],
     ['date Wed Nov 15 10:00:00.000 2023', 'base dec  timestamps absolute', 'no internal events logged']])
 def test_the_first_frame_after_the_header_of_an_asc_is_read(tmp_path, lines):
-    """Without the line on events python-can takes the next one in its place."""
+    """If the line on events is missing, python-can takes the next line in its place."""
     frame = '1  385  Rx   d 2 10 11' if 'base dec' in ''.join(lines) else '1  181  Rx   d 2 0A 0B'
     reader = CanLogReader(tiny_log(tmp_path, *lines, f'   0.5 {frame}', f'   1.5 {frame}', name='x.asc'))
     assert [(message.arbitration_id, bytes(message.data)) for message in reader] == 2 * [(0x181, b'\x0A\x0B')]
@@ -167,7 +167,8 @@ def test_damage_within_a_binary_log_is_reported(tmp_path, suffix):
     writer, random = McapCanWriter(path) if suffix == '.mcap' else can.Logger(str(path)), np.random.default_rng(1)
     for n in range(6000):
         writer.on_message_received(can.Message(1.7e9 + n / 1000, 0x181, False, data=random.bytes(8), channel=0))
-    while suffix == '.db' and writer.num_frames < 6000:  # python-can's writer loses what waits when it is stopped
+    # When python-can's writer is stopped, it loses its queued messages.
+    while suffix == '.db' and writer.num_frames < 6000:
         time.sleep(0.01)
     writer.stop()
     content = bytearray(path.read_bytes())
@@ -179,18 +180,18 @@ def test_damage_within_a_binary_log_is_reported(tmp_path, suffix):
 
 
 def test_a_header_without_which_no_line_can_be_read_is_an_error(tmp_path):
-    """python-can refuses it again and again, also when there is no line left."""
+    """python-can raises this error again and again, even when no line is left."""
     lines = [';$FILEVERSION=2.1', ';$STARTTIME=45245.4', *(f'{n} {n}.000 DT 1 0181 Rx - 2 0A 0B' for n in range(1, 5))]
     with pytest.raises(LogError, match='no column information'):
         list(CanLogReader(tiny_log(tmp_path, *lines, name='x.trc')))
 
 
-BLF_FRAMES = 6000  # in several containers
+BLF_FRAMES = 6000  # The frames fill several containers.
 
 
 @cache
 def blf_bytes(compression):
-    """A BLF of numbered frames that python-can has written."""
+    """Return a BLF of numbered frames that python-can has written."""
     random = np.random.default_rng(1)
     with TemporaryDirectory() as folder:
         path = Path(folder, 'x.blf')
@@ -202,21 +203,21 @@ def blf_bytes(compression):
 
 
 def blf_log(folder, change=lambda content: content, compression=-1):
-    """That BLF in ``folder``; ``change``: its bytes."""
+    """Write that BLF to ``folder``, with its bytes altered by ``change``."""
     path = folder / 'x.blf'
     path.write_bytes(change(blf_bytes(compression)))
     return path
 
 
 def places(content, kind):
-    """Where the objects of a BLF begin that are of ``kind``: 1 is a CAN frame, 10 a container."""
+    """Return the positions of the objects of ``kind`` in a BLF. Kind 1 is a CAN frame, and kind 10 is a container."""
     head = struct.Struct('<4sHHLL')
     found = (match.start() for match in re.finditer(b'LOBJ', content))
     return [at for at in found if len(content) >= at + head.size and head.unpack_from(content, at)[-1] == kind]
 
 
 def with_size(size, number, kind=1):
-    """Give the object ``number`` of ``kind`` another size in its head."""
+    """Return a change that writes another size into the head of object ``number`` of ``kind``."""
     def change(content):
         at = places(content, kind)[number] + 8
         return content[:at] + struct.pack('<L', size) + content[at + 4:]
@@ -234,12 +235,13 @@ def test_a_blf_is_read_whole(tmp_path):
 
 @pytest.mark.parametrize('size', [0, 1, 16, 47, 49, 1000, 2 ** 32 - 1])
 def test_an_object_of_a_blf_with_another_size_costs_its_own_frame(tmp_path, size):
-    """python-can's reader gave the frame before an object of size 0 for ever."""
+    """With an object of size 0, python-can's reader once returned the frame before it for ever."""
     reader = CanLogReader(blf_log(tmp_path, with_size(size, 100), compression=0))
     assert counted(reader) == [n for n in range(BLF_FRAMES) if n != 100]
     damage, = reader.damages
     assert damage.kind is DamageKind.RECORDS and damage.size == 48
-    assert damage.begin == pytest.approx(1.7e9 + 0.099, abs=0.0011)  # a frame is given when the next one is known
+    # The reader returns a frame only once the next one is known.
+    assert damage.begin == pytest.approx(1.7e9 + 0.099, abs=0.0011)
 
 
 def test_a_damaged_container_of_a_blf_costs_its_frames_and_those_that_cross_its_ends(tmp_path):
@@ -288,7 +290,7 @@ def test_a_blf_cut_at_the_begin_of_a_container_is_missing_the_objects_that_its_h
 
 
 def test_a_blf_that_was_not_ended_is_read_up_to_its_end(tmp_path):
-    """Its header, written last, counts nothing."""
+    """The header is written last, so in an unfinished file it counts no objects."""
     count = slice(32, 36)
     def change(content):
         assert int.from_bytes(content[count], 'little') == BLF_FRAMES

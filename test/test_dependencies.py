@@ -1,4 +1,4 @@
-"""What the code imports is what package.xml (rosdep, bloom) and setup.cfg (pip) say that it depends on."""
+"""The imports of the code match the dependencies in package.xml (rosdep, bloom) and setup.cfg (pip)."""
 
 import ast
 import configparser
@@ -14,24 +14,28 @@ import pytest
 pytestmark = pytest.mark.filterwarnings('ignore::DeprecationWarning:catkin_pkg', 'ignore::DeprecationWarning:pyparsing')
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ElementTree.parse(ROOT / 'package.xml')
-#: Neither Ubuntu nor ROS has a package of them: rosdep installs them by pip
+#: Neither Ubuntu nor ROS has packages for these keys; rosdep installs them with pip.
 PIP_KEYS = {'canopen-pip', 'python3-rosbags-pip', 'mcap-ros2-support'}
 
 
 class Origin(NamedTuple):
-    """Who brings a module: a key of rosdep (None: there is none), a requirement in setup.cfg (None: of ROS)."""
+    """Sources of a module: its rosdep key and its requirement in setup.cfg.
+
+    ``rosdep`` is None if no key exists, and ``pip`` is None if ROS provides the module.
+    """
 
     rosdep: str | None
     pip: str | None
 
 
-#: Modules whose origin has another name. A module that is not here has the key of its name, and is no library of pip.
+#: Modules whose rosdep key or requirement has another name. A module that is missing here has its own name as key, and
+#: pip does not install it.
 ORIGINS = {
     'argcomplete': Origin('python3-argcomplete', 'argcomplete'),
     'can': Origin('python3-can', 'python-can'),
     'canopen': Origin('canopen-pip', 'canopen'),
     'jinja2': Origin('python3-jinja2', 'jinja2'),
-    'markupsafe': Origin('python3-jinja2', 'jinja2'),  # jinja2 requires it
+    'markupsafe': Origin('python3-jinja2', 'jinja2'),  # jinja2 requires it.
     'matplotlib': Origin('python3-matplotlib', 'matplotlib'),
     'mcap': Origin('mcap-ros2-support', 'mcap'),
     'numpy': Origin('python3-numpy', 'numpy'),
@@ -42,26 +46,27 @@ ORIGINS = {
     'tqdm': Origin('python3-tqdm', 'tqdm'),
     'viser': Origin(None, 'viser'),
     'yaml': Origin('python3-yaml', 'pyyaml'),
-    'zstandard': Origin('mcap-ros2-support', 'mcap'),  # mcap requires it; rosdep has no key
+    'zstandard': Origin('mcap-ros2-support', 'mcap'),  # mcap requires it. rosdep has no key for it.
 }
 OF_TESTS = {'jsonschema': 'python3-jsonschema', 'py_trees': 'py_trees', 'pytest': 'python3-pytest',
             'rosidl_adapter': 'rosidl_default_generators', 'rosidl_generator_py': 'rosidl_default_generators'}
-#: Nothing imports them: they run the package
+#: No code imports these packages; they run the package.
 NOT_MODULES = {'rosidl_default_runtime', 'ros2launch', 'xacro'}
-#: Nothing imports them: the messages of an action are made of them
+#: No code imports this package; the messages of an action contain its messages.
 OF_INTERFACES = {'action_msgs'}
-#: Modules that rclpy has in some of Jazzy, Kilted and Lyrical (7.1.6, 9.1.2, 10.0.10) and not in others
+#: Modules that rclpy has only in some of Jazzy, Kilted and Lyrical (7.1.6, 9.1.2, 10.0.10).
 NOT_IN_EVERY_ROS = {f'rclpy.{name}' for name in (
     'destroyable', 'endpoint_info', 'experimental', 'qos_event', 'subscription_content_filter_options',
     'topic_endpoint_info')}
 OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', 'examples', 'from_code',
         *(path.stem for folder in ('tools', 'bench', 'examples') for path in (ROOT / folder).glob('*.py'))}
-#: Imported by single tests or examples that say so: what a robot has that needs the example, or a tool of this machine
+#: Only single tests or examples import these modules, and say so. They belong to the robot that needs the example, or
+#: are tools on the developer's machine.
 OPTIONAL = {'torch', 'catkin_pkg', 'docutils', 'moveit_msgs', 'tactile_msgs', 'playwright', 'mujoco', 'control_msgs'}
 
 
 def imported(folder: str) -> dict[str, str]:
-    """Top name of each module from elsewhere that the files in ``folder`` import -> one of these files."""
+    """Map each foreign top-level module that the files in ``folder`` import to one of these files."""
     found: dict[str, str] = {}
     files = sorted((ROOT / folder).rglob('*.py'))
     names = {path.stem for path in files}
@@ -109,7 +114,7 @@ INSTALLED = {**imported('tactile_node'), **imported('launch')}
 
 @pytest.mark.parametrize('module', sorted(INSTALLED))
 def test_what_is_imported_is_a_dependency(module):
-    """Else a robot that rosdep or pip has set up ends in a ModuleNotFoundError."""
+    """Without the dependency, a robot that rosdep or pip has set up fails with a ModuleNotFoundError."""
     origin = ORIGINS.get(module, Origin(module, None))
     where = f'{module}, which {INSTALLED[module]} imports'
     assert origin.rosdep is None or origin.rosdep in keys('depend', 'exec_depend'), where
@@ -119,7 +124,7 @@ def test_what_is_imported_is_a_dependency(module):
 @pytest.mark.slow
 @pytest.mark.parametrize('folder', ['test', 'examples'])
 def test_what_tests_and_examples_import_is_a_dependency(folder):
-    """Those of training and benchmarks are in requirements/bench.in."""
+    """The dependencies of training and benchmarks are in requirements/bench.in."""
     known = keys('depend', 'exec_depend', 'test_depend', 'buildtool_depend')
     for module, file in imported(folder).items():
         key = OF_TESTS.get(module) or ORIGINS.get(module, Origin(module, None)).rosdep
@@ -127,7 +132,7 @@ def test_what_tests_and_examples_import_is_a_dependency(folder):
 
 
 def test_every_dependency_is_one_of_the_code():
-    """Else a robot installs what nothing uses, or a key has a typing error."""
+    """Otherwise a robot installs an unused package, or a key has a typing error."""
     of_libraries = {origin.rosdep for origin in ORIGINS.values()}
     assert keys('exec_depend') - of_libraries - set(INSTALLED) <= NOT_MODULES
     assert keys('depend') - OF_INTERFACES <= set(INSTALLED)
@@ -135,7 +140,10 @@ def test_every_dependency_is_one_of_the_code():
 
 
 def test_a_released_package_depends_on_no_pip_key():
-    """rosdistro refuses such a release; bloom takes what is without condition or whose condition holds."""
+    """rosdistro refuses such a release.
+
+    bloom takes each dependency that has no condition or whose condition holds.
+    """
     package = pytest.importorskip('catkin_pkg.package').parse_package(str(ROOT / 'package.xml'))
     for distro in ('jazzy', 'kilted', 'lyrical'):
         package.evaluate_conditions({'ROS_VERSION': '2', 'ROS_DISTRO': distro, 'ROS_PYTHON_VERSION': '3'})

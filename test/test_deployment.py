@@ -1,6 +1,7 @@
-"""The examples that run the bus side as a service and in a container are what their readers take them for.
+"""The examples run the bus side as a service and in a container, as their readers expect.
 
-Misled would be who copies a unit of which systemd ignores a line: `systemd-analyze verify` prints that and returns 0.
+systemd ignores unknown lines of a unit. `systemd-analyze verify` prints such lines, but returns 0. A reader who copies
+the unit would not notice.
 """
 
 import re
@@ -22,7 +23,7 @@ UNIT = EXAMPLES / 'tactile_bus.service'
 
 
 def program(name: str) -> str:
-    """Beside this Python or on the PATH; the test is skipped where it is on neither."""
+    """Return the path of a program beside this Python or on the PATH; skip the test if there is none."""
     found = shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
     return found or pytest.skip(f'{name} is not installed')
 
@@ -32,7 +33,7 @@ def run(*words):
 
 
 def complaints(unit: Path) -> list[str]:
-    """What systemd says of this unit; of the units of this machine nothing."""
+    """Return the messages of systemd about this unit, without those about other units on this machine."""
     done = run(program('systemd-analyze'), 'verify', '--man=no', unit)
     return [line for line in done.stderr.splitlines() if unit.name in line]
 

@@ -1,4 +1,4 @@
-"""Devices that deviate in SYNC and heartbeat: they are left as they are where that is right, else refused by name."""
+"""Devices whose SYNC or heartbeat deviates are left as they are if that is safe. Otherwise they are refused by name."""
 
 import pytest
 from canopen import SdoAbortedError, SdoCommunicationError
@@ -16,7 +16,7 @@ from tactile_node.sources.node_monitor import NodeMonitor
 from tactile_node.sources.node_traffic import BusSeen
 
 NODE = make_pad('pad', 32, 'sim16x16.yaml').nodes[0]
-#: abort codes of CiA 301
+#: Abort codes of CiA 301.
 READ_ONLY = 0x0601_0002
 UNKNOWN = 0x0602_0000
 WRONG_STATE = 0x0800_0022
@@ -24,9 +24,9 @@ SYNC, HEARTBEAT = (0x1005, 0), (0x1017, 0)
 
 
 class Device:
-    """The object dictionary of a device that is configured already, as an SDO client sees it.
+    """Object dictionary of a configured device, as an SDO client sees it.
 
-    ``fixed`` objects are read-only, of those in ``kept`` the device keeps its own value.
+    Objects in ``fixed`` are read-only. The device keeps its own value for objects in ``kept``.
     """
 
     RESPONSE_TIMEOUT = 0.3
@@ -54,7 +54,8 @@ class Device:
         if (index, sub) in self.fixed or self.objects.get((index, sub)) is None:
             raise SdoAbortedError(READ_ONLY)
         if index >= 0x1A00 and (not self.objects[index - 0x200, 1] >> 31 or sub and self.objects[index, 0]):
-            raise SdoAbortedError(WRONG_STATE)  # CiA 301: the TPDO must be disabled and count no objects meanwhile
+            # CiA 301: during the change the TPDO must be disabled and must count no objects.
+            raise SdoAbortedError(WRONG_STATE)
         self.written[index, sub] = int.from_bytes(data, 'little')
         if (index, sub) not in self.kept:
             self.objects[index, sub] = self.written[index, sub]
@@ -66,7 +67,10 @@ def set_up(device: Device, is_interrupted=lambda: False):
 
 
 def of_another_layout(**options) -> Device:
-    """A device whose first two TPDOs map eight taxels of another row, on request, under other COB-IDs."""
+    """Return a device whose first two TPDOs map eight taxels of another row.
+
+    They are sent on request and have other COB-IDs.
+    """
     device = Device(**options).having(SYNC, 0x81)
     for i in (0, 1):
         device.having((0x1800 + i, 1), 0x4000_01D0 + i).having((0x1800 + i, 2), 255).having((0x1A00 + i, 0), 2)
@@ -75,14 +79,14 @@ def of_another_layout(**options) -> Device:
 
 
 def records(device: Device) -> dict:
-    """All that decides what it sends and when."""
+    """Return all objects that decide what the device sends and when."""
     return {place: value for place, value in device.objects.items() if place == SYNC or place[0] >= 0x1800}
 
 
 def test_a_device_of_another_layout_is_set_up():
     device = of_another_layout()
     set_up(device)
-    assert records(device) == records(Device()) | {  # with the NO_RTR bit that it had
+    assert records(device) == records(Device()) | {  # The COB-IDs keep the NO_RTR bit that the device had.
         (0x1800 + i, 1): 0x4000_0000 + NODE.layout.tpdos[i].cob_id.of(32) for i in (0, 1)}
 
 
@@ -90,7 +94,7 @@ def test_a_device_of_another_layout_is_set_up():
     {'fixed': [(0x1A00, 0)]}, {'fixed': [(0x1A01, 0)]}, {'fixed': [(0x1A01, 2)]}, {'kept': [(0x1A01, 1)]},
     {'fixed': [(0x1801, 2)]}, {'kept': [(0x1801, 2)]}], ids=str)
 def test_a_device_that_refuses_its_set_up_is_left_as_it_was(options):
-    """It was left with TPDOs that are disabled, or half written."""
+    """Such a device was once left with disabled or half-written TPDOs."""
     device = of_another_layout(**options)
     before = records(device)
     with pytest.raises(UnverifiedDeviceError):
@@ -110,7 +114,7 @@ def test_a_set_up_that_is_interrupted_is_taken_back():
 
 
 def test_a_device_that_cannot_be_restored_is_reported(caplog):
-    """It takes the first write to 0x1800 and no second one."""
+    """The device accepts only the first write to each object."""
     device = of_another_layout(fixed=[(0x1A00, 0)])
     download = device.download
 
@@ -144,7 +148,7 @@ def test_another_sync_cob_id_is_written(now, written):
 
 
 def test_a_device_that_produces_sync_on_another_cob_id_is_refused():
-    """CiA 301 allows no change while it produces; its SYNC would be taken for another frame."""
+    """CiA 301 allows no change while the device produces SYNC. Its SYNC would be taken for another frame."""
     device = Device().having(SYNC, 0x4000_0081)
     with pytest.raises(DeviceError, match='0x081'):
         set_up(device)
@@ -170,7 +174,10 @@ def test_errors_are_read_as_far_as_the_device_has_them():
 
 
 def monitored(heartbeat_time: float | None) -> tuple[NodeMonitor, BusMonitor, PadStatistics]:
-    """A node that was configured and runs, with a timeout of 0.5 s."""
+    """Return the monitors of a configured, running node and its bus, and the statistics of its pad.
+
+    The timeout is 0.5 s.
+    """
     bus = BusMonitor([32])
     node = NodeMonitor(NODE, bus, 0.5, 0.5)
     node.configured(node.setup, 0.0, heartbeat_time)
@@ -190,7 +197,7 @@ def test_a_device_with_its_own_heartbeat_time_may_be_silent_for_three_of_them(he
 
 def test_a_heartbeat_time_that_cannot_be_read_is_measured(monkeypatch):
     node, bus, pad = monitored(None)
-    for heard in (100.0, 101.0, 101.05, 102.0):  # one more for a change of state
+    for heard in (100.0, 101.0, 101.05, 102.0):  # A change of state adds the heartbeat at 101.05 s.
         monkeypatch.setattr('tactile_node.cia301.heartbeat.time.monotonic', lambda now=heard: now)
         bus.feed(0x720, b'\x05')
     assert node.detect(104.7, False, pad, BusSeen(0)) is NodeFault.NONE

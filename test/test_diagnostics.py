@@ -44,7 +44,7 @@ WELL = NodeHealth(32, NmtState.OPERATIONAL, True, 0.05)
 
 
 def each_second():
-    """Diagnostics of states that are a second apart."""
+    """Return diagnostics whose evaluations are one second apart."""
     return BusDiagnostics('/gripper/driver', 'can0', steady=itertools.count(100.0).__next__)
 
 
@@ -74,7 +74,7 @@ def test_the_level_is_of_the_time_since_the_message_before():
 
 
 def test_a_loss_stays_reported_for_a_second_however_often_the_state_is_evaluated():
-    """A reader of the latest message alone would not see it."""
+    """A reader that sees only the latest message would otherwise miss the loss."""
     clock = itertools.count(100.0, 1 / 16)
     diagnostics = BusDiagnostics('driver', 'can0', steady=clock.__next__)
     seen = [levels(diagnostics, statistics(frames=10 + i, late=int(i >= 30)))[1] for i in range(60)]

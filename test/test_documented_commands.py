@@ -1,4 +1,7 @@
-"""A command that is typed from the documents works: each is run, or says what it needs."""
+"""Every command that is typed from the documents works.
+
+Each command is run here, or states what it needs.
+"""
 
 import glob
 import gzip
@@ -20,9 +23,9 @@ from matplotlib import pyplot
 from tactile_node.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[1]
-LINK = '/tmp/skin'  # in the documents
+LINK = '/tmp/skin'  # This path is used in the documents.
 LOG = 'test/data/sim16x16_two_pads.log.gz'
-TIMEOUT = 60.0  # s, for a busy machine
+TIMEOUT = 60.0  # Time limit on a busy machine [s].
 ALL = documented.commands()
 
 
@@ -53,7 +56,7 @@ SKIN = f'tactile simulate --pty --link {LINK}'
 
 
 def pages_with_new_commands() -> list[str]:
-    """Those that have a command which no page before them has."""
+    """Return the pages that contain a command which no earlier page has."""
     first = {each.text: each.page for each in reversed(RUN)}
     return sorted(set(first.values()))
 
@@ -69,11 +72,11 @@ def test_the_commands_of_a_page_work_in_their_order(page, tmp_path, monkeypatch,
     monkeypatch.chdir(tmp_path)
     texts = [each.text for each in RUN if each.page == page]
     of_skin = [text for text in texts if LINK in text]
-    assert SKIN not in of_skin or of_skin[0] == SKIN, 'the skin has to run before what needs it'
+    assert SKIN not in of_skin or of_skin[0] == SKIN, 'the skin must run before the commands that need it'
     with ExitStack() as stack:
         if any(LINK in text and 'simulate' not in text for text in texts):
             stack.enter_context(simulated(SKIN.replace(LINK, 'skin')))
-            texts = [text for text in texts if text != SKIN]  # now it has been run
+            texts = [text for text in texts if text != SKIN]  # The skin is already running.
         for text in texts:
             if 'simulate' in text:
                 with simulated(text.replace(LINK, 'other')):
@@ -81,13 +84,13 @@ def test_the_commands_of_a_page_work_in_their_order(page, tmp_path, monkeypatch,
             words = shlex.split(text.replace(LINK, 'skin'))[1:]
             assert main([name for word in words for name in sorted(glob.glob(word)) or [word]]) == 0, text
             assert capsys.readouterr().out or '--output' in text
-            if 'draft' in text:  # the reader fills in what no EDS says
+            if 'draft' in text:  # The reader fills in the values that no EDS contains.
                 (tmp_path / 'my_skin.yaml').write_bytes((ROOT / 'config/sim16x16.yaml').read_bytes())
 
 
 @contextmanager
 def simulated(text: str) -> Iterator[None]:
-    """A simulator that runs, behind its link."""
+    """Run a simulator until its link exists."""
     words = shlex.split(text)[1:]
     skin = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', *words], stdout=subprocess.DEVNULL)
     try:

@@ -1,6 +1,7 @@
-"""A pad whose taxels are a DOMAIN read by SDO: the protocol byte by byte, the frames made of it, and end to end.
+"""A pad whose taxels are a DOMAIN that is read by SDO.
 
-CRC-16/XMODEM of b'123456789' is 0x31C3, the check value of every table of CRCs (CiA 301 names the same polynomial).
+The tests check the protocol byte by byte, the frames made from it, and a whole driver. CRC-16/XMODEM of b'123456789' is
+0x31C3. This is the check value in every table of CRCs, and CiA 301 names the same polynomial.
 """
 
 from random import Random
@@ -30,7 +31,8 @@ domain: {object: 0x2400, sub: 1, bytes: 9, bit_step: 8}
 LAYOUT = 'domain16x10_16bit.yaml'
 BEGIN, ANSWER, START = '> A4 00 24 01 7F 00 00 00', '< C6 00 24 01 09 00 00 00', '> A3 00 00 00 00 00 00 00'
 SEGMENTS = '< 01 31 32 33 34 35 36 37', '< 82 38 39 00 00 00 00 00'
-ACKNOWLEDGE, END = '> A2 02 7F 00 00 00 00 00', '< D5 C3 31 00 00 00 00 00'  # D5: 5 bytes of the last segment unused
+# 0xD5 states that 5 bytes of the last segment are unused.
+ACKNOWLEDGE, END = '> A2 02 7F 00 00 00 00 00', '< D5 C3 31 00 00 00 00 00'
 BLOCK = (BEGIN, ANSWER, START, *SEGMENTS, ACKNOWLEDGE, END)
 SEGMENTED = ('> 40 00 24 01 00 00 00 00', '< 41 00 24 01 09 00 00 00', '> 60 00 00 00 00 00 00 00',
              '< 00 31 32 33 34 35 36 37', '> 70 00 00 00 00 00 00 00', '< 1B 38 39 00 00 00 00 00')
@@ -96,7 +98,8 @@ def test_whatever_is_damaged_only_the_true_bytes_are_given():
             frames[place] = {'lost': None, 'cut': frames[place][:random.randrange(8)], 'doubled': frames[place],
                              'bit': bytes([*frames[place][:7], frames[place][7] ^ 0x20])}[damage]
             if damage == 'bit':
-                which = random.randrange(place < 2, 8)  # without the flags of the first two none asks for a CRC
+                # The first byte of the first two frames is kept, because its flags request the CRC.
+                which = random.randrange(place < 2, 8)
                 flip = 1 << random.randrange(8)
                 frames[place] = bytes(b ^ flip * (i == which) for i, b in enumerate(frames[place]))
         for original, frame in zip(BLOCK, frames):
@@ -155,7 +158,7 @@ def test_wrong_sizes(tmp_path, size, reason):
 
 @pytest.mark.parametrize('order', ['little', 'big'])
 def test_fields_may_lie_across_any_bytes(tmp_path, order):
-    """12 bits each, from bit 3 on: field k is cut from the whole object taken as one number."""
+    """Fields of 12 bits begin at bit 3; field k is cut from the whole object, taken as one number."""
     text = (TINY.replace('bits: 8', f'bits: 12, byte_order: {order}').replace('bytes: 9', 'bytes: 14')
             .replace('bit_step: 8', 'start_bit: 3, bit_step: 12').replace('rows: 3\n', 'rows: 3\n'))
     payload = np.random.default_rng(7).integers(0, 256, 14, dtype=np.uint8).tobytes()
@@ -180,7 +183,7 @@ def test_bad_layouts(tmp_path, change, says):
 
 
 def moving():
-    """Every sample another one: value = 10 (taxel + 7 sample) Pa."""
+    """Return a source in which every sample differs: value = 10 (taxel + 7 sample) Pa."""
     samples = iter(range(10 ** 6))
     return lambda t: 10.0 * (np.arange(160).reshape(16, 10) + 7 * next(samples))
 
@@ -205,7 +208,10 @@ def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
 
 @pytest.mark.bus
 def test_our_own_requests_take_their_part_of_the_bus(tmp_path):
-    """The recording holds every frame; bits of an 11-bit frame with n bytes, stuffing at its worst (ISO 11898-1)."""
+    """The recording holds every frame.
+
+    ``bits`` is the length of an 11-bit frame with n bytes and the most stuff bits (ISO 11898-1).
+    """
     log, bits = tmp_path / 'session.log', {0: 55, 1: 65, 2: 75, 8: 135}
     with Bench('domain_load', LAYOUT, source=moving(), record=str(log)) as bench:
         bench.simulator.devices[32].refuses_blocks = True

@@ -1,6 +1,6 @@
-"""The zero follows slow drift and never a grasp, at 50 Hz; the drift is drawn independently of the code.
+"""The zero follows slow drift but never a grasp, at 50 Hz. The simulated drift does not use the code under test.
 
-For ten minutes with `make misled`; for one and a half, where the drift is fastest, in `make test`.
+`make misled` runs for ten minutes. `make test` runs for 90 seconds, in which the drift is fastest.
 """
 
 import os
@@ -12,16 +12,19 @@ from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.conditioning.tare import ContactGuard, TaredPad
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
-LIMIT, RATE, SIDE, NOISE = 10e3, 50, 16, 300.0  # Pa, Hz, taxels, Pa
+LIMIT = 10e3   # Pa
+RATE = 50      # Hz
+SIDE = 16      # taxels
+NOISE = 300.0  # Pa
 GRASP = 40e3
-DURATION = 600 if os.environ.get('TACTILE_LONG') else 90  # s
+DURATION = 600 if os.environ.get('TACTILE_LONG') else 90  # Duration in seconds.
 GUARD = ContactGuard.of_unit('Pa')
 GRIP = np.zeros((SIDE, SIDE))
 GRIP[5:11, 5:11] = GRASP
 
 
 def given(pad: TaredPad, seconds: float, load, drift, begin: float = 0.0, seed: int = 1) -> np.ndarray:
-    """Feed ``load`` [Pa] with ``drift``(t) [Pa] and noise; the last second's mean of what comes out."""
+    """Feed ``load`` [Pa] plus ``drift``(t) [Pa] and noise; return the mean output of the last second."""
     rng, last = np.random.default_rng(seed), []
     for t in begin + np.arange(int(seconds * RATE)) / RATE:
         values = (load + drift(t) + NOISE * rng.standard_normal((SIDE, SIDE))).astype(np.float32)
@@ -31,13 +34,13 @@ def given(pad: TaredPad, seconds: float, load, drift, begin: float = 0.0, seed: 
 
 
 def drifting(t: float) -> float:
-    """4 kPa in ten minutes, as a sine's first quarter."""
+    """Return a drift that reaches 4 kPa in ten minutes, like the first quarter of a sine."""
     return 4e3 * np.sin(t / 600 * np.pi / 2)
 
 
 @pytest.mark.slow
 def test_slow_drift_is_followed():
-    """A zero that lags TIME_CONSTANT behind a drift of at most 10.5 Pa/s is 210 Pa off."""
+    """The drift is at most 10.5 Pa/s. A zero that lags behind by TIME_CONSTANT is 210 Pa off."""
     left = given(TaredPad(GUARD, DriftFollower(LIMIT)), DURATION, 0.0, drifting)
     assert np.abs(left).max() < 210 + 5 * NOISE / RATE ** 0.5
 
@@ -45,7 +48,10 @@ def test_slow_drift_is_followed():
 @pytest.mark.slow
 @pytest.mark.parametrize('before', [0.0, 30.0])
 def test_a_grasp_of_minutes_keeps_its_pressure_and_leaves_no_jump(before):
-    """Also one that is there from the first frame. The skin itself does not drift here: what is lost is the code's."""
+    """The grasp is there from the first frame, or begins after 30 s.
+
+    The skin does not drift here, so the code causes any loss of pressure.
+    """
     pad = TaredPad(GUARD, DriftFollower(LIMIT))
     if before:
         given(pad, before, 0.0, lambda t: 0.0)
@@ -65,7 +71,7 @@ def test_invalid_taxels_keep_their_zero_and_a_gap_restarts_the_quiet_time():
 
 
 def test_the_zero_stands_still_while_a_part_of_the_pad_is_lost():
-    """What presses may be just there, where nothing is heard of it."""
+    """An object may press exactly on the lost part, which sends no values."""
     follower, zero = DriftFollower(LIMIT), np.zeros((1, 2))
     for t in np.arange(0, 10, 0.02):
         zero = follower.update(t, np.array([[1e3, 1e3]]), zero)
@@ -78,7 +84,7 @@ def test_the_zero_stands_still_while_a_part_of_the_pad_is_lost():
 
 
 def test_a_grasp_that_a_low_offset_hides_from_the_start_is_not_followed():
-    """It reads 2 kPa; before a tare nothing but the pad around it shows that it is there."""
+    """The grasp reads 2 kPa. Before a tare, only the pad around it reveals the grasp."""
     pad, last = TaredPad(GUARD, DriftFollower(LIMIT)), None
     load = np.where(GRIP > 0, 2e3, -33e3).astype(np.float32)
     for t in np.arange(0, 120, 0.1):
@@ -98,7 +104,7 @@ def test_a_taxel_taken_out_as_faulty_does_not_keep_the_others_from_being_followe
 
 @pytest.mark.slow
 def test_a_light_lasting_touch_is_taken_for_drift_slowly():
-    """3 kPa is below half the limit: at most limit / 300 a second is lost."""
+    """A touch of 3 kPa is below half the limit. At most limit / 300 is lost per second."""
     pad = TaredPad(GUARD, DriftFollower(LIMIT))
     given(pad, 10, 0.0, lambda t: 0.0)
     touch = given(pad, 30, np.full((SIDE, SIDE), 3e3), lambda t: 0.0, begin=10)

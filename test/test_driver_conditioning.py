@@ -1,4 +1,4 @@
-"""The driver node's conditioning as a user meets it: files, services, parameters changed while frames flow."""
+"""The driver node's conditioning as a user meets it: files, services, and parameters that change while frames flow."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,10 +30,10 @@ FILE = 'pads: {pad32: {dead: [[2, 3]]}}'
 
 
 class Driver(DriverBench):
-    """The driver of a simulated pad that reads PRESSED everywhere."""
+    """Driver of a simulated pad that reads PRESSED everywhere."""
 
     def values(self):
-        """Return the values of the next frame that was not yet on its way."""
+        """Return the values of the next complete frame, without frames that were already on their way."""
         for _ in range(10):
             self.executor.spin_once(timeout_sec=0.0)
         self.taxels.clear()
@@ -123,8 +123,9 @@ def test_changes_take_effect_live_or_are_refused_with_a_reason(make, tmp_path):
     assert driver.set('follow_drift', True).successful
     drift = driver.node._pads['pad32'].conditioned.tared.drift
     assert driver.set('tare_limit', 0.02).successful and drift.limit == 0.02
-    assert driver.set('tare_limit', 50.0).successful and drift.limit == 0.03  # a grasp would be taken for drift
-    assert driver.set('frozen_after', 0.1).successful  # the skin reads the same for ever
+    # A higher limit would take a grasp for drift.
+    assert driver.set('tare_limit', 50.0).successful and drift.limit == 0.03
+    assert driver.set('frozen_after', 0.1).successful  # The skin now reads the same value for ever.
     driver.taxels.clear()
     driver.until(lambda: driver.taxels and np.isnan(driver.taxels[-1].values).all())
     assert driver.set('frozen_after', 0.0).successful
@@ -151,12 +152,12 @@ def test_a_live_change_and_configure_refuse_the_same_heartbeat_timeout(make):
     for again in (driver.node.trigger_deactivate, driver.node.trigger_cleanup, driver.node.trigger_configure):
         assert again() == TransitionCallbackReturn.SUCCESS
     assert driver.node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
-    assert driver.set('heartbeat_timeout', 0.45).successful, 'the period may change before configure checks both'
+    assert driver.set('heartbeat_timeout', 0.45).successful, 'a timeout may change before configure checks both values'
     assert driver.node.trigger_configure() == TransitionCallbackReturn.FAILURE
 
 
 def test_a_live_change_while_the_driver_configures_takes_effect(make, monkeypatch):
-    """Configure reads the parameters first and takes seconds: a change in between must not get lost."""
+    """Configure first reads the parameters and then takes seconds. A change during that time must take effect."""
     driver = make(autostart=False)
 
     def set_and_make_source(*given):
@@ -168,10 +169,10 @@ def test_a_live_change_while_the_driver_configures_takes_effect(make, monkeypatc
 
 
 def test_another_publisher_of_the_pads_taxels_is_reported(make):
-    """Also one of the same name, as a driver that was started twice."""
+    """The other publisher may have the same name, as when a driver was started twice."""
     driver = make()
     driver.until(lambda: driver.status and driver.status[-1].pads and driver.status[-1].pads[0].level == SkinStatus.OK)
-    with rclpy.context.Context() as context:  # as in another process
+    with rclpy.context.Context() as context:  # A second context stands for another process.
         other = rclpy.create_node('skin_driver', context=context)
         other.create_publisher(TaxelArray, '/pad32/taxels', 10)
         driver.until(lambda: driver.status[-1].pads[0].level == SkinStatus.WARN
@@ -197,7 +198,7 @@ def test_incomplete_frames_can_be_dropped_live(make):
 
 @pytest.mark.parametrize(('gain', 'reading'), [(1.0, 40e3), (10.0, 4e3)])
 def test_no_tare_limit_lets_the_zero_follow_a_grasp(tmp_path, gain, reading):
-    """Both read 40 kPa, for a minute."""
+    """Both skins read 40 kPa for a minute."""
     np.savetxt(tmp_path / 'gains.txt', np.full((16, 16), gain))
     settings = DriverSettings(follow_drift=True, tare_limit=1e9, gain_files=(str(tmp_path / 'gains.txt'),))
     pad = conditioned_pads(driver_pads(replace(settings, replay='a log')), settings)['pad']

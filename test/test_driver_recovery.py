@@ -1,4 +1,7 @@
-"""The driver node over an outage: same node, still active, /diagnostics true to what the bus does."""
+"""The driver node survives an outage.
+
+It is the same node and still active, and /diagnostics reports the true state of the bus.
+"""
 
 import subprocess
 import sys
@@ -35,14 +38,16 @@ from tactile_skin.srv import Tare
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-ALL_STATUS_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # not the latest alone
+# This QoS profile keeps all messages, not only the latest one.
+ALL_STATUS_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @pytest.fixture
 def chain(ros):
     load = [PRESSED]
     bench = ros.enter_context(FaultBench('driver node', source=lambda t: np.full((SIDE, SIDE), load[0])))
-    chain = DriverBench(ros, bench, sync_period=0.2)  # s: a stall of that length is rare; each would be a WARN
+    # SYNC period in seconds. Each stall of that length would be reported as a WARN, and such stalls are rare.
+    chain = DriverBench(ros, bench, sync_period=0.2)
     chain.load = load
     return chain
 
@@ -66,7 +71,7 @@ def test_a_device_that_is_gone_is_never_ok_nor_operational(chain):
     chain.bench.device.power_off()
     seen = len(chain.levels)
     chain.until(lambda: len(chain.levels) >= seen + 4, 'no diagnostics')
-    # The first message after it may be of the second before
+    # The first message may still describe the time before the outage.
     assert all(levels[1] != OK for levels in chain.levels[seen + 1:]), chain.levels[seen:]
     assert 'neither heartbeat nor taxels' in chain.reports[-1] and chain.levels[-1][1] == ERROR
     node = chain.status[-1].pads[0].nodes[0]
@@ -88,7 +93,7 @@ def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain)
     assert starting.is_alive() and chain.bench.adapter.opened == 0
     chain.until(lambda: any(WAITING in message.msg for message in logged), 'not logged')
     reports = sum(WAITING in message.msg for message in logged)
-    assert reports <= 1 + (time.monotonic() - begun) / FIRST_REMINDER  # not at each attempt
+    assert reports <= 1 + (time.monotonic() - begun) / FIRST_REMINDER  # The driver does not log every attempt.
     chain.bench.adapter.is_plugged = True
     chain.until(lambda: (OK, OK) in chain.levels, 'never OK')
     starting.join()
@@ -96,7 +101,10 @@ def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain)
 
 
 def test_the_pads_of_a_driver_are_seen_all_or_none(chain, monkeypatch):
-    """While the driver waits at start, the executor publishes the state of its pads: these may not grow meanwhile."""
+    """While the driver waits at start, the executor publishes the state of its pads.
+
+    The number of pads must not grow meanwhile.
+    """
     driver, seen = chain.node, []
 
     def output(*given, **options):
@@ -110,7 +118,7 @@ def test_the_pads_of_a_driver_are_seen_all_or_none(chain, monkeypatch):
 
 
 def test_the_state_can_be_looked_at_while_the_driver_is_released(chain):
-    """The executor looks every 50 ms, also while another thread destroys the publishers."""
+    """The executor reads the state every 50 ms, even while another thread destroys the publishers."""
     chain.node.trigger_configure()
     output, = chain.node._pads.values()
     output._looked = -np.inf
@@ -143,7 +151,10 @@ def test_with_simulated_time_and_no_clock_faults_are_reported_with_the_stamp_0(c
 
 
 def test_each_frame_has_the_time_since_its_sync_when_it_was_sent(chain):
-    """Here sender and receiver share a clock. The taxels of a held-up driver would look current."""
+    """Sender and receiver share a clock here.
+
+    If the age did not include this time, the taxels of a delayed driver would look current.
+    """
     arrived = []
     chain.listener.create_subscription(TaxelArray, '/pad32/taxels', lambda frame: arrived.append((time.time(), frame)),
                                        50)
@@ -167,7 +178,7 @@ def test_waiting_at_start_ends_when_stopped(chain):
 
 
 def test_activate_may_be_tried_again_after_an_outage(chain):
-    """A failed activate leaves the node inactive, that is configured, as the lifecycle says."""
+    """According to the lifecycle, a failed activate leaves the node inactive, so it stays configured."""
     chain.node.trigger_configure()
     chain.bench.adapter.is_plugged = False
     chain.until(lambda: chain.node.source.failure is not None, 'not failed')
@@ -210,7 +221,7 @@ def test_whoever_comes_late_gets_the_last_status(chain):
 
 
 def test_each_change_of_the_lifecycle_is_logged_and_reported_when_it_happens(chain):
-    """Not only by the next message of the timer, whose callback cannot run meanwhile."""
+    """The report must not wait for the next message of the timer, whose callback cannot run during a transition."""
     logged, heard = chain.listen(Log, '/rosout', 50), chain.listen(SkinStatus, '/skin_driver/status', ALL_STATUS_QOS)
     changes = []
     chain.until(lambda: heard and chain.listener.count_publishers('/rosout') > 1, 'no status, or no /rosout')
@@ -240,8 +251,9 @@ def test_each_change_of_the_lifecycle_is_logged_and_reported_when_it_happens(cha
 
 
 def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
-    """Not by the message of each second, which does not come here; `make faults` measures how soon, and how often at
-    most it is published is in test_pacer.py.
+    """The status must not wait for the message of each second, which is disabled here.
+
+    `make faults` measures how soon a fault is reported. The highest rate of these reports is tested in test_pacer.py.
     """
     chain.start()
     monkeypatch.setattr(message_pace, 'EARLY_ROUND', -inf)
@@ -251,11 +263,11 @@ def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
     chain.until(lambda: chain.status[-1].fault == SkinStatus.FAULT_NONE, 'the end is not reported')
 
 
-OFFSET = 0.05  # N, below a contact and above the default limit
+OFFSET = 0.05  # Below a contact, and above the default limit [N].
 
 
 def tared(chain, limit, **request):
-    """Start the driver; the answer to a tare with this limit."""
+    """Start the driver; return its answer to a tare with this limit."""
     chain.start()
     assert chain.set('tare_limit', limit).successful
     return chain.answer(Tare, 'tare', Tare.Request(frames=5, **request))
@@ -266,7 +278,7 @@ def wait_for_values(chain, value):
 
 
 def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain):
-    """The skin reads PRESSED all over, which is a load; then OFFSET: with a higher limit that is none."""
+    """The whole skin reads PRESSED, which is a load. It then reads OFFSET, which is no load under a higher limit."""
     refused, also_refused = tared(chain, 0.5 * PRESSED), tared(chain, 2 * PRESSED)
     assert not refused.success and refused.refusal == Tare.Response.REFUSAL_PRESSED and not refused.tared
     assert not also_refused.success and also_refused.refusal == Tare.Response.REFUSAL_CONTACT
@@ -283,8 +295,8 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
 
 @pytest.fixture
 def tare_here(chain, monkeypatch):
-    """`tactile tare` for 5 frames as a call: in this process, on a thread, while the driver runs."""
-    monkeypatch.setattr(rclpy, 'init', lambda **given: None)  # ROS runs already, and goes on
+    """Return a function that runs `tactile tare` for 5 frames in this process, on a thread, while the driver runs."""
+    monkeypatch.setattr(rclpy, 'init', lambda **given: None)  # ROS is already running, and must keep running.
     monkeypatch.setattr(rclpy, 'try_shutdown', lambda: None)
 
     def exit_code(*words):
@@ -311,7 +323,7 @@ def test_the_command_tries_again_while_something_presses_and_tares_all_pads_of_t
     chain.stack.callback(process.wait)
     chain.stack.callback(process.kill)
     chain.until(lambda: 'trying again for 600 s' in printed.read_text(), 'it does not try again')
-    chain.load[0] = 0.02  # N, below the limit
+    chain.load[0] = 0.02  # Below the limit [N].
     chain.until(lambda: process.poll() is not None, 'the command has not ended')
     assert process.returncode == 0
     assert printed.read_text().splitlines()[-1].startswith('pad32: tared over 5 frames, noise ')
@@ -319,7 +331,7 @@ def test_the_command_tries_again_while_something_presses_and_tares_all_pads_of_t
 
 
 def test_without_a_driver_the_command_says_what_to_start_and_which_drivers_run(tare_here, capsys, monkeypatch):
-    monkeypatch.setattr(tare_client, 'DISCOVERY_TIMEOUT', 0.0)  # what runs in this process is known at once
+    monkeypatch.setattr(tare_client, 'DISCOVERY_TIMEOUT', 0.0)  # Nodes in this process are known at once.
     assert tare_here('--namespace', 'hand') == 2
     error, = capsys.readouterr().err.splitlines()
     assert '/hand/skin_driver: expected a running driver, got none, but /skin_driver.' in error
@@ -340,7 +352,7 @@ def test_a_tare_of_unreasonably_many_frames_is_refused_at_once(chain):
 
 
 def test_the_driver_continues_while_a_tare_waits_for_frames(chain):
-    """Without frames it would wait for as long as they may take, half a minute."""
+    """Without frames, the tare would wait for its whole time limit of half a minute."""
     early = chain.answer(Tare, 'tare', Tare.Request(frames=5))
     assert refusal_of(early) == Tare.Response.REFUSAL_DRIVER_NOT_ACTIVE and 'a configured driver' in early.message
     chain.node.autostart()
@@ -363,7 +375,8 @@ def test_a_power_cycle_after_the_devices_own_zero_leaves_no_valid_value_before_t
     chain.load[0] = OFFSET
     done = tared(chain, 2 * OFFSET, on_device=True)
     assert done.success and f'{SIDE * SIDE} channels zeroed on the device' in done.message
-    assert done.largest_offset[0] == pytest.approx(0, abs=0.01)  # nothing was left for the driver to take off
+    # The device has removed the offset, so the driver finds none.
+    assert done.largest_offset[0] == pytest.approx(0, abs=0.01)
     wait_for_values(chain, 0)
     chain.bench.device.power_off()
     chain.bench.device.boot()

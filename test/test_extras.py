@@ -1,4 +1,4 @@
-"""Extras that an error or a page names exist, and bring the modules that are missing."""
+"""Every extra that an error or a page names exists, and installs the missing modules."""
 
 import configparser
 import re
@@ -10,7 +10,7 @@ import pytest
 from tactile_node.cli.main import COMMANDS, NEEDS, main
 
 ROOT = Path(__file__).resolve().parents[1]
-#: tactile-skin[picture], '.[picture,bag]'
+#: The pattern matches tactile-skin[picture] and '.[picture,bag]'.
 NAMED = re.compile(r"(?:tactile-skin|\B\.)\[([a-z]+(?:, ?[a-z]+)*)\]")
 
 

@@ -1,4 +1,4 @@
-"""The sentences made of faults: one for each, with what is known of it."""
+"""Each fault has one sentence, which contains the known details."""
 
 from functools import partial
 

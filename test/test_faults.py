@@ -1,4 +1,4 @@
-"""The catalogue of faults: what a user sees of each, and that the taxels stay right."""
+"""The catalogue of faults: what a user sees during each fault. The taxels stay right throughout."""
 
 import threading
 import time
@@ -38,7 +38,7 @@ def test_without_recovery_faults_are_reported_and_left_alone():
 
 
 def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
-    """An outage leaves out as many numbers as SYNC periods have passed, never more."""
+    """An outage skips as many numbers as SYNC periods have passed, never more."""
     with FaultBench('numbers') as bench:
         bench.run()
         bench.adapter.is_plugged = False
@@ -53,14 +53,14 @@ def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
 def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
     record = tmp_path / 'session.log'
     with FaultBench('recorded', record=str(record)) as bench:
-        bench.run().wait_for_whole('pad32', time.time())  # more than one SYNC is recorded
+        bench.run().wait_for_whole('pad32', time.time())  # More than one SYNC is then recorded.
         bench.cause()
         bench.adapter.is_plugged = False
         bench.wait(lambda: bench.driver.health().outages.seconds > 0.3, 'the outage ends by itself')
         bench.repair()
     assert [path.name for path in tmp_path.iterdir()] == ['session.log']
     syncs = np.array([float(line.split()[0][1:-1]) for line in record.read_text().splitlines() if ' 080#' in line])
-    gaps = np.flatnonzero(np.diff(syncs) > 0.25)  # a busy machine may add some
+    gaps = np.flatnonzero(np.diff(syncs) > 0.25)  # A busy machine may add some gaps.
     assert ((0 < gaps) & (gaps < len(syncs) - 2)).any()
 
 
@@ -92,7 +92,10 @@ def test_a_driver_closed_amid_an_outage_opens_again():
     (2, 0.06, None), (3, 0.005, AssertionError), (1, 0.005, AssertionError), (3, 0.06, TooSlowError)],
     ids=['right, held up by adapter and skin', 'a value of the past', 'a value of the future', 'a device that is late'])
 def test_a_stamp_is_judged_by_the_sync_that_the_taxels_answer(stamped, answered_late, error):
-    """Not by the time that a busy machine took: taxels of SYNC 2 have the stamp of SYNC ``stamped``."""
+    """A stamp is judged by the SYNC, not by the time that a busy machine needed.
+
+    The taxels answer SYNC 2, and carry the stamp of SYNC ``stamped``.
+    """
     coded, asked = Coded(), [100.0 + PERIOD * number for number in range(5)]
 
     def frame(sync: int, stamp: float) -> TaxelFrame:

@@ -1,4 +1,4 @@
-"""Sections 4 to 6: every feature against the plain definition, worked examples, invariances."""
+"""Sections 4 to 6 of the paper: features against their plain definitions, worked examples, and invariances."""
 
 import json
 import math
@@ -31,7 +31,10 @@ def test_every_feature_is_that_of_the_definition(name):
 
 @pytest.mark.parametrize('name', assorted())
 def test_every_rotated_pattern_is_that_of_the_definition(name):
-    """For every angle with TACTILE_LONG, else for every third one, from another one on for each pattern."""
+    """With TACTILE_LONG, the test takes every angle.
+
+    Otherwise it takes every third angle, and starts at another angle for each pattern.
+    """
     mask, begin = assorted()[name], list(assorted()).index(name) % 3
     chosen = slice(None) if os.environ.get('TACTILE_LONG') else slice(begin, None, 3)
     for angle, rotated in [*zip(ANGLES, rotated_patterns(mask))][chosen]:

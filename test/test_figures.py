@@ -1,4 +1,4 @@
-"""Figures that a simulated skin is pressed with: their size and place, by name or from a picture."""
+"""Figures that press a simulated skin: their size and place, given by name or read from a picture."""
 
 import numpy as np
 import pytest

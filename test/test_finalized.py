@@ -1,4 +1,7 @@
-"""A process whose node is finalized ends in order: it can do nothing more, and would look alive to a launch file."""
+"""A process whose node is finalized ends in order.
+
+It can do nothing more, but would look alive to a launch file.
+"""
 
 import subprocess
 import sys
@@ -15,7 +18,7 @@ from tactile_skin.msg import SkinStatus
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-TIMEOUT = 60.0  # s, for a busy machine
+TIMEOUT = 60.0  # Time limit on a busy machine [s].
 SHUTDOWN = {SkinStatus.UNCONFIGURED: Transition.TRANSITION_UNCONFIGURED_SHUTDOWN,
             SkinStatus.INACTIVE: Transition.TRANSITION_INACTIVE_SHUTDOWN,
             SkinStatus.ACTIVE: Transition.TRANSITION_ACTIVE_SHUTDOWN}
@@ -27,10 +30,10 @@ BRINGUP = [sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--simulate
 
 @pytest.mark.parametrize(('command', 'state'), [
     ([*DRIVER, '-p', 'autostart:=false'], SkinStatus.UNCONFIGURED),
-    ([*DRIVER, '-p', 'boot_timeout:=0.2'], SkinStatus.UNCONFIGURED),  # it waits for a device
+    ([*DRIVER, '-p', 'boot_timeout:=0.2'], SkinStatus.UNCONFIGURED),  # The driver is waiting for a device.
     (BRINGUP, SkinStatus.ACTIVE)], ids=['driver', 'driver that waits', 'all nodes in one process'])
 def test_the_transition_shutdown_is_answered_and_ends_the_process(command, state, tmp_path):
-    errors = tmp_path / 'errors'  # no pipe: unread, it fills with the refusals, and the driver waits
+    errors = tmp_path / 'errors'  # A pipe that nobody reads would fill with the refusals, and the driver would block.
     rclpy.init()
     with ExitStack() as stack:
         stack.callback(rclpy.shutdown)
@@ -52,9 +55,10 @@ def test_the_transition_shutdown_is_answered_and_ends_the_process(command, state
             answer = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
             rclpy.spin_until_future_complete(node, answer, timeout_sec=seconds)
             return answer.result()
-        while change(NO_TRANSITION, 2.0) is None:  # the first answers may be lost: DDS has not discovered us yet
+        # The first answers may be lost, because DDS has not discovered this node yet.
+        while change(NO_TRANSITION, 2.0) is None:
             assert process.poll() is None
-        while not (answer := change(SHUTDOWN[state])).success:  # a driver that waits is "configuring" now and then
+        while not (answer := change(SHUTDOWN[state])).success:  # A waiting driver is "configuring" from time to time.
             assert answer is not None and state == SkinStatus.UNCONFIGURED
         assert process.wait(TIMEOUT) == 0
         assert 'Traceback' not in errors.read_text()

@@ -1,6 +1,7 @@
-"""A fit that goes on from the frame before, against a search in each frame, on contacts computed by contact mechanics.
+"""A fit that continues from the previous frame, compared with a new search in each frame.
 
-The truth is the solver's contact set, which slides, turns, grows, is pressed harder, loses taxels, and jumps.
+Contact mechanics computes the contacts. The truth is the solver's contact set. The contact slides, turns, grows, is
+pressed harder, loses taxels, and jumps.
 """
 
 import os
@@ -27,19 +28,19 @@ PUNCHES = {
     'isosceles_triangle': (1.41, 1.41)}
 LONG = bool(os.environ.get('TACTILE_LONG'))
 PERIOD, FRAMES, SIDE, MIDDLE, DEPTH = 0.02, 40, 32, 14.0, 0.6
-INSIDE = 5.99  #: chi squared of two places, 95 %
+INSIDE = 5.99  #: The 95 % quantile of chi squared for the two coordinates of the centre.
 
 
 class Moment(NamedTuple):
-    """How the contact is pressed in one frame; lengths in pitches."""
+    """Describes how the contact is pressed in one frame; lengths in pitches."""
 
-    x: float = 0.0  #: from the middle of the pad
+    x: float = 0.0  #: Distance from the middle of the pad.
     y: float = 0.0
     angle: float = 0.4
     area: float = 60.0
     load: float = 1.0
     dead: float = 0.0
-    line: int = -1  #: a row without values
+    line: int = -1  #: Row without values, or -1.
 
 
 def path(change: Callable[[int], Moment]) -> list[Moment]:
@@ -61,7 +62,7 @@ WAYS = {
 
 @cache
 def pressed(shape: str, area: float):
-    """The stress field, and the middle of the contact set in its frame [pitches]."""
+    """Return the stress field, and the middle of the contact set in the frame of the field [pitches]."""
     solution = solve(flat_punch(Contact(shape, PUNCHES[shape], 0.0, 0.0), 0.03, 0.12), (0.05, 0.03))
     rows, cols = np.nonzero(solution.contact)
     middle = np.array(solution.origin) + np.array((cols.mean(), rows.mean())) * solution.cell
@@ -69,7 +70,7 @@ def pressed(shape: str, area: float):
 
 
 class Followed(NamedTuple):
-    """Distances from the true centre (n, 2), and whether the 95 % region holds it (n,)."""
+    """Distances from the true centre (n, 2). ``inside`` (n,) is True if the 95 % region contains it."""
 
     apart: np.ndarray
     inside: np.ndarray
@@ -94,11 +95,12 @@ def fits_of(shape: str, moments: list[Moment], follower: FitFollower | None) -> 
 
 
 def apart(fits: Followed) -> np.ndarray:
-    """Distances from the true centre [pitches]."""
+    """Return the distances from the true centre [pitches]."""
     return np.hypot(*fits.apart.T)
 
 
-#: each way with a shape, each shape with a way or two; with TACTILE_LONG all together
+#: Each movement is combined with one shape, and each shape with one or two movements. TACTILE_LONG tests all
+#: combinations.
 PAIRS = [(shape, way) for i, way in enumerate(WAYS) for j, shape in enumerate(PUNCHES)
          if LONG or (i + j) % len(PUNCHES) == 0]
 
@@ -125,14 +127,14 @@ def test_it_is_no_surer_than_it_is_right(shape, way):
 @pytest.mark.slow
 @pytest.mark.parametrize('shape', PUNCHES if LONG else ('rectangle', 'isosceles_triangle'))
 def test_it_does_not_lag_behind_a_slide(shape):
-    """0.5 pitch a frame: 50 mm/s at 50 Hz on taxels 2 mm apart."""
+    """A slide by 0.5 pitch per frame is 50 mm/s at 50 Hz on taxels 2 mm apart."""
     searched, followed = both(shape, 'slides by 0.5 pitch a frame')
     assert abs((followed.apart - searched.apart)[:, 0].mean()) < 0.03
 
 
 @pytest.fixture
 def searches(monkeypatch) -> list[Shape]:
-    """The shape of each search."""
+    """Return a list that records the shape of each search."""
     found: list[Shape] = []
     search = fitting.search
 
@@ -159,7 +161,7 @@ def test_a_punch_that_becomes_a_ball_of_the_same_outline_is_as_large_and_as_sure
     indenters = {'punch': flat_punch(Contact('circle', PUNCHES['circle'], 0.0, 0.0), 0.03, 0.12), 'ball': ball(0.1)}
     fields = [stress_field(solve(indenters[kind], (0.05, 0.03)), 60.0, DEPTH) for kind in kinds]
     follower, rng = FitFollower(), np.random.default_rng(20261126)
-    for number in range(20):  # changed after 10: before the half second is over
+    for number in range(20):  # The shape changes after 10 frames, before the half second is over.
         frame = measured(sample(fields[number // 10], MIDDLE, MIDDLE, 0.4, SIDE, SIDE), 0.4, rng, noise=0.01)
         contact = find_contact(frame, unit=None)
         searched, followed = (fit_shape(contact.values, contact.mask, Shape.CIRCLE, find=find)
@@ -198,9 +200,10 @@ def test_on_off_taxels_are_followed_as_near(shape):
 
 
 def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
-    """Followed and searched radius [pitches] in the second frame of a circle, whose first frame shows less of it.
+    """Return the followed and the searched radius [pitches] of a circle in its second frame.
 
-    In the first frame it is pressed by ``load`` of the second, and the last ``hidden`` rows have no value.
+    The first frame shows less of the circle: it has only ``load`` times the pressure, and its last ``hidden`` rows have
+    no value.
     """
     rng, follower = np.random.default_rng(number), FitFollower()
     contact = random_contact(rng, 'circle', 60.0, SIDE, SIDE)
@@ -218,6 +221,6 @@ def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
 
 @pytest.mark.parametrize('load, hidden', [(0.05, 0), (0.1, 0), (0.2, 0), (1.0, 13), (1.0, 15)])
 def test_a_circle_first_seen_badly_is_as_large_as_searched_for(load, hidden):
-    """Touched lightly, or with half of it hidden, it may look like a cone, which is larger."""
+    """A circle that is touched lightly or half hidden may look like a cone, which is larger."""
     pairs = np.array([first_press(number, load, hidden) for number in range(40 if LONG else 12)])
     assert abs(pairs[:, 0] - pairs[:, 1]).max() < 0.1

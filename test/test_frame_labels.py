@@ -1,4 +1,4 @@
-"""Labels by hand: one for each frame of a recording, none without."""
+"""Labels given by hand: a recording has one for each frame, or none at all."""
 
 from functools import cache
 

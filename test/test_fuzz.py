@@ -1,4 +1,4 @@
-"""A fixed, small share of `make fuzz`, and every input that once broke something."""
+"""A small, fixed part of `make fuzz`, and every input that once caused a fault."""
 
 import logging
 from pathlib import Path
@@ -13,13 +13,16 @@ CASES = sorted(path for path in CORPUS.iterdir() if path.name != 'README.md')
 
 @pytest.mark.parametrize('path', CASES, ids=lambda path: path.name)
 def test_what_once_broke_something(path: Path):
-    """The name begins with the kind of file."""
+    """The name of a case begins with the kind of its file."""
     assert survives(path.name.split('_')[0], path) in ('read', 'refused')
 
 
 @pytest.mark.slow
 def test_mutated_files_are_read_or_refused(tmp_path):
-    """Their own seed; both outcomes occur, so the mutations are neither harmless nor all fatal at once."""
+    """The mutations have seeds of their own.
+
+    Both outcomes must occur, so the mutations are neither harmless nor all fatal.
+    """
     outcomes = {survives(kind, path) for (kind, path), _ in zip(mutated_files(2, tmp_path), range(300))}
     assert outcomes == {'read', 'refused'}
 

@@ -1,6 +1,6 @@
-"""The grasp of two pads: geometry by hand, holding and withdrawal as a state machine of times.
+"""The grasp of two pads: geometry computed by hand, and the timing of holding and withdrawal.
 
-The rule: a reader of the latest state takes neither "not seen" for "empty" nor old results for current ones.
+A reader of the latest state must never take "not seen" for "empty", nor old results for current ones.
 """
 
 from math import pi
@@ -13,13 +13,14 @@ from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.steadiness import SteadinessSettings
 from tactile_node.grasp.tracker import GraspContact, GraspSettings, GraspTracker, SideResult, SideState
 
-# Left pad looks along +y, its x along the gripper's x; the right one along -y.
+# The left pad looks along +y, and its x axis is that of the gripper. The right pad looks along -y.
 LEFT, RIGHT = PadPose((0.0, 0.0, 0.0), (-pi / 2, 0.0, 0.0)), PadPose((0.0, 0.0, 0.0), (pi / 2, 0.0, 0.0))
 SETTINGS = GraspSettings(Gripper(LEFT, RIGHT), SteadinessSettings(max_creep=0.0005, slip=0.001), min_hold=0.2,
                          max_skew=0.05, max_age=0.25)
-RESOLUTION = 0.0002  # m
-PERIOD, PATH = 0.02, 0.01  # s: between results, from acquisition to arrival
-STABLE_AFTER = 0.6  # s: 1.5 resolutions at max_creep, without noise
+RESOLUTION = 0.0002  # Resolution of a position [m].
+PERIOD = 0.02  # Time between two results [s].
+PATH = 0.01    # Time from acquisition to arrival [s].
+STABLE_AFTER = 0.6  # Time until a grasp is stable [s]: 1.5 resolutions at max_creep, without noise.
 
 
 def touch(time, name='circle', centre=(0.01, 0.0), **changes):
@@ -35,7 +36,7 @@ def unseen(time):
 
 
 def run(tracker, times, gap=0.04, left=touch, right=touch):
-    """Both sides' results, each received PATH after its time."""
+    """Feed the results of both sides, each received PATH after its time; return the last state."""
     for time in times:
         tracker.update('left', left(time), time + PATH, gap)
         state = tracker.update('right', right(time), time + PATH, gap)
@@ -56,7 +57,7 @@ def test_opposite_contacts_make_a_straight_line_as_wide_as_the_gap():
     assert state.line.midpoint == pytest.approx([0.01, 0, 0])
 
 
-# What is touched
+# Touched sides.
 
 E, T, U, N = SideState.EMPTY, SideState.TOUCHED, SideState.UNSEEN, SideState.NOT_KNOWN
 CONTACT = {(E, E): GraspContact.NO_CONTACT, (E, T): GraspContact.ONE_SIDED, (T, T): GraspContact.TWO_SIDED,
@@ -81,7 +82,7 @@ def test_a_contact_is_what_both_sides_are_known_to_be(states, expected, mirrored
 
 @pytest.mark.parametrize('state', [T, E])
 def test_a_result_that_is_too_old_is_unseen(state):
-    """Also when it has just arrived: it was held back."""
+    """A result that has just arrived after a long delay is unseen, too."""
     tracker = GraspTracker(SETTINGS)
     for time in until(0.3):
         tracker.update('left', touch(time), time + PATH)
@@ -100,7 +101,10 @@ def test_a_result_of_unknown_age_is_unseen():
 @pytest.mark.parametrize('stopped', [('left', 'right'), ('left',), ('right',)])
 @pytest.mark.parametrize('period', [0.01, 0.02, 0.05, 0.1])
 def test_freshness_ends_when_the_results_of_a_side_stop(stopped, period):
-    """Within 3 periods, at least 0.1 s, a reader has to know: earlier, so that there is time to send it."""
+    """A reader must know within 3 periods, or within 0.1 s if that is longer.
+
+    The limit is below 80 % of that time, so that time remains to send the message.
+    """
     tracker = GraspTracker(SETTINGS)
     last = run(tracker, np.arange(0, 3, period))
     assert last.fresh and last.stable
@@ -123,7 +127,7 @@ def test_sides_of_different_times_are_not_fresh():
     assert not state.fresh and not state.stable and state.contact is GraspContact.TWO_SIDED and state.line is None
 
 
-# Holding
+# Holding.
 
 def test_a_grasp_is_stable_once_it_has_held():
     tracker, times = GraspTracker(SETTINGS), until(1.0)
@@ -157,7 +161,10 @@ def test_another_shape_a_slip_or_a_loss_restarts_the_hold(name):
 
 @pytest.mark.parametrize('name', UNCERTAIN)
 def test_a_single_result_that_shows_nothing_only_suspends_it(name):
-    """As a lost one; when they last, the hold starts again."""
+    """A single uncertain result suspends the grasp, as a lost one does.
+
+    If such results continue, the hold starts again.
+    """
     tracker, disturbed = GraspTracker(SETTINGS), UNCERTAIN[name]
     run(tracker, until(1.0))
     run(tracker, [1.0], right=disturbed)
@@ -173,7 +180,7 @@ def test_a_result_that_is_a_bound_says_so():
 
 
 def test_a_contact_that_could_creep_unseen_is_never_stable():
-    """A bar across the whole pad may slide along itself without a change of its visible part."""
+    """A bar across the whole pad may slide along itself without a change in its visible part."""
     state = run(GraspTracker(SETTINGS), until(3.0), left=lambda t: touch(t, hides_creep=True))
     assert state.fresh and state.line is not None and not state.stable and np.isnan(state.creep)
 

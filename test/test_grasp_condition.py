@@ -1,4 +1,4 @@
-"""The example for behaviour trees: a condition that never succeeds by an old grasp."""
+"""The example for behaviour trees: its condition never succeeds because of an old grasp."""
 
 from copy import deepcopy
 from types import SimpleNamespace
@@ -20,11 +20,12 @@ from tactile_skin.msg import ContactShape, Grasp
 
 pytestmark = pytest.mark.ros
 
-PERIOD, AGE = 0.05, 0.03  # s
+PERIOD = 0.05  # Time between two messages [s].
+AGE = 0.03     # Age of a message on arrival [s].
 
 
 class World:
-    """A clock, a publisher of grasps and the tree's view of it."""
+    """A clock, a publisher of grasps, and the tree's view of the grasp."""
 
     def __init__(self):
         self.now, self._tracker = 100.0, GraspTracker()
@@ -64,7 +65,7 @@ def world():
 
 @pytest.fixture(scope='module')
 def first_held():
-    """Whose grasp has been stable for a while: its messages take half a second to make."""
+    """Return a world whose grasp has been stable for a while. Computing its messages takes half a second."""
     world = World()
     world.publish(1.5)
     assert world.tick() is Status.SUCCESS
@@ -107,7 +108,7 @@ def test_what_is_not_held_or_not_seen_fails(held, states):
 
 @pytest.mark.parametrize('required, expected', [({}, Status.SUCCESS), ({'min_confidence': 0.5}, Status.FAILURE)])
 def test_a_shape_that_is_surely_unknown_is_not_sure(held, required, expected):
-    """Who asks for a confidence asks for a shape, also for a low one: here that of the likeliest class is enough."""
+    """A minimum confidence requires a known shape, even if the confidence of the likeliest class is high enough."""
     grasp = held.message(held._tracker.state(held.now))
     grasp.shape, grasp.class_name, grasp.confidence = ContactShape.UNKNOWN, 'unknown', 0.5
     held.watch = SimpleNamespace(current=lambda: grasp)

@@ -1,4 +1,4 @@
-"""The grasp node with shapes that stop, are held back, hidden or stamped by other clocks: what its reader is given."""
+"""The grasps that the node publishes if shapes stop, are held back, are hidden, or have stamps from other clocks."""
 
 import math
 from functools import partial
@@ -19,15 +19,15 @@ from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
 pytestmark = pytest.mark.ros
 
-STEP = 0.01  # s
-PERIOD = 2 * STEP  # s, of the shapes
-AGE = 0.015  # s, of a shape when it is sent
-HELD_BACK = 1.5  # s, fifteen times what a grasp may be old
+STEP = 0.01  # Step of the virtual time [s].
+PERIOD = 2 * STEP  # Period of the shapes [s].
+AGE = 0.015  # Age of a shape when it is sent [s].
+HELD_BACK = 1.5  # Time for which shapes are held back [s]: fifteen times the largest age of a grasp.
 BOTH = ('left', 'right')
 
 
 def hidden_shape() -> ContactShape:
-    """Nothing is visible, and hidden taxels could hold a contact."""
+    """Return a shape of a pad on which nothing is visible, but hidden taxels could hold a contact."""
     names = ['none', 'unknown']
     return ContactShape(shape=ContactShape.UNKNOWN, class_name='unknown', unknown_reason=ContactShape.NOT_SEEN,
                         confidence=1.0, class_names=names, probabilities=[0.0, 1.0], frame_probabilities=[0.0, 1.0],
@@ -35,7 +35,7 @@ def hidden_shape() -> ContactShape:
 
 
 class Gripper(TimedBench):
-    """Two classifiers, each with another clock, and a reader of the node's grasps."""
+    """Two classifiers with separate clocks, and a reader of the node's grasps."""
 
     def __init__(self, stack, parameters=(), offsets=(0.0, 0.0), lossless=False, **bench):
         super().__init__(stack, STEP, **bench)
@@ -62,7 +62,7 @@ class Gripper(TimedBench):
         return [each for each in self.grasps if each[0] > since]
 
     def message(self, side: str, shape: ContactShape | None = None) -> ContactShape:
-        """The shape of an acquisition AGE ago, by the clock of its side."""
+        """Return the shape of an acquisition AGE ago, by the clock of its side."""
         shape = shape or self._shape
         shape.header.stamp = time_message(1.7e9 + self._offsets[side] + self.steady() - AGE)
         shape.age = age_message(AGE)
@@ -116,16 +116,18 @@ def test_pads_of_any_clocks_are_one_grasp_with_an_age(make_gripper, offsets):
     gripper = make_gripper(offsets=offsets)
     gripper.run_until(lambda grasp: grasp.contact == Grasp.UNSEEN, 'a grasp of both')
     assert not gripper.latest.fresh
-    assert age_seconds(gripper.latest.age) == math.inf  # not settled: it may have been held back for any time
+    # The delay is not settled yet, so the shape may have been held back for any time.
+    assert age_seconds(gripper.latest.age) == math.inf
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
     assert gripper.latest.contact == Grasp.TWO_SIDED and gripper.latest.fresh and gripper.latest.creep < 1e-4
-    assert age_seconds(gripper.latest.age) == pytest.approx(AGE, abs=1e-6)  # of stamps since 1970
+    # The tolerance allows for stamps that count from 1970.
+    assert age_seconds(gripper.latest.age) == pytest.approx(AGE, abs=1e-6)
 
 
 @pytest.mark.parametrize('parameters', SIM_TIME, ids=['', 'sim time without a clock'])
 @pytest.mark.parametrize('continuing', [(), ('left',), ('right',)], ids=['none', 'left', 'right'])
 def test_when_shapes_stop_a_message_says_so(make_gripper, parameters, continuing):
-    """How soon: test_grasp.py has the limit, `make misled` measures it."""
+    """The delay of this message is tested in test_grasp.py; `make misled` measures it."""
     gripper = make_gripper(parameters)
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
     gripper.run_until(lambda grasp: not grasp.fresh and age_seconds(grasp.age) > 0.3, 'nothing', sides=continuing)

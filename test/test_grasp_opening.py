@@ -1,8 +1,8 @@
-"""The whole chain, a simulated gripper that moves: no single Grasp message has a wrong or an old opening.
+"""The whole chain with a simulated gripper that moves. No single Grasp message has a wrong or old opening.
 
-The pads are those of urdf/example_gripper.urdf.xacro. Both are pressed by a square of 6x6 taxels of 2 mm; the middle of
-the left one is at column 8.5, row 7.5, of the right one three columns on, so the contacts are 6 mm apart across the
-closing direction.
+The pads are those of urdf/example_gripper.urdf.xacro. A square of 6x6 taxels of 2 mm presses on each pad. The middle of
+the left square is at column 8.5, row 7.5. The right square lies three columns further. The contacts are therefore 6 mm
+apart across the closing direction.
 """
 
 import time
@@ -23,13 +23,13 @@ from tactile_skin.msg import Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-LIMIT = 0.3  # s, max_gap_age
+LIMIT = 0.3  # Value of max_gap_age [s].
 JOINTS = ['left_finger_joint', 'right_finger_joint']
 GRASP = {'gap_source': 'joint_states', 'gap_joints': JOINTS, 'max_gap_age': LIMIT,
          'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-pi / 2, 0.0, 0.0],
          'right_xyz': [-0.015, 0.0, 0.115], 'right_rpy': [pi / 2, 0.0, 0.0]}
-ACROSS = 0.006  # m
-PLACE = 0.0005  # m, of a contact's centre
+ACROSS = 0.006  # Distance between the contacts across the closing direction [m].
+PLACE = 0.0005  # Tolerance for the centre of a contact [m].
 
 
 def square(column):
@@ -39,7 +39,7 @@ def square(column):
 
 
 class World(RosBench):
-    """The nodes of a gripper, and what one consumer reads."""
+    """The nodes of a gripper, and the messages that one consumer reads."""
 
     def __init__(self, stack):
         super().__init__(stack)
@@ -50,7 +50,8 @@ class World(RosBench):
         stack.callback(skin.stop)
         system = System(bus_nodes(['left', 'right'], grasp=GRASP, driver={
             'interface': 'virtual', 'channel': channel, 'node_ids': [32, 64], 'layouts': ['sim16x16.yaml'],
-            'sync_period': 0.1}))  # s: the chain, the skins and the consumer share one process
+            # SYNC period in seconds. It is long because the chain, the skins and the consumer share one process.
+            'sync_period': 0.1}))
         stack.callback(system.destroy)
         beside = self.add('beside')
         for node in system.nodes:
@@ -69,7 +70,7 @@ class World(RosBench):
         self.joints.publish(message)
 
     def spin(self, seconds, opening=None):
-        """Run; the gripper reports ``opening`` every 30 ms."""
+        """Run for some seconds. The gripper reports ``opening`` every 30 ms."""
         end, due = time.monotonic() + seconds, 0.0
         while time.monotonic() < end:
             if opening is not None and time.monotonic() >= due:
@@ -90,7 +91,7 @@ def world(ros):
 
 
 def check_place(grasp, gap):
-    """Against the drawing: the square on the left is 17 mm from column 0 and 15 mm from row 0."""
+    """Compare a grasp with the drawing: the left square is 17 mm from column 0 and 15 mm from row 0."""
     assert grasp.gap == pytest.approx(gap) and grasp.gap_source == Grasp.GAP_JOINT_STATES
     left, right = grasp.left_centre, grasp.right_centre
     assert (left.x, left.y, left.z) == pytest.approx((0.002, -gap / 2, 0.130), abs=PLACE)
@@ -114,7 +115,8 @@ def test_no_grasp_has_a_wrong_or_an_old_opening(world):
     world.spin_until(lambda grasp: two_sided(grasp) and isfinite(grasp.width), 0.040)
     check_place(world.grasps[-1], 0.040)
 
-    before = len(world.grasps)  # the opening jumps: each message has the one or the other, and all of it
+    # The opening jumps. Each message must be complete, with either the old opening or the new one.
+    before = len(world.grasps)
     world.spin_until(lambda grasp: two_sided(grasp) and grasp.gap == pytest.approx(0.020), 0.020)
     openings = [grasp for grasp in world.grasps[before:] if isfinite(grasp.gap)]
     jumped = next(i for i, grasp in enumerate(openings) if grasp.gap == pytest.approx(0.020))
@@ -123,7 +125,7 @@ def test_no_grasp_has_a_wrong_or_an_old_opening(world):
         if two_sided(grasp):
             check_place(grasp, grasp.gap)
 
-    world.spin_until(lambda grasp: isnan(grasp.gap), None)  # joint states stop, shapes go on
+    world.spin_until(lambda grasp: isnan(grasp.gap), None)  # Joint states stop, and shapes continue.
     ended = len(world.grasps)
     world.spin_until(lambda grasp: len(world.grasps) > ended + 10 and two_sided(grasp), None)
     assert all(isnan(grasp.gap) for grasp in world.grasps[ended:])

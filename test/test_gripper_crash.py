@@ -1,6 +1,6 @@
-"""The server of the gripper's own action is killed or stopped: what later goals of the gripper node do.
+"""The server of the gripper's own action is killed or stopped. The tests check later goals of the gripper node.
 
-Gripper, gripper node and client are processes of their own, because the middleware shows a killed server for 20 s.
+Gripper, gripper node and client are separate processes, because the middleware shows a killed server for 20 s.
 """
 
 import os
@@ -19,19 +19,24 @@ from tactile_node.grasp.closing import Outcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
-TIMEOUT = 5.0  # s, for the gripper to answer: longer than the 3 s after which Fast DDS repeats a lost message
-DISCOVERY = 2.0  # s, for the gripper node to discover a gripper that has discovered it
-WIDEST = 0.08  # m, opening of the open gripper
-NARROW = 0.075  # m, opening of a goal that closes it from WIDEST
-NARROWER = 0.055  # m, of one that closes it from START
-#: m in a step, by which a gripper closes. One that was stopped may get the cancel up to 3 s after the goal: it then has
-#: come 15 mm, and touches nothing.
+# Time limit for an answer of the gripper [s]. The limit is longer than the 3 s after which Fast DDS repeats a lost
+# message.
+TIMEOUT = 5.0
+DISCOVERY = 2.0  # Time for the gripper node to discover a gripper that has already discovered the node [s].
+WIDEST = 0.08  # Opening of the open gripper [m].
+NARROW = 0.075  # Opening of a goal that closes the gripper from WIDEST [m].
+NARROWER = 0.055  # Opening of a goal that closes the gripper from START [m].
+#: Distance by which a gripper closes in a step [m]. A gripper that was stopped may receive the cancel up to 3 s after
+#: the goal. By then it has moved 15 mm, and touches nothing.
 TRAVEL = '0.0001'
 LONG = pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LONG is not set')
 
 
 class Gripper:
-    """The process of gripper_process.py, and the lines that it has printed; ``motor``: is where it came to rest."""
+    """The process of gripper_process.py, and the lines that it has printed.
+
+    Each time the gripper comes to rest, ``motor`` moves to the same opening.
+    """
 
     def __init__(self, kind, motor):
         self.lines, self._motor = [], motor
@@ -57,13 +62,13 @@ class Gripper:
 
 
 class Site:
-    """The gripper node and the gripper as processes; the pads and a client of this one."""
+    """The gripper node and the gripper as separate processes, with the pads and a client in this process."""
 
     def __init__(self, bench):
         self.bench, self.grippers = bench, []
 
     def gripper(self, kind):
-        """Start a gripper, and wait until it serves."""
+        """Start a gripper, and wait until its server is ready."""
         gripper = Gripper(kind, self.bench.motor)
         self.grippers.append(gripper)
         self.bench.until(lambda: 'ready' in gripper.lines)
@@ -71,7 +76,7 @@ class Site:
         return gripper
 
     def goal(self, position):
-        """Return how a goal ended: status, outcome and text."""
+        """Return the status, outcome and text of a finished goal."""
         status, _, outcome = self.bench.close(position=position)
         return status, Outcome(outcome.outcome), outcome.message
 
@@ -116,7 +121,7 @@ def test_a_gripper_that_is_killed_and_restarted_opens_and_closes_again(site, pau
     site.bench.wait(pause)
     second = site.gripper('works')
     status, outcome, text = site.cancelled(handle)
-    # a goal to open ends as cancelled where the new gripper confirms that it holds
+    # A goal to open ends as cancelled if the new gripper confirms that it holds.
     assert outcome in (Outcome.NOT_STOPPED, Outcome.CANCELED if position else Outcome.NOT_STOPPED) and IN_DOUBT in text
     assert site.goal(WIDEST)[:2] == REACHED and second.lines[-1] == f'reached {WIDEST}'
     assert site.goal(NARROW)[:2] == REACHED and second.lines[-1] == f'reached {NARROW}'
@@ -155,7 +160,7 @@ def test_a_stopped_gripper_that_wakes_up_carries_out_nothing_old(site):
     gripper.send(signal.SIGSTOP)
     status, outcome, text = site.goal(0.0)
     assert (status, outcome) == (GoalStatus.STATUS_ABORTED, Outcome.GRIPPER_SILENT) and IN_DOUBT in text
-    assert site.goal(0.0)[1] is Outcome.GRIPPER_SILENT  # and is not sent
+    assert site.goal(0.0)[1] is Outcome.GRIPPER_SILENT  # This goal is not sent.
     gripper.send(signal.SIGCONT)
     site.bench.until(lambda: any(line.startswith('cancelled') for line in gripper.lines))
     assert site.bench.motor.opening > site.bench.pads.width

@@ -1,4 +1,4 @@
-"""Two gripper nodes in front of one gripper, or of one name: nothing closes, and both say so."""
+"""Two gripper nodes share one gripper or one name. Nothing closes, and both nodes report the duplicate."""
 
 import logging
 import signal
@@ -35,7 +35,7 @@ def servers(bench, action):
 
 
 class Diagnostics:
-    """The latest entry of each name, beside those of other names."""
+    """Keeps the latest diagnostics entry of each name."""
 
     def __init__(self, bench):
         self.found: dict[str, DiagnosticStatus] = {}
@@ -48,12 +48,15 @@ class Diagnostics:
         return self.found[name].level if name in self.found else None
 
 
-# With processes, in real time
+# With processes, in real time.
 
 @pytest.mark.parametrize(('ros_words', 'action'), [(SAME_NAME, '/touch_gripper/gripper_cmd'), (OTHER_NAME, OTHER)],
                          ids=['same_name', 'other_name'])
 def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_path, ros_words, action):
-    """The goal comes as soon as the client can see the second process; later ones when both have heard each other."""
+    """The goal is sent as soon as the client sees the second process.
+
+    Later goals are sent when both have heard each other.
+    """
     bench, logs = make_bench(has_node=False), [tmp_path / name for name in ('first', 'second')]
     diagnostics = Diagnostics(bench)
     with logs[0].open('w') as first_log, logs[1].open('w') as second_log:
@@ -63,7 +66,7 @@ def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_p
                 other = bench.client if ros_words == SAME_NAME else Client(bench, bench.interface, action)
                 other.until_ready()
                 other.result(other.send(position=0.0))
-                # the first process may not have heard the second one yet: it then closes, alone
+                # If the first process has not heard the second one yet, the first one closes alone.
                 assert bench.motor.directions.count('close') <= 1
                 bench.until(lambda: all('another touch_gripper is heard' in log.read_text() for log in logs))
                 bench.until(lambda: not bench.motor.moves)
@@ -88,7 +91,10 @@ def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_p
 
 
 def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
-    """SIGSTOP: it is no duplicate meanwhile. Awake again, it may have the other one's goals in its queue."""
+    """While a process is stopped by SIGSTOP, it does not count as a duplicate.
+
+    When it continues, its queue may contain goals of the other process.
+    """
     bench = make_bench(has_node=False)
     with bench.node_as_process():
         with started_node() as second:
@@ -108,7 +114,7 @@ def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
 
 @pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGKILL])
 def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
-    """SIGTERM to `ros2 run` leaves its child behind; ROS arguments work beside the option."""
+    """SIGTERM to `ros2 run` leaves the child process behind. ROS arguments are accepted beside the option."""
     bench = make_bench(has_node=False)
     parent = subprocess.Popen(['sleep', '1000'])
     try:
@@ -127,7 +133,7 @@ def test_a_process_that_is_no_number_is_one_error(tmp_path):
     assert done.returncode == 2 and '--end-with' in done.stderr and 'Traceback' not in done.stderr
 
 
-# In virtual time
+# In virtual time.
 
 def add_second(bench, name='second', **parameters):
     given = [Parameter(key, value=value) for key, value in parameters.items()]

@@ -1,7 +1,7 @@
-"""Each fault of a gripper's server against each kind of goal: the table in docs/closing.md.
+"""Each fault of a gripper's server with each kind of goal: the table in docs/closing.md.
 
-Servers that are killed, in processes of their own: test_gripper_crash.py. With TACTILE_LONG all of them, else each
-fault and each goal at least twice.
+Killed servers run in their own processes; see test_gripper_crash.py. TACTILE_LONG tests all combinations. Otherwise
+each fault and each goal is tested at least twice.
 """
 
 import os
@@ -13,34 +13,38 @@ from tactile_node.grasp.closing import Outcome, TouchLimits
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
-#: The most that is added to the force of a goal until a gripper that answers stops [N]
+#: Largest force above that of a goal until a gripper that answers has stopped [N].
 OVERSHOOT = TouchLimits().overshoot(TouchLimits().fast_speed)
 IN_DOUBT = ('accepts and hangs', 'dies, new server', 'stopped, then woken')
 
 
 def row(text):
-    """Return goal -> (outcome, what the gripper accepts) of words like GOES_ON:close+hold; ``-``: nothing."""
+    """Return the outcome and the commands accepted by the gripper, by goal.
+
+    ``text`` has one word per goal; ``-`` means that the gripper accepts nothing.
+    """
     cells = (word.split(':') for word in text.split())
     return {goal: (None if outcome == 'GOES_ON' else Outcome[outcome], sent.replace('+', ' ').replace('-', ''))
             for goal, (outcome, sent) in zip(GOALS, cells, strict=True)}
 
 
-#: In the order of GOALS: close, force, partly, widest, preempt, hold
+#: In the order of GOALS: close, force, partly, widest, preempt, hold.
 EXPECTED = {
-    # its hardware goes on, and nothing more reaches it
+    # The hardware keeps moving, and no further command reaches it.
     'accepts and hangs': row('NOT_STOPPED:close NOT_STOPPED:close NOT_STOPPED:open NOT_STOPPED:open '
                              'GRIPPER_SILENT:- NOT_STOPPED:close'),
-    # the new server does not know the command, and is sent to hold the gripper where it is, or to the slower speed
+    # The new server does not know the command. It receives a goal to hold the gripper in place, or to use the slower
+    # speed.
     'dies, new server': row('NOT_STOPPED:close+hold NOT_STOPPED:close+close TOO_SLOW:open+hold TOO_SLOW:open+hold '
                             'NOT_STOPPED:close+close NOT_STOPPED:close+hold'),
     'rejects': row('GRIPPER_REFUSED:- GRIPPER_REFUSED:- GRIPPER_REFUSED:- GRIPPER_REFUSED:- GRIPPER_REFUSED:- '
                    'GRIPPER_REFUSED:-'),
-    # what it accepts late is cancelled at once
+    # A command that the gripper accepts late is cancelled at once.
     'answers late': row('GRIPPER_SILENT:close GRIPPER_SILENT:close GRIPPER_SILENT:open GRIPPER_SILENT:open '
                         'GRIPPER_SILENT:close GRIPPER_SILENT:close'),
     'stopped, then woken': row('GRIPPER_SILENT:close GRIPPER_SILENT:close GRIPPER_SILENT:open GRIPPER_SILENT:open '
                                'GRIPPER_SILENT:close GRIPPER_SILENT:close'),
-    # it goes on under guard, and is held by a goal, because a cancel finds no command
+    # The gripper keeps moving under guard. A goal stops it, because a cancel finds no command.
     'succeeds at once': row('TOUCHED:close+hold FORCE_REACHED:close+close+hold REACHED:open REACHED:open '
                             'FORCE_REACHED:close+close+hold GOES_ON:close+hold'),
     'refuses cancels': row('TOUCHED:close+hold FORCE_REACHED:close+close+hold REACHED:open REACHED:open '
@@ -59,7 +63,7 @@ def test_a_goal_that_meets_a_fault_ends_truly_and_poisons_none_after_it(ros, fau
     seen = happens(bench, fault, goal)
     assert (seen.outcome, seen.sent) == EXPECTED[fault][goal]
     assert seen.is_in_doubt == (fault in IN_DOUBT)
-    if fault == 'accepts and hangs':  # up to its own effort
+    if fault == 'accepts and hangs':  # Here the force may rise to the gripper's own limit of effort.
         assert not seen.moves_on and seen.strongest <= MOST + 1e-6
     else:
         force = FORCE if goal in ('force', 'preempt', 'hold') else 0.0

@@ -1,4 +1,4 @@
-"""What the gripper node says of itself: in /diagnostics, and in the text of an outcome NOT_SEEN."""
+"""The gripper node describes its own state in /diagnostics and in the text of an outcome NOT_SEEN."""
 
 import math
 
@@ -12,7 +12,7 @@ from tactile_skin.msg import Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
-MAX_AGE = 0.15  # s, the default
+MAX_AGE = 0.15  # The default [s].
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_before_bringup_runs_the_text_names_it(ros):
 
 
 def restart(bench):
-    """Have a node that has received nothing in the place of the present one."""
+    """Replace the node by one that has received nothing."""
     bench.node.destroy_node()
     bench.node = bench.add(bench.timed(type(bench.node).__mro__[1])())
     bench.client.until_ready()
@@ -97,7 +97,8 @@ FACTS = {'duplicate': '', 'is_served': True, 'work': 'none', 'last': None, 'gras
 
 @pytest.mark.parametrize(('facts', 'level', 'says'), [
     (FACTS, DiagnosticStatus.OK, 'ready'),
-    (FACTS | {'last': Outcome.LOST}, DiagnosticStatus.OK, 'ready'),  # which is of the object
+    # LOST is a fact about the object, not about the node.
+    (FACTS | {'last': Outcome.LOST}, DiagnosticStatus.OK, 'ready'),
     (FACTS | {'is_served': False}, DiagnosticStatus.WARN, '/arm/gripper_cmd'),
     (FACTS | {'last': Outcome.GRIPPER_SILENT}, DiagnosticStatus.WARN, 'GRIPPER_SILENT'),
     (FACTS | {'last': Outcome.NOT_STOPPED}, DiagnosticStatus.WARN, 'NOT_STOPPED'),

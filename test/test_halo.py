@@ -1,4 +1,4 @@
-"""Skins whose cover carries a load sideways: the contact ends where its own load does."""
+"""A cover of the skin may carry a load sideways. The contact ends at the edge of its own load."""
 
 import numpy as np
 import pytest
@@ -13,14 +13,17 @@ BLOCK[3:9, 6:12] = True
 
 
 def carried(load, share, reach=3.0):
-    """``share`` of the load reaches others, falling with the cube of the distance: another profile than the core's."""
+    """Return the load that the cover carries to other taxels: ``share`` of it, falling with the cube of the distance.
+
+    This profile differs from that of the code under test.
+    """
     y, x = np.mgrid[-12:13, -12:13]
     profile = (1 + (y * y + x * x) / reach ** 2) ** -1.5
     return share * convolve2d(load, profile / profile.sum(), 'same')
 
 
 def quiet(shape):
-    """A pad that rests at nearly 0: not quite, for otherwise it may be on/off."""
+    """Return a pad at rest that reads nearly 0. With exact zeros, it could be an on/off pad."""
     frame = np.zeros(shape)
     frame[0, 0] = 1e-4
     frame[3, 3] = 2e-4

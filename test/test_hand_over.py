@@ -1,4 +1,4 @@
-"""Nodes of one process hand their results over by calls; what comes out is as if messages had brought them."""
+"""Nodes in one process hand their results over by calls. The output is the same as with messages."""
 
 import importlib
 import os
@@ -54,7 +54,7 @@ def until(condition, timeout=TIMEOUT):
 
 
 class Process:
-    """The nodes of two pads in one process and a listener in another context of it; frames come from the test."""
+    """The nodes of two pads in one process, and a listener in another context. The test supplies the frames."""
 
     def __init__(self, stack_nodes=(), **every):
         self.system = System(bus_nodes(['left', 'right'], driver={'autostart': False}, every=every)[:-1])
@@ -74,12 +74,12 @@ class Process:
         self.peer.destroy_node()
 
     def input(self, name):
-        """Return what the node of that name takes."""
+        """Return the input stage of the node with this name."""
         node = self.nodes[name]
         return node._taxels if name.endswith('processor') else node._contacts
 
     def send(self, pads=('left', 'right'), **drawn):
-        """Hand a frame of each pad over, as the driver's thread does."""
+        """Hand over a frame of each pad, as the driver's thread does."""
         self.sequence += 1
         for pad in pads:
             frame = pad_frame(self.sequence, **drawn)
@@ -89,7 +89,10 @@ class Process:
 
 
 def pad_frame(sequence, press=True, up=0):
-    """A frame of a pad whose finger ends at the first row; ``up``: rows that the contact is moved towards it."""
+    """Return a frame of a pad whose finger ends at the first row.
+
+    The contact is moved ``up`` rows towards that end.
+    """
     values = 50e3 * (np.roll(PRESS, -up, 0) > 0) * press + np.random.default_rng(sequence).normal(0, 200, PRESS.shape)
     frame = TaxelFrame(1.7e9 + PERIOD * sequence, sequence, values, np.ones(PRESS.shape, np.uint8), 0)
     return PadFrame.of(frame, Taxels(0.004, 'Pa', finger_ends=SkinSide.FIRST_ROW), 'pad')
@@ -102,12 +105,15 @@ def heard_by(node, kind, topic):
 
 
 def facts(message):
-    """All fields but the age."""
+    """Return all fields except the age."""
     return {name: str(getattr(message, name)) for name in message.get_fields_and_field_types() if name != 'age'}
 
 
 def test_both_ways_give_the_same_results():
-    """Frames handed over, and the same as messages to nodes that know of no one: shapes are equal to the last bit."""
+    """Frames are handed over, and the same frames are sent as messages to separate nodes.
+
+    The shapes are equal to the last bit.
+    """
     def drawn(number):
         return {'press': number > 5, 'up': 4 * (number > 15)}
     with Process() as process:
@@ -126,7 +132,7 @@ def test_both_ways_give_the_same_results():
     with spinning((*nodes, peer)):
         until(lambda: publisher.get_subscription_count() and peer.count_subscribers('/left/contact')
               and nodes[1]._shapes._publisher.get_subscription_count())
-        time.sleep(0.5)  # until the processor's publisher and the classifier have found each other
+        time.sleep(0.5)  # The processor's publisher and the classifier need this time to discover each other.
         for number in range(1, 21):
             publisher.publish(taxel_array_message(pad_frame(number, **drawn(number))))
             until(lambda number=number: len(by_message) == number)
@@ -142,7 +148,8 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
     with Process() as process:
         grasps = heard_by(process.peer, GraspSides, '/grasp_sides')
         processors = [process.input(f'/{pad}/processor') for pad in ('left', 'right')]
-        for number in range(1, 31):  # each when the one before has been worked on: a busy machine drops none
+        # Each frame waits until the previous one is processed, so that a busy machine drops none.
+        for number in range(1, 31):
             process.send()
             until(lambda number=number: all(stage.counts.processed == number for stage in processors))
         until(lambda: process.input('/right/classifier').counts.processed)
@@ -150,11 +157,11 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
             stages = [process.input(f'/{pad}/{role}') for role in ('processor', 'classifier')]
             assert all(stage._subscription is None for stage in stages)
             until(lambda stages=stages: sum((stages[1].counts.processed, stages[1].counts.overtaken)) == 30)
-            assert stages[0].counts == (30, 30, {}, 0, 0), 'the processor sees every frame'
+            assert stages[0].counts == (30, 30, {}, 0, 0), 'the processor must see every frame'
             assert not stages[1].counts.dropped and not stages[1].counts.skipped
         assert grasps and {side.class_name for side in grasps[-1].sides} == {'square'}
         assert max(side.age.sec + side.age.nanosec * 1e-9 for side in grasps[-1].sides) < 1.0
-        for side in grasps[-1].sides:  # made when it is read, for `grasp_sides` too
+        for side in grasps[-1].sides:  # These values are computed when they are read, also for `grasp_sides`.
             assert list(side.box_lengths) == pytest.approx([7 * 0.004, 7 * 0.004], abs=0.004)
 
 
@@ -168,7 +175,7 @@ def test_an_exception_of_a_stage_is_counted_and_the_others_go_on(monkeypatch):
         for _ in range(10):
             process.send()
             time.sleep(PERIOD)
-        # a busy machine leaves frames out here, or at the processor, so that they are missing here
+        # A busy machine may skip frames here or at the processor. Frames that the processor skips are missing here.
         until(lambda: good.counts.processed + good.counts.overtaken + good.counts.skipped == 10)
         until(lambda: failing.counts.dropped.get(RejectReason.PROCESSING_FAILED, 0) + failing.counts.overtaken
               + failing.counts.skipped == 10)
@@ -176,7 +183,7 @@ def test_an_exception_of_a_stage_is_counted_and_the_others_go_on(monkeypatch):
 
 
 def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
-    """The slot keeps the newest frames, as a subscription does; what gave way is missing in the sequence."""
+    """Like a subscription, the slot keeps the newest frames. Dropped frames leave gaps in the sequence."""
     blocked = 5.0 if os.environ.get('TACTILE_LONG') else 1.0
     with Process(queue_depth=10) as process:
         stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
@@ -199,7 +206,7 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
 
 
 def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
-    """A stage of another process that is a little too slow would stay as late as all that may wait for it."""
+    """Otherwise, a slightly slow stage in another process would be delayed by the whole queue for ever."""
     node, peer = ProcessorNode(namespace='/left'), rclpy.create_node('peer')
     publisher = peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
     until(lambda: publisher.get_subscription_count() > 0)
@@ -216,13 +223,13 @@ def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
     publisher.wait_for_all_acked(Duration(seconds=TIMEOUT))
     with spinning([node]):
         until(lambda: node._taxels.counts.processed + node._taxels.counts.skipped == 11)
-        assert node._taxels.counts.skipped == 8, '40 ms at 50 Hz are waited for'
+        assert node._taxels.counts.skipped == 8, 'the stage may keep 40 ms of frames at 50 Hz'
     for each in (node, peer):
         each.destroy_node()
 
 
 def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
-    """Else no grasp has both pads of its SYNC: the other pad's contact of the next one comes between."""
+    """Otherwise no grasp would have both pads of its SYNC. The other pad's next contact would come in between."""
     process, answered = Process(), []
     try:
         for pad in ('left', 'right'):
@@ -255,7 +262,7 @@ def test_what_only_viewers_read_is_made_after_the_shapes_of_both_pads():
 
 
 def test_a_stage_postpones_only_what_something_subscribes_to(monkeypatch):
-    """A task and a closure for each frame of 50 a second would be made for nothing."""
+    """Otherwise, each of 50 frames per second would create a task and a closure that nobody needs."""
     postponed = []
     monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish: postponed.append(stage.topic))
     with Process() as process:
@@ -286,7 +293,7 @@ def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(m
         publisher = outsider.create_publisher(Contact, '/left/contact', frames_qos(10))
         until(lambda: (process.send(), time.sleep(PERIOD), publisher.get_subscription_count() > 1)[-1])
         until(lambda: (process.send(), time.sleep(PERIOD), len(contacts) > 5)[-1])
-        assert not stage.counts.dropped, 'our own messages, which come back, are no second source'
+        assert not stage.counts.dropped, 'our own messages come back and are no second source'
         foreign = contacts[-1]
         foreign.sequence += 1_000_000
         malformed = Contact(sequence=7, rows=3, cols=3)
@@ -309,7 +316,7 @@ def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(m
 
 
 def test_a_bag_that_records_everything_changes_no_count():
-    """Every message is made for it; the stages go on to hand over and see none of them."""
+    """Every message is published for the bag. The stages still hand over, and receive none of the messages."""
     with Process() as process:
         topics = {name: kind for name, kind in frame_topics(['left', 'right']).items() if not name.endswith('taxels')}
         heard = {name: heard_by(process.peer, getattr(importlib.import_module(f'{package}.msg'), kind), name)
@@ -337,7 +344,7 @@ def test_a_replay_as_fast_as_possible_answers_every_frame(tmp_path):
     with spinning((*system.nodes, listener)):
         system.autostart(threading.Event())
         assert system.source.finished.wait(max(TIMEOUT, REPLAYED / 20))
-        assert system.recognised == REPLAYED, 'when the log has ended, every frame has been answered'
+        assert system.recognised == REPLAYED, 'at the end of the log, every frame must have been answered'
         until(lambda: len(shapes) == REPLAYED)
         system.driver.trigger_deactivate()
     system.destroy()

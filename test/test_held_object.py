@@ -1,4 +1,4 @@
-"""What two faces say together: known answers by hand, random draws, and sides that contradict each other."""
+"""The conclusion from two faces: known answers by hand, random draws, and sides that contradict each other."""
 
 import os
 from math import atan2, cos, isnan, nan, pi, radians, sin
@@ -16,15 +16,15 @@ SYMMETRY = dict(zip(CLASSES, (0, 4, 2, 1, 1)))
 SIZES = {'circle': ('radius',), 'square': ('side',), 'rectangle': ('long', 'short'),
          'right_triangle': ('long_leg', 'short_leg'), 'isosceles_triangle': ('base', 'height')}
 DEFAULT = Gripper()
-#: Both pads turned about the closing direction, which is the gripper's y axis: by -90 degrees, and by any angle.
+#: Both pads are turned about the closing direction, which is the gripper's y axis: by -90 degrees, and by any angle.
 TURNED = Gripper(PadPose((0.0, 0.0, 0.0), (-pi / 2, 0.0, 0.0)), PadPose((0.01, 0.0, 0.02), (pi / 2, 2.1, 0.0)))
-#: Pads that do not quite face each other
+#: Pads that do not quite face each other.
 OBLIQUE = Gripper(PadPose((0.001, 0.0, 0.0), (0.1, 0.05, 0.3)), PadPose((0.0, 0.03, 0.0), (pi - 0.1, 0.0, 0.0)))
 GRIPPERS = {'default': DEFAULT, 'turned': TURNED}
 
 
 def probabilities(name='square', confidence=1.0, unknown=0.0):
-    """The rest is shared by the other classes."""
+    """Return the class probabilities; the other classes share the rest."""
     others = (1.0 - confidence - unknown) / (len(CLASSES) - 1)
     return {**dict.fromkeys(CLASSES, others), name: confidence, 'none': 0.0, 'unknown': unknown}
 
@@ -47,7 +47,7 @@ def held(left, right, gripper=DEFAULT):
     return held_object(left, right, gripper)
 
 
-# The class
+# The class.
 
 def of_classes(left, right):
     found = held(face(probabilities=left, fitted=False), face(probabilities=right, fitted=False))
@@ -55,7 +55,10 @@ def of_classes(left, right):
 
 
 def test_two_faces_of_half_a_chance_are_as_likely_as_by_hand():
-    """Circle 0.5 and square 0.5 on both of five classes: same 0.9 * (1/4 + 1/4), two others 0.1 / 4 * 1/2."""
+    """Both sides give circle 0.5 and square 0.5, out of five classes.
+
+    Equal faces weigh 0.9 * (1/4 + 1/4), and two different faces weigh 0.1 / 4 * 1/2.
+    """
     half = {'circle': 0.5, 'square': 0.5, 'rectangle': 0.0, 'right_triangle': 0.0, 'isosceles_triangle': 0.0}
     assert SAME_FACES == 0.9
     name, confidence = of_classes(half, half)
@@ -102,7 +105,10 @@ def test_what_sure_sides_say_does_not_hang_on_the_prior(same, monkeypatch):
 
 @pytest.mark.slow
 def test_confidences_are_frequencies():
-    """Faces drawn as the model says, each side's answer as likely as it claims: 80 % sure ones are right so often."""
+    """Faces are drawn from the model, and each side is right as often as it claims.
+
+    Answers with a confidence of 80 % must be right in 80 % of the cases.
+    """
     rng = np.random.default_rng(3)
     claimed, right = [], []
     draws = 20000 if LONG else 10000
@@ -110,7 +116,7 @@ def test_confidences_are_frequencies():
         left = rng.integers(5)
         true = left, left if rng.random() < SAME_FACES else (left + rng.integers(1, 5)) % 5
         said = []
-        for index in true:  # a side is right with 0.7, else says one of the others
+        for index in true:  # A side names the true class with probability 0.7, otherwise one of the others.
             name = CLASSES[index if rng.random() < 0.7 else (index + rng.integers(1, 5)) % 5]
             said.append(probabilities(name, 0.7))
         name, confidence = of_classes(*said)
@@ -120,10 +126,13 @@ def test_confidences_are_frequencies():
     assert len(right) > 0.4 * draws and np.mean(right) == pytest.approx(np.mean(claimed), abs=0.015)
 
 
-# Sizes
+# Sizes.
 
 def test_sizes_are_weighted_by_their_variances():
-    """By hand: 20.0 mm +- 0.1 and 20.3 +- 0.2 are 20.06 +- sqrt(0.01 * 0.04 / 0.05) mm times sqrt(0.09 / 0.05)."""
+    """20.0 +- 0.1 mm and 20.3 +- 0.2 mm give 20.06 mm.
+
+    The standard deviation is sqrt(0.01 * 0.04 / 0.05) mm times sqrt(0.09 / 0.05).
+    """
     found = held(face(dimensions=(0.0200,)), face(dimensions=(0.0203,), dimension_sds=(0.0002,)))
     assert found.dimension_names == ('side',) and found.dimension_is_bound == (False,)
     assert found.dimensions[0] == pytest.approx(0.02006)
@@ -139,7 +148,7 @@ def test_a_side_of_another_class_or_without_a_fit_gives_no_size():
 
 
 def test_sizes_of_other_names_are_not_joined():
-    """A class of one name may have other sizes on a side whose nodes are of another version."""
+    """If the nodes of one side have another version, a class may have other sizes there."""
     found = held(face(), face(dimension_names=('width', 'height'), dimensions=(0.03, 0.02), dimension_sds=(1e-4,) * 2,
                               dimension_is_bound=(False,) * 2))
     assert (found.dimension_names, found.dimensions, found.dimension_is_bound) == (('side',), (0.02,), (False,))
@@ -156,19 +165,19 @@ def test_a_bound_gives_way_to_a_size_and_of_two_the_larger_counts(bounds, expect
     assert found.dimensions == pytest.approx([size for size, _ in expected])
 
 
-# Rotation and place
+# Rotation and place.
 
 def angle_on(pad, direction):
-    """The angle of ``direction`` (3,) in the pad's frame, from x towards y."""
+    """Return the angle of ``direction`` (3,) in the pad's frame, from x towards y."""
     x, y = pad.rotation[:, :2].T @ direction
     return atan2(y, x)
 
 
 def faces_of(name, yaw, gripper, noise=(0.0, 0.0), **changes):
-    """Both faces of one prism: what each pad sees of an outline that the left one sees at ``yaw``, written down anew.
+    """Return the faces of one prism on both pads; the left pad sees its outline at ``yaw``.
 
-    The isosceles triangle's own x axis is a quarter turn before its apex, in each pad's own sense; all other outlines
-    have it along an edge.
+    The geometry is written independently of the package. The x axis of the isosceles triangle is a quarter turn before
+    its apex, in each pad's own sense. All other outlines have their x axis along an edge.
     """
     left, right = gripper.left, gripper.right
     x = left.rotation[:, :2] @ (cos(yaw), sin(yaw))
@@ -193,7 +202,10 @@ def test_both_faces_of_a_prism_have_one_yaw(name, yaw, gripper):
 
 
 def test_the_default_pads_mirror_angles_as_by_hand():
-    """The right pad is turned half about x: an edge at 20 degrees is at -20 there, an apex at 110 (x at 20) at -110."""
+    """The right pad is turned by half a turn about x.
+
+    An edge at 20 degrees is at -20 degrees there. An apex at 110 degrees (x at 20) is at -110 degrees.
+    """
     angle = radians(20)
     assert held(face('rectangle', angle=angle), face('rectangle', angle=-angle)).yaw == pytest.approx(angle)
     apex = held(face('isosceles_triangle', angle=angle), face('isosceles_triangle', angle=-angle - pi))
@@ -216,12 +228,12 @@ def test_right_faces_alone_are_seen_as_by_the_left_pad():
 
 
 @pytest.mark.parametrize(('sds', 'apart', 'is_known'), [
-    (0.01, radians(4.9), True), (0.01, radians(5.1), False),     # 5 sd are 4.05 degrees
-    (0.03, radians(12.0), True), (0.03, radians(12.3), False)])  # 5 sd are 12.15 degrees
+    (0.01, radians(4.9), True), (0.01, radians(5.1), False),  # Five standard deviations are 4.05 degrees.
+    (0.03, radians(12.0), True), (0.03, radians(12.3), False)])  # Five standard deviations are 12.15 degrees.
 def test_yaws_that_contradict_each_other_are_none(sds, apart, is_known):
     found = held(face(angle=0.0, angle_sd=sds), face(angle=-apart, angle_sd=sds))
     assert isnan(found.yaw) == isnan(found.yaw_sd) != is_known and found.symmetry == 4
-    if is_known:  # the deviation grows by the Birge ratio, apart / (sqrt(2) sds) here
+    if is_known:  # The standard deviation grows by the Birge ratio, which is apart / (sqrt(2) sds) here.
         assert found.yaw == pytest.approx(apart / 2) and found.yaw_sd == pytest.approx(apart / 2)
 
 
@@ -242,7 +254,7 @@ def test_a_circle_and_a_taught_shape_have_no_yaw():
 
 @pytest.mark.parametrize('gripper', [DEFAULT, TURNED, OBLIQUE], ids=['default', 'turned', 'oblique'])
 def test_the_centre_is_that_of_the_line_whatever_the_opening(gripper):
-    """From the left pad's origin, along what its axes are across the closing direction."""
+    """The centre is measured from the left pad's origin, along its axes projected across the closing direction."""
     left, right = (0.012, 0.004), (0.011, -0.003)
     found = held(face(centre=left), face(centre=right), gripper)
     closing = gripper.closing
@@ -259,7 +271,7 @@ def test_a_centre_that_a_side_does_not_know_is_not_known():
     assert np.isnan(held(face(), face(centre=(nan, nan))).centre).all()
 
 
-# Force
+# Force.
 
 def test_the_grip_is_the_mean_of_both_forces():
     found = held(face(force=3.0, force_sd=0.3), face(force=2.0, force_sd=0.4))
@@ -278,21 +290,23 @@ def test_a_force_that_is_not_known_grips_with_none_that_is(changes):
         assert np.isnan((found.grip_force, found.grip_force_sd, found.force_imbalance)).all()
 
 
-# How oblique the faces are pressed
+# Tilt of the faces.
 
 @pytest.mark.parametrize('gripper', GRIPPERS.values(), ids=GRIPPERS)
 @pytest.mark.parametrize('turn', [(0.1, 0.0), (0.0, -0.2), (0.15, 0.1)])
 def test_faces_lean_as_the_object_is_turned(gripper, turn):
-    """Two parallel planes, turned about the left pad's x and y by small angles: how deep they are in each pad, by hand.
+    """Two parallel planes are turned about the left pad's x and y by small angles.
 
-    Of z = -l and z = l along the left pad's z only ``turn`` x place differs: the left pad feels more where it is below.
+    Their depth in each pad is computed by hand. The planes are z = -l and z = l along the left pad's z. Only ``turn`` x
+    place changes the depth: the left pad reads more where the plane is lower.
     """
-    rate = 3e6  # Pa a metre of depth
+    rate = 3e6  # Pressure per depth [Pa/m].
     x, y = gripper.left.rotation[:, 0], gripper.left.rotation[:, 1]
     rotation = turn[0] * x + turn[1] * y
     slopes = []
     for pad in (gripper.left, gripper.right):
-        moved = [np.cross(rotation, pad.rotation[:, axis]) for axis in (0, 1)]  # of a place 1 m along the pad's axis
+        # Movement of a place that is 1 m along the pad's axis.
+        moved = [np.cross(rotation, pad.rotation[:, axis]) for axis in (0, 1)]
         slopes.append(tuple(-rate * float(each @ pad.normal) for each in moved))
     found = held(*(face(slope=slope) for slope in slopes), gripper)
     assert found.lean == pytest.approx((rate * turn[0], rate * turn[1]), abs=1.0)
@@ -300,11 +314,11 @@ def test_faces_lean_as_the_object_is_turned(gripper, turn):
 
 
 def test_a_wedge_that_both_pads_feel_alike_leans_nowhere():
-    """Its faces rise to one side: no rotation makes both flat."""
+    """The faces rise to one side, so no rotation makes both flat."""
     assert held(face(slope=(1e6, 0.0)), face(slope=(1e6, 0.0))).lean == pytest.approx((0.0, 0.0))
 
 
-# All of it
+# All results together.
 
 def test_without_a_class_there_is_neither_size_nor_yaw_but_a_place_and_a_force():
     found = held(face('circle'), face('square'))
@@ -322,7 +336,10 @@ def test_nothing_known_claims_nothing():
 @pytest.mark.parametrize('gripper', GRIPPERS.values(), ids=GRIPPERS)
 @pytest.mark.parametrize('name', CLASSES[1:])
 def test_true_values_are_within_two_deviations_as_often_as_they_should_be(name, gripper):
-    """95.4 % of normal ones; more where two results that disagree by chance widen it (Birge)."""
+    """For normal errors the share is 95.4 %.
+
+    It is larger if two results disagree by chance, because the Birge ratio then widens the deviation.
+    """
     rng, inside, widths = np.random.default_rng(7), [], []
     for _ in range(2000 if LONG else 1000):
         yaw, sds = rng.uniform(-pi, pi), rng.uniform(0.005, 0.02, 2)
@@ -337,4 +354,4 @@ def test_true_values_are_within_two_deviations_as_often_as_they_should_be(name, 
         inside.append((off <= 2 * found.yaw_sd, abs(found.dimensions[0] - size) <= 2 * found.dimension_sds[0]))
         widths.append(found.dimension_sds[0] / np.sqrt(1 / np.sum(size_sds**-2.0)))
     assert np.all(np.mean(inside, axis=0) >= 0.95) and np.all(np.mean(inside, axis=0) <= 0.99)
-    assert np.mean(widths) < 1.3  # it is not right by being wide
+    assert np.mean(widths) < 1.3  # The deviation must not be right only because it is wide.

@@ -1,7 +1,8 @@
-"""Driver and planner on two hosts: what crosses the link, what a consumer sees when the cable is pulled; `make hosts`.
+"""Driver and planner on two hosts: the traffic on the link, and the view of a consumer while the cable is pulled.
 
-The hosts find each other by address; those of test_link.py do so by a discovery server. With TACTILE_LONG there is a
-world for each way, each side is started again, and durations are asserted. Link and hosts are those of two_hosts.py.
+Run these tests with `make hosts`. The hosts find each other by address; in test_link.py they use a discovery server.
+With TACTILE_LONG both ways are tested, each side is restarted, and durations are asserted. two_hosts.py provides the
+link and the hosts.
 """
 
 import os
@@ -24,13 +25,13 @@ from tactile_node.ros.source_guard import SOURCE_HOLD
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
-PERIOD = 0.08  # s between two frames: a busy machine keeps up
-WITHDRAWN = max(0.1, 3 * PERIOD)  # s in which freshness must be withdrawn
+PERIOD = 0.08  # Time between two frames [s], long enough for a busy machine.
+WITHDRAWN = max(0.1, 3 * PERIOD)  # Time in which freshness must be withdrawn [s].
 TAXELS = 256
-VALUE_BYTES = 4  # of a taxel in TaxelArray
+VALUE_BYTES = 4  # Bytes for each taxel in TaxelArray.
 FRAMES = 20
 RIVAL = Path(__file__).with_name('rival_driver.py')
-WAYS = [False, True]  # with a discovery server
+WAYS = [False, True]  # True stands for a discovery server.
 
 
 def name_of(has_server: bool) -> str:
@@ -48,7 +49,8 @@ def world(request) -> Iterator[HostsWorld]:
             found.has_server = request.param
             yield found
     except NoHostsError as error:
-        warnings.warn(f'NOT TESTED on two hosts: {error}', stacklevel=1)  # pytest shows it also where skips are not
+        # pytest shows this warning even where it hides skips.
+        warnings.warn(f'NOT TESTED on two hosts: {error}', stacklevel=1)
         pytest.skip(f'NOT TESTED on two hosts: {error}')
 
 
@@ -68,11 +70,11 @@ def test_every_frame_arrives_as_the_shape_or_is_counted(world):
     latest_sent = world.here_records[-1]['sequence']
     world.wait(lambda: world.latest('left')['sequence'] >= latest_sent, 'the shape of the latest frame')
     shapes = world.received('left', since)
-    # A busy machine reads some TPDOs too late for their sweep; their taxels are then hidden
+    # A busy machine reads some TPDOs too late for their sweep. Their taxels are then hidden.
     assert {seen(shape) for shape in shapes} <= {('SQUARE', 'NOT_UNKNOWN'), ('UNKNOWN', 'NOT_SEEN')}
     if not any(seen(shape) == ('SQUARE', 'NOT_UNKNOWN') for shape in shapes):
         raise world.failure('no shape of all was seen whole')
-    # both pads: by the link, not by shared memory or another network
+    # The data of both pads must use the link, not shared memory or another network.
     assert world.hosts.octets() - octets > 2 * TAXELS * VALUE_BYTES * (len(shapes) - 3)
     world.wait(lambda: skipped() - reported >= missing(shapes), 'what is missing to be counted')
 
@@ -82,12 +84,15 @@ def seen(record) -> tuple[str, str]:
 
 
 def held(record) -> bool:
-    """Whether it says that something is held now."""
+    """Return True if the record states that an object is held now."""
     return current(record) and record['contact'] in ('ONE_SIDED', 'TWO_SIDED')
 
 
 def is_new(record) -> bool:
-    """Whether its reader finds it to be of now: by its age on arrival, which counts what held it back on its way."""
+    """Return True if the age on arrival shows that the record is current.
+
+    The age includes delays on the way.
+    """
     return record['age'] is not None and record['age'] <= WITHDRAWN + PERIOD
 
 
@@ -98,7 +103,10 @@ def wait_for_no_contact(world) -> None:
 
 @first_way
 def test_a_pulled_cable_misleads_no_consumer(world):
-    """Nor does what was under way when it was pulled, once it is back: the object is taken away meanwhile."""
+    """Frames that were under way when the cable was pulled must not mislead either.
+
+    The object is removed before the cable is plugged in again.
+    """
     world.hold()
     world.hosts.plug(False)
     try:
@@ -123,9 +131,9 @@ def test_a_pulled_cable_misleads_no_consumer(world):
 
 @first_way
 def test_a_reader_that_stops_holds_up_no_driver(world):
-    """All nodes of the other host stand still while the object is taken away.
+    """All nodes of the other host stand still while the object is removed.
 
-    One message may stand between its decision and its sending: it says fresh, and its reader finds it to be old.
+    One message may be delayed between its decision and its sending. It says fresh, but its reader finds that it is old.
     """
     world.hold()
     thinking = world.bringups['thinking'].pid
@@ -157,7 +165,7 @@ def test_services_actions_and_reports_reach_the_other_host(world):
 
 @first_way
 def test_a_driver_of_the_same_name_on_another_host_is_not_believed(world):
-    """Of another robot in the same domain, say: its pads are empty, and ours hold an object."""
+    """The other driver may belong to another robot in the same domain. Its pads are empty, and ours hold an object."""
     def dropped() -> int:
         return int(world.values['/left/processor']['dropped_other_source'])
     world.hold()
@@ -170,13 +178,15 @@ def test_a_driver_of_the_same_name_on_another_host_is_not_believed(world):
             world.wait(lambda: not current(world.latest('grasp')), 'no grasp to be current')
             time.sleep(1.0)
             finding = world.false(FalseClaim('empty', empty), since)
-            # A driver that this machine holds up so long as the other one begins looks like one that was started again
+            # If this machine delays our driver for that long while the other one starts, our driver looks like a
+            # restarted one.
             if finding.stall < SOURCE_HOLD:
                 assert finding.seconds == 0
             elif finding.seconds:
                 raise TooSlowError(f'the machine did not run for {finding.stall:.2f} s, and "empty" was claimed')
             world.wait(lambda: 'SEVERAL_PUBLISHERS' in world.values['/left/processor']['faults'], 'the fault')
-            if not world.has_server:  # by the server a driver knows only who shares a topic with it as a reader
+            # Through the server, a driver knows only the participants that share a topic with it as readers.
+            if not world.has_server:
                 world.wait(lambda: world.values['/skin_driver: left']['other_publishers'], 'the driver to see it')
         finally:
             rival.kill()

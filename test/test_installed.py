@@ -1,4 +1,4 @@
-"""A wheel, installed where no checkout is in reach: it has its files, its version, its types and no more."""
+"""A wheel, installed out of reach of a checkout, has exactly its files, its version and its types."""
 
 import json
 import os
@@ -20,12 +20,15 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ('tactile_node', 'config', 'msg', 'srv', 'action', 'urdf')
 FILES = ('setup.py', 'setup.cfg', 'pyproject.toml', 'MANIFEST.in', 'package.xml', 'README.md', 'LICENSE', 'NOTICE',
          'CHANGELOG.rst', 'CITATION.cff', 'SECURITY.md')
-BUILD = {**os.environ, 'SOURCE_DATE_EPOCH': '1735689600'}  # the same date in every archive
+BUILD = {**os.environ, 'SOURCE_DATE_EPOCH': '1735689600'}  # All archives get the same date.
 
 
 @pytest.fixture(scope='module')
 def source(tmp_path_factory) -> Path:
-    """A copy: setuptools leaves a build folder where it builds. There is one of an earlier build."""
+    """Copy the source, because setuptools leaves a build folder where it builds.
+
+    The copy contains the build folder of an earlier build.
+    """
     source = tmp_path_factory.mktemp('source')
     for folder in FOLDERS:
         shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns('__pycache__'))
@@ -51,7 +54,7 @@ def wheel(source, tmp_path_factory) -> Path:
 @pytest.fixture(scope='module')
 def sdist(source, tmp_path_factory) -> Path:
     (source / 'test').mkdir()
-    (source / 'test/test_of_half_a_suite.py').touch()  # setuptools takes such files without their data
+    (source / 'test/test_of_half_a_suite.py').touch()  # setuptools packs such files without their data.
     built = tmp_path_factory.mktemp('sdist')
     hook = 'import sys; from setuptools import build_meta; build_meta.build_sdist(sys.argv[1])'
     subprocess.run([sys.executable, '-c', hook, built], cwd=source, check=True, env=BUILD, capture_output=True)
@@ -67,7 +70,7 @@ def installed(wheel, tmp_path_factory) -> Path:
 
 
 def run(installed: Path, *arguments: str) -> str:
-    """Run Python outside the checkout, where only the installed wheel comes before the environment's libraries."""
+    """Run Python outside the checkout, with only the installed wheel before the libraries of the environment."""
     environment = {name: value for name, value in os.environ.items() if name != 'AMENT_PREFIX_PATH'}
     done = subprocess.run([sys.executable, *arguments], cwd=installed.parent, check=True, capture_output=True,
                           text=True, env={**environment, 'PYTHONPATH': str(installed)})

@@ -1,7 +1,7 @@
-"""The launch file starts `tactile bringup`: with what, and what happens when it ends.
+"""The launch file starts `tactile bringup`. The tests check its arguments, and its actions when the command ends.
 
-`launch` and `launch_ros` are not on PyPI. Where a ROS installation has them, the last tests launch really; elsewhere
-these are skipped, and a stand-in shows what the file would start.
+`launch` and `launch_ros` are not on PyPI. If a ROS installation provides them, the last tests run a real launch.
+Otherwise these tests are skipped, and a stand-in shows the actions of the file.
 """
 
 import os
@@ -26,9 +26,9 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'launch' / 'bringup.launch.py'
 GRIPPER = {'pads': 'left, right', 'node_ids': '32,0x40'}
 NODES = DriverSettings, ClassifierSettings, GraspNodeSettings
-#: argument -> parameter of another name
+#: Maps an argument to a parameter of another name.
 RENAMED = {'grasp_frame': 'frame_id'}
-#: arguments that set no parameter of our nodes
+#: Arguments that set no parameter of our nodes.
 OTHERS = {'gripper_action', 'namespace', 'on_exit', 'side', 'simulate', 'use_sim_time', 'params_file'}
 
 
@@ -59,9 +59,10 @@ def test_what_sets_a_parameter_has_the_description_and_the_default_of_its_table(
     row = next(row for settings in NODES for row in table(settings) if row.name == RENAMED.get(name, name))
     option = options_of_the_command()[f'--{name.replace("_", "-")}']
     argument = next(each.named for each in declared(FILE)[0] if each.given[0] == name)
-    assert option.default is None and argument['default_value'] == ''  # not given: left to file and node
+    # If the argument is not given, the parameter file and the node decide.
+    assert option.default is None and argument['default_value'] == ''
     for text in (option.help, argument['description']):
-        if text == row.properties.description:  # which says what an empty one is
+        if text == row.properties.description:  # This description states the meaning of an empty value.
             assert set(row.default) <= {''}
             continue
         description, _, written = text.removesuffix(')').rpartition(' (default: ')
@@ -84,7 +85,7 @@ def test_another_spelling_means_the_same(option):
 
 
 def called(monkeypatch, *words):
-    """What the launch does when `ros2 launch` is called with ``words``."""
+    """Return the actions of the launch when `ros2 launch` is called with ``words``."""
     monkeypatch.setattr(sys, 'argv', ['/opt/ros/jazzy/bin/ros2', 'launch', *words])
     return actions_of(FILE, dict(word.split(':=') for word in words if ':=' in word))
 
@@ -100,7 +101,7 @@ def test_an_argument_that_the_file_does_not_declare_is_refused(file, word, remed
 
 @pytest.mark.parametrize('file', [['my_robot', 'bringup.launch.py'], ['robot.launch.py']], ids=['its name', 'another'])
 def test_of_a_file_that_includes_it_only_a_misspelt_argument_is_warned_of(file, monkeypatch):
-    """Launch hands on the arguments of that file, and what launch_ros itself keeps with them."""
+    """Launch passes on the arguments of the including file, and the values that launch_ros stores with them."""
     names = ['robot:=ur5', 'ros_namespace:=/left', 'global_params:=x']
     assert len(called(monkeypatch, *file, *names)) == 1
     warning, process = called(monkeypatch, *file, *names, 'pad:=left,right')
@@ -141,7 +142,7 @@ def test_the_process_runs_the_nodes_of_the_bus_with_their_parameters():
 
 def test_the_namespace_is_that_of_the_process_below_the_pushed_one():
     process = process_of(FILE, **GRIPPER, namespace='hand')
-    assert process['namespace'] == 'hand'  # launch_ros passes /robot/hand as the rule __ns, see test_bringup.py
+    assert process['namespace'] == 'hand'  # launch_ros passes /robot/hand as the rule __ns; see test_bringup.py.
     assert 'name' not in process
     assert process_of(FILE, **GRIPPER)['namespace'] is None
 
@@ -168,7 +169,7 @@ PARAMETER_FILE = '''/**/touch_gripper:
 @pytest.mark.ros
 @pytest.mark.parametrize('namespace', ['', 'hand'])
 def test_the_gripper_node_is_a_second_process_in_the_same_namespace(namespace, tmp_path):
-    """With the parameter file, whose values give way to the arguments, as those of bringup."""
+    """Both processes use the parameter file. Arguments override its values."""
     import rclpy
     path = tmp_path / 'parameters.yaml'
     path.write_text(PARAMETER_FILE)
@@ -181,7 +182,7 @@ def test_the_gripper_node_is_a_second_process_in_the_same_namespace(namespace, t
     ended = gripper['on_exit'](SimpleNamespace(returncode=0, process_name='gripper_node-2'),
                                SimpleNamespace(is_shutdown=False))
     assert [type(action).__name__ for action in ended] == ['Shutdown']
-    rclpy.init(args=[*gripper['arguments'], '-r', f'__ns:=/{namespace}'])  # as launch_ros adds it
+    rclpy.init(args=[*gripper['arguments'], '-r', f'__ns:=/{namespace}'])  # launch_ros adds the namespace like this.
     try:
         node = rclpy.create_node('touch_gripper', automatically_declare_parameters_from_overrides=True)
         assert {name: node.get_parameter(name).value for name in ('gripper_action', 'widest', 'use_sim_time')} == {
@@ -208,7 +209,7 @@ def test_shutdown_fails_with_a_failed_process_and_not_with_one_that_ended():
     assert [type(action).__name__ for action in ended(event, SimpleNamespace(is_shutdown=False))] == ['Shutdown']
 
 
-# From here on with the real launch.
+# The tests below use the real launch.
 
 needs_launch = pytest.mark.skipif(not find_spec('launch') or not find_spec('launch_ros'),
                                   reason='launch and launch_ros come with a ROS installation only')
@@ -236,7 +237,7 @@ sys.exit(service.run())
 
 @pytest.fixture
 def robot(tmp_path):
-    """Launches a robot with two grippers of two pads each, and the arguments of the call."""
+    """Return a function that launches a robot with two grippers of two pads each, with the given arguments."""
     started = []
 
     def launch(*words):
@@ -258,7 +259,7 @@ def wait_for(condition, timeout=60.0):
 
 
 def processes_with(word):
-    """The processes whose command line has the word."""
+    """Return the processes whose command line contains the word."""
     found = []
     for path in Path('/proc').glob('[0-9]*/cmdline'):
         try:

@@ -1,6 +1,6 @@
-"""The nodes of one bus on two hosts: what each side starts, which arguments it takes, and what is refused.
+"""The nodes of one bus on two hosts: the nodes on each side, the accepted arguments, and the refused ones.
 
-Misled would be a robot on which a node runs on both hosts or on none, and who gives an argument that no node reads.
+A node must not run on both hosts or on none. An argument that no node reads must be refused.
 """
 
 import re
@@ -19,7 +19,7 @@ from tactile_node.node_graph import Role
 FILE = Path(__file__).resolve().parents[1] / 'launch/bringup.launch.py'
 PADS = {'pads': 'left, right'}
 NODES = ['left/processor', 'left/classifier', 'right/processor', 'right/classifier', 'grasp', 'skin_driver']
-#: argument -> value, parameter, who reads it
+#: Maps an argument to its value, the parameter, the value of the parameter, and the nodes that read it.
 PERCEIVED = {
     'frame_ids': ('a,b', 'pad_frames', ['a', 'b'], {'grasp'}), 'frame_prefix': ('r/', 'frame_prefix', 'r/', {'grasp'}),
     'grasp_frame': ('palm', 'frame_id', 'palm', {'grasp'}), 'gap': ('0.04', 'gap', 0.04, {'grasp'}),

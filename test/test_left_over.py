@@ -1,4 +1,4 @@
-"""Taxels that stay on after their contact is gone: hidden, but never called an empty pad while something presses."""
+"""Taxels that stay on after a release are hidden. The pad is never called empty while something presses."""
 
 import os
 
@@ -22,7 +22,10 @@ def disc(radius, row=7.2, col=7.9):
 
 
 def states(masks, *, each=8, unit='Pa', seed=1):
-    """Pattern of each frame in which something presses: ``each`` frames of ``masks`` at 40 kPa, after a free pad."""
+    """Yield the pattern of each frame in which something presses.
+
+    Each of ``masks`` lasts ``each`` frames at 40 kPa, after a period with a free pad.
+    """
     rng, extractor = np.random.default_rng(seed), PatternExtractor(unit=unit)
     for mask in [np.zeros((16, 16), bool)] * 8 + list(masks):
         for _ in range(each):
@@ -52,11 +55,11 @@ HELD = {
 @pytest.mark.parametrize(('name', 'unit'), [(name, unit) for i, name in enumerate(HELD)
                                             for j, unit in enumerate(('Pa', None)) if LONG or (i + j) % 2 == 0])
 def test_a_pad_is_not_empty_while_something_presses_it(name, unit):
-    """A gripper that opens on "empty" would drop the object. With TACTILE_LONG, each with both units."""
+    """A gripper that opens on "empty" would drop the object. With TACTILE_LONG, each mask is tested with both units."""
     for mask, pattern in states(HELD[name], unit=unit):
-        assert pattern.contacts or not pattern.pad_seen, f'{mask.sum()} taxels'
-        assert pattern.contacts or not visibility_of(pattern).pad_seen, f'{mask.sum()} taxels'
-        assert pattern.contacts or not visibility_of(pattern, smallest_contact=20).pad_seen, f'{mask.sum()} taxels'
+        assert pattern.contacts or not pattern.pad_seen, f'{mask.sum()} taxels on'
+        assert pattern.contacts or not visibility_of(pattern).pad_seen, f'{mask.sum()} taxels on'
+        assert pattern.contacts or not visibility_of(pattern, smallest_contact=20).pad_seen, f'{mask.sum()} taxels on'
 
 
 def test_a_pad_that_nothing_is_left_on_is_empty_at_once():
@@ -78,7 +81,10 @@ CLUMPS = {'square': box(6, 6, 3, 3), 'bar': box(5, 5, 2, 6), 'disc': disc(2.2), 
 @pytest.mark.parametrize('frames', [1, 4, 13])
 @pytest.mark.parametrize('unit', ['Pa', '1'])
 def test_a_compact_clump_that_stays_on_after_a_release_is_left_over(clump, frames, unit):
-    """The contact shrinks to it in so many frames; from then on it is neither a contact nor an empty pad."""
+    """The contact shrinks to the clump within ``frames`` frames.
+
+    After that, the clump is not a contact, and the pad is not empty.
+    """
     held = disc(5.2) | clump
     falling = [clump | disc(5.2 - 2.6 * k / frames) for k in range(1, frames)]
     rng, extractor = np.random.default_rng(5), PatternExtractor(unit=unit)
@@ -92,7 +98,7 @@ def test_a_compact_clump_that_stays_on_after_a_release_is_left_over(clump, frame
 
 
 def test_an_object_that_is_taken_away_is_gone_within_0_3_s():
-    """A planner that sees a held object where residue is left would carry on without it."""
+    """A planner that takes the residue for a held object would carry on without the object."""
     stream, clump = ContactStream(unit=None), box(6, 6, 4, 4)
     masks = [box(3, 3, 10, 10)] * 50 + [box(4, 4, 8, 8), box(5, 5, 6, 6)] + [clump] * 60 + [clump & False] * 3
     found = [stream.update(mask, 0.02 * number) for number, mask in enumerate(masks)]
@@ -107,7 +113,7 @@ RESTING = {'beyond it': box(9, 9, 4, 4), 'twice what was left': box(6, 6, 5, 5),
 
 @pytest.mark.parametrize('resting', RESTING.values(), ids=RESTING)
 def test_a_light_object_that_rests_where_one_was_let_go_is_a_contact(resting):
-    """A planner that sees no contact would drop it."""
+    """A planner that sees no contact would drop the object."""
     extractor, clump = PatternExtractor(), box(6, 6, 3, 3)
     for mask in [disc(5.2)] * 20 + [clump] * 10 + [clump | resting] * 50:
         pattern = extractor.extract(mask)
@@ -146,7 +152,10 @@ def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():
 @pytest.mark.ros
 @pytest.mark.parametrize('specks', [[34], [34, 52, 66], list(range(34, 44))])
 def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
-    """NOT_SEEN, never EMPTY, with the taxels as FAULTY and without a value, and with the noise of each taxel."""
+    """The reason is NOT_SEEN and never EMPTY.
+
+    The taxels are FAULTY and have no value. Each taxel keeps its noise.
+    """
     pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
     from tactile_node.pose.pipeline import FoundContact, Taxels
     from tactile_node.ros.contact_messages import (
@@ -202,4 +211,4 @@ def test_a_higher_threshold_releases_taxels_that_never_reached_it():
     extractor, frame = PatternExtractor(PressThresholds(10e3, 8e3), unit='Pa'), 20e3 * disc(4)
     assert extractor.extract(frame).contacts == 1
     extractor.set_thresholds(PressThresholds(30e3, 15e3))
-    assert extractor.extract(frame).contacts == 0, 'pressed by the lower threshold alone'
+    assert extractor.extract(frame).contacts == 0, 'only the lower threshold would make this a contact'

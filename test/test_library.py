@@ -1,4 +1,7 @@
-"""`import tactile_node as tn`: few names, each documented, each example true, and no cost before it is used."""
+"""`import tactile_node as tn` gives few names.
+
+Each name is documented, each example is right, and the import costs nothing before a name is used.
+"""
 
 import doctest
 import subprocess

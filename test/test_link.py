@@ -1,6 +1,6 @@
-"""The chain on two hosts that a bad link joins: nothing false is believed or lost silently.
+"""The chain on two hosts that are joined by a bad link: no false state is believed, and no loss is silent.
 
-The hosts find each other by a discovery server, or with TACTILE_LONG by address; test_hosts.py has the other way.
+The hosts find each other by a discovery server, or with TACTILE_LONG by address. test_hosts.py has the other way.
 """
 
 import json
@@ -16,13 +16,13 @@ from two_hosts import LossyHosts, NoHostsError
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
-FRAME_PERIOD = 0.08  # s between two frames: a busy machine keeps up
+FRAME_PERIOD = 0.08  # Time between two frames [s], long enough for a busy machine.
 LOOK_SECONDS = 3.0
-LINK_RATE = '50kbit'  # a small part of what the taxels need, also where a busy machine is late with every frame
-#: Bytes of a socket's packets that Linux lets wait; with the headers of the kernel this is about twice the payload.
+LINK_RATE = '50kbit'  # A small part of what the taxels need, even if a busy machine is late with every frame.
+#: Bytes of waiting packets that Linux allows a socket. With the headers of the kernel, this is about twice the payload.
 SOCKET_ROOM = int(Path('/proc/sys/net/core/wmem_default').read_text(encoding='ascii'))
 DDS_PROFILE = Path(__file__).resolve().parents[1] / 'examples' / 'fastdds_link.xml'
-#: With LOCALHOST rmw_fastrtps sends by another transport, whatever the profile says.
+#: With LOCALHOST, rmw_fastrtps uses another transport, whatever the profile says.
 HOST_ENVIRONMENT = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(DDS_PROFILE), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}
 
 
@@ -47,7 +47,10 @@ def missed_since(world, since) -> int:
 
 
 def test_a_link_that_loses_and_delays(world):
-    """What is missed is seen by the gap and counted; nothing false is believed, also of what was taken away."""
+    """Gaps reveal the missed frames, which are counted.
+
+    No false state is believed, even after the object is removed.
+    """
     before, since = world.skipped('/grasp'), time.monotonic()
     world.hosts.set(loss=0.05, delay=0.02, jitter=0.01)
     try:
@@ -72,15 +75,15 @@ def waiting_bytes(world) -> int:
 
 
 def test_a_link_that_carries_less_than_is_sent(world):
-    """A full socket must not hold up the driver, as it does without the profile."""
+    """A full socket must not delay the driver. Without the profile, it would."""
     shaped = 'tc', 'qdisc', 'replace', 'dev', 'tun0', 'root'
     try:
         world.hosts.first.run(*shaped, 'tbf', 'rate', LINK_RATE, 'burst', '10kb', 'latency', '20s')
-    except NoHostsError as error:  # a kernel without a token bucket
+    except NoHostsError as error:  # The kernel has no token bucket filter.
         pytest.skip(str(error))
     since = time.monotonic()
     world.wait(lambda: waiting_bytes(world) > SOCKET_ROOM / 3, 'the socket to be nearly full')
     waits = world.driver_waits(LOOK_SECONDS)
     world.hosts.first.run(*shaped, 'pfifo', 'limit', '1000')
     world.hold_again(time.monotonic())
-    assert missing(world.received('left', since)) and not waits, 'the driver waited for the link'
+    assert missing(world.received('left', since)) and not waits, 'the driver must not wait for the link'

@@ -1,7 +1,7 @@
-"""Recordings of hours: several files are read as one, from any time on, and damage costs only the chunk in which it is.
+"""Recordings of hours: several files are read as one, from any time on. Damage costs only its own chunk.
 
-Whom it could mislead: who reads on after damage and is given a wrong value, or takes the rest of an hour for lost, or
-the gap for a skin at rest; who is given one file of ten and takes it for all, or two recordings for one.
+Damage must not give a reader a wrong value. The reader must not take the rest of an hour for lost, nor the gap for a
+skin at rest. One file of ten must not pass for the whole recording, nor two recordings for one.
 """
 
 import os
@@ -36,7 +36,8 @@ from tactile_node.viewing.report_page import page_of
 mcap = pytest.importorskip('mcap.writer')
 rosbags = pytest.importorskip('rosbags.rosbag2')
 
-FRAMES, EACH = 500, 50  #: CAN frames, 1 ms apart from 1.7e9 s on, 50 in a chunk
+FRAMES = 500  #: Number of CAN frames, 1 ms apart from 1.7e9 s on.
+EACH = 50     #: Number of frames in a chunk.
 BEGIN = 1.7e9
 
 
@@ -52,7 +53,7 @@ def can_log(path, frames=range(FRAMES)):
 
 
 def topic_bag(path, count=60, each=10, compression=mcap.CompressionType.LZ4):
-    """Taxel arrays a second apart, with checksums."""
+    """Write taxel arrays at intervals of one second, with checksums."""
     mcap_file(path, [taxel_array(store(), n) for n in range(count)], each=each, compression=compression)
     return path
 
@@ -75,7 +76,7 @@ def with_bytes(data, at, new):
     return data[:at] + new + data[at + len(new):]
 
 
-#: what happens to the bytes of a file with ten chunks, and which of them that may cost
+#: Kinds of damage to a file with ten chunks, each with the numbers of the chunks that it may cost.
 DAMAGES = {
     'a bit of the content': (lambda data, at: flipped(data, 4), {4}),
     'bits in two places': (lambda data, at: flipped(flipped(data, 4), 7), {4, 7}),
@@ -118,7 +119,7 @@ def test_damage_costs_the_can_frames_of_its_chunk_alone(tmp_path, name):
     assert len(reader.damages) == reader.unread == len(runs)
     assert all(each.kind in (DamageKind.CHUNK, DamageKind.RECORDS) for each in reader.damages)
     assert sum(each.chunks for each in reader.damages) == len(lost)
-    for each, first in zip(reader.damages, sorted(runs)):  # between the frames before and after it
+    for each, first in zip(reader.damages, sorted(runs)):  # The damage lies between the frames before and after it.
         last = next(index for index in range(first, 11) if index not in lost)
         assert each.begin == (pytest.approx(BEGIN + (first * EACH - 1) / 1000, abs=1e-5) if first else None)
         assert each.end == (pytest.approx(BEGIN + last * EACH / 1000, abs=1e-5) if last < 10 else None)
@@ -148,7 +149,8 @@ def test_of_a_recording_without_its_end_the_chunks_before_are_read(tmp_path, sha
     path = can_log(tmp_path / 'x.mcap')
     data, at = path.read_bytes(), chunks(path.read_bytes())
     cut = int(share * at[-1].end)
-    path.write_bytes(flipped(data, 0)[:cut])  # the first damaged, too: nothing but the begin has the types
+    # The first chunk is damaged, too. Only the beginning of the file contains the types.
+    path.write_bytes(flipped(data, 0)[:cut])
     whole = [n for n, chunk in enumerate(at) if chunk.end <= cut and n]
     assert whole
     reader = CanLogReader(path)
@@ -159,7 +161,7 @@ def test_of_a_recording_without_its_end_the_chunks_before_are_read(tmp_path, sha
 
 @pytest.mark.parametrize('name', [name for name in DAMAGES if not name.startswith(('the last', 'the magic', 'the su'))])
 def test_damage_to_a_killed_recording_costs_its_chunk_alone(tmp_path, name):
-    """No index says where the next chunk is."""
+    """A killed recording has no index that tells where the next chunk begins."""
     path = can_log(tmp_path / 'x.mcap')
     data, (damage, lost) = path.read_bytes(), DAMAGES[name]
     path.write_bytes(damage(data, chunks(data))[:chunks(data)[-1].end])
@@ -169,7 +171,7 @@ def test_damage_to_a_killed_recording_costs_its_chunk_alone(tmp_path, name):
 
 
 def test_of_a_killed_recording_of_others_a_part_is_read(tmp_path):
-    """Its types stand in its first chunk alone, which lies before the part."""
+    """The types of the recording are only in its first chunk, which lies before the part."""
     path = topic_bag(tmp_path / 'x.mcap')
     path.write_bytes(path.read_bytes()[:chunks(path.read_bytes())[-1].end])
     messages = TopicBagReader(path).messages((TAXELS,), window=TimeWindow(17.0, 25.0))
@@ -177,7 +179,7 @@ def test_of_a_killed_recording_of_others_a_part_is_read(tmp_path):
 
 
 def series(folder, suffix='.mcap'):
-    """Three files with 500 frames."""
+    """Write a series of three files with 500 frames."""
     parts = folder / f'x{suffix}', folder / f'x_part2{suffix}', folder / f'x_part3{suffix}'
     for part, frames in zip(parts, (range(200), range(200, 400), range(400, FRAMES))):
         can_log(part, frames)
@@ -187,7 +189,7 @@ def series(folder, suffix='.mcap'):
 @pytest.mark.parametrize('suffix', ['.mcap', '.log', '.log.gz'])
 def test_the_first_file_of_a_series_stands_for_all_any_other_for_itself(tmp_path, suffix):
     first, second, third = series(tmp_path, suffix)
-    can_log(tmp_path / f'xy_part2{suffix}')  # of another recording
+    can_log(tmp_path / f'xy_part2{suffix}')  # This file belongs to another recording.
     assert numbers(first) == list(range(FRAMES))
     assert (numbers(second), numbers(third)) == (list(range(200, 400)), list(range(400, FRAMES)))
     second.unlink()
@@ -205,7 +207,7 @@ def test_after_a_damaged_file_of_a_series_the_others_are_read(tmp_path):
     reader = CanLogReader(first)
     found = [int.from_bytes(message.data[:4], 'little') for message in reader]
     assert found[-100:] == list(range(400, 500)) and found[:50] == list(range(50)) and max(found[:-100]) < 200
-    damage, = reader.damages  # of both files: nothing was read between
+    damage, = reader.damages  # One entry covers both files, because nothing was read between them.
     assert (damage.kind, damage.file) == (DamageKind.CUT_SHORT, 'x.mcap') and damage.end == pytest.approx(BEGIN + 0.4)
 
 
@@ -238,7 +240,7 @@ def test_a_window_is_what_the_whole_has_in_it(tmp_path, suffix, window):
 
 @pytest.mark.parametrize('is_ended', [True, False])
 def test_what_lies_before_a_window_is_not_read(tmp_path, is_ended):
-    """All chunks but the first, which has the begin, are rubbish up to the window."""
+    """All chunks before the window are rubbish, except the first, which contains the beginning."""
     path = can_log(tmp_path / 'x.mcap')
     data, at = path.read_bytes(), chunks(path.read_bytes())
     for chunk in at[1:6]:
@@ -253,7 +255,10 @@ def test_what_lies_before_a_window_is_not_read(tmp_path, is_ended):
 
 @pytest.mark.slow
 def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path, capsys):
-    """A SYNC and 32 TPDOs of a pad 100 times a second; of 3 s the chunk of a tenth is damaged."""
+    """The log has a SYNC and 32 TPDOs of a pad 100 times a second, for 3 s.
+
+    The chunk of one tenth of a second is damaged.
+    """
     path = tmp_path / 'x.mcap'
     path.touch()
     file = LogFile(path)
@@ -279,7 +284,7 @@ def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path
 
 @pytest.mark.slow
 def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
-    """A bit of any byte outside of chunks' content costs no frame, or is reported; never is one changed."""
+    """A flipped bit outside the content of the chunks costs no frame, or is reported. It never changes a frame."""
     path, copy = can_log(tmp_path / 'x.mcap'), tmp_path / 'y.mcap'
     data, random = path.read_bytes(), np.random.default_rng(5)
     inside = np.zeros(len(data), bool)
@@ -300,7 +305,7 @@ def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize('is_missing', [False, True])
 def test_no_taxel_frame_is_made_of_what_was_before_a_gap_and_what_came_after(tmp_path, is_missing):
-    """Chunks, or files, end within sweeps; sweep k has the value k, so that a mixture shows."""
+    """Chunks and files end within sweeps. Sweep k has the value k, so a mixture is visible."""
     layout, names = load_layout('sim16x16.yaml'), [tmp_path / 'x.mcap', *(tmp_path / f'x_part{n}.mcap' for n in (2, 3))]
     messages = []
     for k in range(100):

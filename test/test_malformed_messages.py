@@ -1,4 +1,7 @@
-"""No message stops a node: a malformed one is dropped and counted by its reason, and the next good one is processed."""
+"""No message stops a node.
+
+A malformed message is dropped and counted by its reason, and the next good one is processed.
+"""
 
 import copy
 import logging
@@ -124,12 +127,12 @@ def good_grasp(sequence=0) -> Grasp:
 
 
 def labels(*numbers):
-    """The labels of the first taxels; the others have none."""
+    """Return the labels of the first taxels; all other taxels have none."""
     return array('B', [*numbers, *[0] * (256 - len(numbers))])
 
 
 R = RejectReason
-Change = dict[str, object]  # field -> bad value; a number in its path is an index
+Change = dict[str, object]  # Maps a field to a bad value; a number in the path of a field is an index.
 NO_CONTACT: Change = {'labels': labels(), 'contacts': 0, 'contact_taxels': array('I')}
 NO_SHAPE: Change = {'shape': ContactShape.NONE, 'class_name': 'none', 'confidence': 1.0, 'fit_valid': False,
                     'taxels': 0, 'contacts': 0, 'contact_areas': array('d'),
@@ -141,7 +144,8 @@ TIMES: dict[R, list[Change]] = {
 GRID: dict[R, list[Change]] = {
     R.WRONG_LENGTH: [{'rows': 15}],
     R.NO_TAXELS: [{'rows': 0, 'cols': 0}, {'rows': 0}],
-    R.TOO_LARGE: [{'rows': HUGE, 'cols': HUGE}, {'rows': 1 << 16, 'cols': 1 << 16}],  # in 32 bits a product of 0
+    # In 32 bits, the product of these sizes is 0.
+    R.TOO_LARGE: [{'rows': HUGE, 'cols': HUGE}, {'rows': 1 << 16, 'cols': 1 << 16}],
     R.WRONG_PITCH: [{'pitch': pitch} for pitch in (NAN, 0.0, -0.002, INF, -INF)]}
 VALUES: dict[R, list[Change]] = {
     R.WRONG_LENGTH: [{'values': array('f', [1.0] * 255)}, {'values': array('f')}, {'status': array('B', [0] * 255)},
@@ -195,7 +199,7 @@ EVENTS: dict[R, list[Change]] = {
 
 
 def of_part(part: str, table: dict[R, list[Change]]) -> dict[R, list[Change]]:
-    """The same changes of a message in another one."""
+    """Return the same changes for the part of another message."""
     return {reason: [{f'{part}.{name}': value for name, value in change.items()} for change in changes]
             for reason, changes in table.items()}
 
@@ -216,7 +220,7 @@ GRASPS: dict[R, list[Change]] = {
                      ONE_SIDE_UNSEEN | {'side_states.1': Grasp.SIDE_EMPTY, 'contact': Grasp.NO_CONTACT},
                      ONE_SIDE_UNSEEN | {'contact': Grasp.ONE_SIDED}, {'stable': True, 'fresh': False, 'width': NAN},
                      {'side_states': [0, 0]}, {'contact': 0, 'side_states.1': 0},
-                     # the object: named as its code, held, and as sure as its class says
+                     # The object must have the name of its code, must be held, and must be as sure as its class says.
                      {'class_name': 'circle'}, {'shape': ContactShape.OTHER}, {'shape': ContactShape.UNKNOWN},
                      {'confidence': 0.4}, WITHOUT_SIZE | {'shape': ContactShape.UNKNOWN, 'class_name': 'unknown'},
                      {'fresh': False} | NO_LINE, {'fresh': False} | NO_LINE | NO_OBJECT | {'confidence': 0.3},
@@ -226,7 +230,7 @@ GRASPS: dict[R, list[Change]] = {
                      {'fresh': False} | NO_LINE | NO_OBJECT | {'grip_force': 1.0, 'grip_force_sd': 0.1,
                                                                'force_imbalance': 0.0},
                      {'fresh': False, 'contact': Grasp.ONE_SIDED, 'side_states.1': Grasp.SIDE_EMPTY} | NO_LINE
-                     | NO_OBJECT,  # the same shape of one side
+                     | NO_OBJECT,  # Only one side has a shape, so the shapes of the sides cannot be the same.
                      {'dimensions.0': 0.0}, {'dimension_sds.0': 0.0}, {'dimensions.0': -0.01},
                      {'yaw': NAN}, {'yaw_sd': NAN}, {'yaw': 0.8}, {'symmetry': 0}, {'handedness': 1},
                      WITHOUT_SIZE | {'symmetry': 4}, {'side_states.0': 1, 'contact': 1} | NO_LINE | NO_OBJECT
@@ -240,13 +244,13 @@ GRASPS: dict[R, list[Change]] = {
                    {'forces.1': INF}, {'grip_force_sd': INF}, {'lean.0': NAN}, {'lean.1': INF}],
     R.WRONG_PROBABILITIES: [{'confidence': -0.1}, {'confidences.0': 1.5}],
     R.WRONG_STAMP: [{'gap_age.sec': -1}]}
-#: What is legal: nothing known of the object, a doubtful yaw, a force that is a bound, a pad that is not seen
+#: Legal changes: an unknown object, a doubtful yaw, a force that is a bound, and a pad that is not seen.
 FEWER: tuple[Change, ...] = (
     {'fresh': False} | NO_LINE | NO_OBJECT, NO_OBJECT | NO_LINE, WITHOUT_YAW, WITHOUT_LEAN, WITHOUT_SIZE, WITHOUT_GRIP,
     WITHOUT_GRIP | {'force_is_bound.0': True}, WITHOUT_GRIP | {'forces': [NAN, 1.0]},
     {'grip_force_sd': NAN}, {'centre_sd': NAN},
     {'side_states.0': 1, 'contact': 1, 'same_shape': False, 'forces.0': NAN} | NO_LINE | NO_OBJECT)
-#: Of each check: a good message, the reason of a default-constructed one, and what is rejected for which reason
+#: Maps each check to a good message, the reason for a default-constructed message, and the rejected changes by reason.
 TABLE = {
     check_taxel_array: (good_taxels, R.NO_TAXELS, [GRID, VALUES, TAXELS, TIMES]),
     check_contact: (good_contact, R.NO_TAXELS, [GRID, VALUES, CONTACTS, TIMES]),
@@ -256,7 +260,7 @@ TABLE = {
 
 
 def cases_of(check) -> list[tuple[Change | None, R]]:
-    """What is changed of a good message, and the reason; None: a default-constructed one."""
+    """Return the changes of a good message with their reasons. None stands for a default-constructed message."""
     _, default, tables = TABLE[check]
     return [(None, default), *((change, reason) for table in tables for reason, changes in table.items()
                                for change in changes)]
@@ -309,7 +313,7 @@ def test_an_empty_pad_and_a_pad_without_valid_taxels_are_accepted():
 
 @pytest.mark.parametrize(('method', 'fuse'), [('learned', True), ('volf', False)])
 def test_whatever_our_own_nodes_make_is_accepted(chain, method, fuse):
-    """Random contacts with noise, with few, half and all taxels invalid."""
+    """Random contacts have noise, and few, half or all of their taxels are invalid."""
     node = chain.add(ClassifierNode(namespace='/left', parameter_overrides=[
         Parameter('method', value=method), Parameter('fuse', value=fuse)]))
     chain.add(ProcessorNode(namespace='/left'))
@@ -331,7 +335,8 @@ def test_whatever_our_own_nodes_make_is_accepted(chain, method, fuse):
         chain.wait_for(shapes, sequence + 1)
     assert all(map(features_fit, features)) and len(features) == frames
     assert [check_contact_shape(message) for message in shapes] == [None] * frames
-    assert any(not shape.taxels and shape.shape != ContactShape.NONE for shape in shapes)  # not seen
+    # At least one contact is not seen.
+    assert any(not shape.taxels and shape.shape != ContactShape.NONE for shape in shapes)
 
 
 def test_a_check_costs_nothing_by_the_size_that_a_message_names():
@@ -340,7 +345,7 @@ def test_a_check_costs_nothing_by_the_size_that_a_message_names():
         tracemalloc.start()
         try:
             assert check(message) is not None
-            assert tracemalloc.get_traced_memory()[1] < 100_000  # bytes, at most
+            assert tracemalloc.get_traced_memory()[1] < 100_000  # Peak memory in bytes.
         finally:
             tracemalloc.stop()
 
@@ -354,12 +359,12 @@ def test_codes_are_stable():
 
 
 class Chain(RosBench):
-    """Nodes of ours, spun by the test, and a peer that publishes to them and listens."""
+    """Our nodes, spun by the test, with a peer that publishes to them and listens."""
 
     def __init__(self, stack):
         super().__init__(stack)
         self.diagnostics: list[DiagnosticStatus] = []
-        self.stamps: list[Time] = []  # of their messages
+        self.stamps: list[Time] = []  # Stamps of their messages.
         self.peer = self.add('peer')
         self.peer.create_subscription(DiagnosticArray, '/diagnostics',
                                       self._diagnosed, 100)
@@ -398,7 +403,7 @@ def chain(ros):
 
 
 def send_all(chain, publisher, good, cases, results) -> dict[str, int]:
-    """After each malformed message send a good one, whose result must arrive; return the reasons, counted."""
+    """After each malformed message, send a good one, whose result must arrive. Return the counts of the reasons."""
     expected: dict[str, int] = {}
     for sequence, (change, reason) in enumerate(cases, start=1):
         publisher.publish(malformed(good, change, sequence))
@@ -429,7 +434,8 @@ def test_no_contact_stops_a_classifier_nor_enters_its_fusion(chain):
     cases = cases_of(check_contact)
     expected = send_all(chain, publisher, good_contact, cases, shapes)
     assert [shape.sequence for shape in shapes] == list(range(1, len(cases) + 1))
-    assert [shape.fused_frames for shape in shapes] == list(range(1, len(cases) + 1))  # no malformed one counts
+    # Fusion counts no malformed message.
+    assert [shape.fused_frames for shape in shapes] == list(range(1, len(cases) + 1))
     assert all(np.isfinite(shape.probabilities).all() and shape.shape == ContactShape.SQUARE for shape in shapes)
     assert chain.dropped('/left/classifier', len(cases)) == expected
 
@@ -447,7 +453,7 @@ def test_values_at_the_end_of_float32_leave_no_nan_in_the_fusion(chain):
 
 
 def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain):
-    """As a lossless replay, for the shapes do not come in the pace of their stamps."""
+    """The node runs as in a lossless replay, because the shapes do not follow the pace of their stamps."""
     chain.add(GraspNode(parameter_overrides=[Parameter('lossless', value=True)]))
     grasps = chain.listen(Grasp, '/grasp')
     publishers = {side: chain.publisher(ContactShape, f'/{side}/shape', lossless=True) for side in ('left', 'right')}
@@ -467,7 +473,7 @@ def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain):
 
 
 def test_a_stamp_far_in_the_future_reaches_neither_fusion_nor_hold(chain):
-    """The shape would be held for an hour, and the true frames after it would be of the past."""
+    """Otherwise the shape would be held for an hour, and the true frames after it would lie in the past."""
     chain.add(ClassifierNode(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
     publisher = chain.publisher(Contact, '/left/contact')
@@ -495,17 +501,18 @@ def test_frames_that_never_arrived_are_counted_and_a_false_sequence_is_not(chain
     for sequence in (7, 8, 11, 12, 2**64 - 1, 13, 14, 16, 0, 1, 1):
         publisher.publish(with_sequence(sequence))
     chain.until(lambda: subscription.counts.received == 11)
-    assert subscription.counts.dropped == {R.OTHER_SOURCE: 4}  # 2^64 - 1; 0, 1, 1, while those before may go on
+    # The dropped numbers are 2^64 - 1, then 0, 1 and 1, while the earlier publisher may still continue.
+    assert subscription.counts.dropped == {R.OTHER_SOURCE: 4}
     time.sleep(SOURCE_HOLD)
     for sequence in (2, 3):
         publisher.publish(with_sequence(sequence))
     chain.until(lambda: len(received) == 9)
-    assert subscription.counts.skipped == 2 + 1  # 9, 10; 15; a restart is no gap
+    assert subscription.counts.skipped == 2 + 1  # The skipped numbers are 9, 10 and 15. A restart is no gap.
 
 
 def test_frames_missed_while_a_link_was_cut_for_an_hour_are_all_counted(chain):
     received: list[TaxelArray] = []
-    qos = frames_qos(DEPTH, lossless=True)  # which takes the time from the stamps alone
+    qos = frames_qos(DEPTH, lossless=True)  # A lossless subscription takes the time only from the stamps.
     subscription = GuardedSubscription(chain.peer, TaxelArray, 'taxels', received.append, qos, check=check_taxel_array)
     publisher = chain.peer.create_publisher(TaxelArray, 'taxels', qos)
     for sequence, stamp in ((100, 0.0), (100 + 180_000, 3600.0), (2**63, 3600.02)):
@@ -513,7 +520,8 @@ def test_frames_missed_while_a_link_was_cut_for_an_hour_are_all_counted(chain):
         message.header.stamp = time_message(STAMP + stamp)
         publisher.publish(message)
     chain.until(lambda: len(received) == 3)
-    assert subscription.counts.skipped == 180_000 - 1  # at 50 Hz; the last is another count
+    # At 50 Hz, an hour has 180,000 frames. The last number belongs to another count, so it adds no loss.
+    assert subscription.counts.skipped == 180_000 - 1
 
 
 def with_sequence(sequence):
@@ -527,7 +535,7 @@ def test_the_age_of_the_newest_data_grows_while_nothing_comes(chain):
     assert subscription.health.age == INF
     publisher = chain.publisher(TaxelArray, 'taxels')
     started = time.monotonic()
-    while time.monotonic() - started < 1.0:  # until the least delay of the way is settled
+    while time.monotonic() - started < 1.0:  # The smallest delay on the way is settled after this time.
         message = good_taxels()
         message.header.stamp = time_message(STAMP + time.monotonic() - started)
         message.age = duration_message(0.25)
@@ -544,7 +552,7 @@ def test_the_age_of_the_newest_data_grows_while_nothing_comes(chain):
 
 
 def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
-    """Their arrays take turns: a consumer of the latest one sees two skins as one."""
+    """The arrays of both publishers alternate, so a consumer of the latest one sees two skins as one."""
     chain.add(ProcessorNode(namespace='/left'))
     chain.publisher(TaxelArray, '/left/taxels')
     chain.until(lambda: fact(chain, 'faults') == 'SILENT')
@@ -564,7 +572,7 @@ def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
 
 
 def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch):
-    """The middleware joins them by the name of their type; only the hash of its description differs (REP 2011)."""
+    """The middleware joins both versions by the type name. Only the hash of the description differs (REP 2011)."""
     subscription, received = guarded(chain)
     publisher = chain.publisher(TaxelArray, 'taxels')
     publisher.publish(with_sequence(7))
@@ -577,7 +585,7 @@ def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch
             info.topic_type_hash = TypeHash(1, bytes(31) + b'x')
         return found
     monkeypatch.setattr(chain.peer, 'get_publishers_info_by_topic', of_another_version)
-    publisher.publish(with_sequence(3))  # its publisher was started again
+    publisher.publish(with_sequence(3))  # The publisher has been restarted.
     publisher.publish(with_sequence(4))
     chain.until(lambda: subscription.counts.received == 3)
     assert subscription.counts.dropped == {R.OTHER_TYPE: 2} and len(received) == 1
@@ -589,7 +597,7 @@ def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch
 
 
 def fact(chain, key) -> str:
-    """A value of the last diagnostic."""
+    """Return a value of the last diagnostic."""
     return next((pair.value for status in chain.diagnostics[-1:] for pair in status.values if pair.key == key), '')
 
 
@@ -624,11 +632,11 @@ def test_health_continues_with_simulated_time_and_no_clock(chain):
     assert (values['received'], values['processed'], values['dropped_no_taxels']) == ('2', '1', '1')
     assert set(values) == {'faults', 'received', 'processed', 'rate_hz', 'age_s', 'skipped', 'overtaken', 'publishers',
                            'stamps_offset_s', *(f'dropped_{reason.key}' for reason in RejectReason if reason)}
-    assert all(stamp == Time() for stamp in chain.stamps)  # as before the first /clock
+    assert all(stamp == Time() for stamp in chain.stamps)  # The clock reads zero until the first /clock message.
 
 
 def status_of(**now):
-    """The status after a second in which a stream has changed from 4 messages to this."""
+    """Return the status one second after a stream had 4 messages; ``now`` replaces fields of the current state."""
     before = MessageCounts(received=4, processed=4, dropped={})
     fields = {'counts': MessageCounts(received=54, processed=54, dropped={}), 'age': 0.02, 'publishers': ('/driver',)}
     return health_status('/gripper/grasp', {'/left/shape': StreamHealth(**fields | now)}, {'/left/shape': before}, 1.0)
@@ -666,7 +674,7 @@ def test_health_names_the_topic_that_is_silent_and_counts_all():
     assert status.level == STALE and '/right/shape' in status.message and '/left' not in status.message
     values = {pair.key: pair.value for pair in status.values}
     assert (values['received'], values['processed'], values['dropped_not_finite']) == ('11', '10', '1')
-    assert values['age_s'] == '0.750'  # of the side whose data is older
+    assert values['age_s'] == '0.750'  # The age is that of the side with the older data.
 
 
 @pytest.mark.parametrize('probabilities', [{Shape.CIRCLE: NAN}, {Shape.CIRCLE: INF, Shape.NONE: 0.0}])
@@ -705,13 +713,13 @@ def test_no_grasp_stops_the_planner_example(chain):
     try:
         publisher = chain.publisher(Grasp, '/grasp')
         deadline = time.monotonic() + TIMEOUT
-        # Best effort may lose any of them, so all are sent until one of either kind has arrived
+        # Best effort may lose any message, so all are sent until one of either kind has arrived.
         while not (any('grasp dropped' in line for line in lines) and any('rotate' in line for line in lines)):
             assert process.poll() is None and time.monotonic() < deadline, lines
             for change, _ in cases_of(check_grasp):
                 publisher.publish(malformed(good_grasp, change))
                 good = good_grasp()
-                good.header.stamp = time_message(time.time())  # it acts on what is current
+                good.header.stamp = time_message(time.time())  # The planner acts only on current messages.
                 publisher.publish(good)
                 time.sleep(0.02)
         assert process.poll() is None

@@ -1,4 +1,7 @@
-"""Age over several stages with clocks that are not synchronised: from each message alone, never too small."""
+"""The age over several stages whose clocks are not synchronised.
+
+Each stage computes the age from one message alone, and never too small.
+"""
 
 import math
 from types import SimpleNamespace
@@ -18,7 +21,7 @@ STAMP = 1_700_000_000.0
 
 
 class Stage:
-    """Takes ``own`` [s] for each message; its steady clock shows ``offset`` more than the true time."""
+    """Stage that needs ``own`` [s] for each message; its steady clock is ``offset`` [s] ahead of the true time."""
 
     def __init__(self, offset, own=0.005, lossless=False):
         self.now = 0.0
@@ -26,7 +29,7 @@ class Stage:
         self.ages = InputAge(lossless=lossless, steady=lambda: self.now + offset)
 
     def pass_on(self, message, arrival):
-        """Return the message as this stage sends it, and when."""
+        """Return the message as this stage sends it, and the time of sending."""
         self.now = arrival
         arrived = self.ages.arrived(message)
         self.now = arrival + self.own
@@ -35,7 +38,10 @@ class Stage:
 
 
 def chain(stages, acquisitions, hold=lambda stage, sent: 0.0, offset=0.0, first_age=0.002):
-    """Return (true time, true age, age) of each message as the last stage sends it; order is kept on each path."""
+    """Return (true time, true age, age) of each message as the last stage sends it.
+
+    Each path keeps the order of its messages.
+    """
     results, last = [], [-math.inf] * len(stages)
     for acquired in acquisitions:
         message = SimpleNamespace(header=Header(stamp=time_message(STAMP + offset + acquired)),
@@ -83,7 +89,10 @@ def test_an_age_that_is_not_known_stays_so():
 
 
 def test_a_lossless_replay_measures_only_its_own_time():
-    """Ten years of log in a second, and the age is that of the first stage."""
+    """Each message is held back until 9 s, and the age does not contain this time.
+
+    The age is the one at the first stage plus the time in the stages.
+    """
     results = chain(stages(lossless=True), [PERIOD * i for i in range(20)], hold=lambda i, sent: max(0.0, 9.0 - sent))
     assert [age for *_, age in results] == pytest.approx([0.002 + 3 * 0.005] * 20)
 

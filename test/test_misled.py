@@ -1,7 +1,7 @@
-"""Nothing misleads a consumer that reads the latest message only; `make misled` prints what it sees, and for how long.
+"""Nothing misleads a consumer that reads only the latest message. `make misled` prints its view, and for how long.
 
-Here are the cases that need the whole chain. Of the other short ones the parts are tested: a frozen skin with the
-planner, hidden rows and saturation in test_stages.py, a tare of a grasp in test_driver_recovery.py.
+This file has the cases that need the whole chain. The parts of the other short cases are tested elsewhere: a frozen
+skin with the planner, hidden rows and saturation in test_stages.py, and a tare of a grasp in test_driver_recovery.py.
 """
 
 import pytest
@@ -13,7 +13,7 @@ from tactile_skin.msg import ContactShape, Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-PERIOD = 0.08  # s between two frames: a busy machine keeps up
+PERIOD = 0.08  # Time between two frames [s], long enough for a busy machine.
 
 
 @pytest.mark.parametrize(('message', 'facts'), [(Grasp(), grasp_facts), (ContactShape(), shape_facts)])
@@ -23,11 +23,12 @@ def test_a_default_constructed_message_claims_nothing(message, facts):
 
 
 def check(findings):
-    """What may never be claimed is not claimed, and what may be claimed for some time ends; `make misled` times it."""
+    """Check that no forbidden claim is made, and that each temporary claim ends; `make misled` measures its time."""
     assert findings and not [finding for finding in findings if not finding.bound and finding.seconds]
     lasting = [finding for finding in findings if finding.bound and not finding.has_ended]
     if lasting and is_overloaded() and all(finding.claim == 'not stable' for finding in lasting):
-        pytest.skip('the machine does not keep up')  # what it does not keep up with is not stable, rightly
+        # A grasp that the machine cannot follow is rightly reported as not stable.
+        pytest.skip('the machine does not keep up')
     assert not lasting
 
 
@@ -43,6 +44,6 @@ def world():
 
 @pytest.mark.parametrize('case', [malformed_sent, rows_lost, unplugged], ids=lambda case: case.__name__)
 def test_a_consumer_is_not_misled(world, case):
-    """One world for all, in this order: a bus that has failed stays so."""
+    """All cases use one world, in this order, because a failed bus stays failed."""
     world.skin.lose([])
     check(case(world))

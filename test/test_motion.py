@@ -1,6 +1,7 @@
-"""Events of a contact, in contact mechanics: a slide and a turn are reported in time, a hold and what is hidden not.
+"""Events of a contact, in contact mechanics.
 
-`bench/bench_events.py` measures more of the same.
+A slide and a turn are reported in time. A hold and hidden movements cause no report. `bench/bench_events.py` measures
+more cases of this kind.
 """
 
 import os
@@ -15,7 +16,8 @@ from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.shape.methods import make_recogniser
 from training.ground_truth.seeds import Purpose, generator
 
-PROMISED = {'outline': 0.3, 'centre of pressure': 0.8, 'on/off': 1.5}  #: pitches
+#: Distance within which a slide must be reported [pitches].
+PROMISED = {'outline': 0.3, 'centre of pressure': 0.8, 'on/off': 1.5}
 SEED, LONG = 4_100, bool(os.environ.get('TACTILE_LONG'))
 WHOLE = np.s_[6:12, 7:13]
 TAXELS = Taxels(PITCH, 'Pa')
@@ -30,7 +32,7 @@ def events_of(frames):
     return [(frame, event) for frame in frames for event in frame.motion.events]
 
 
-#: each kind and each speed with each way once; with TACTILE_LONG all together
+#: Each way is tested once with each speed and once with each kind. With TACTILE_LONG all combinations are tested.
 SLIDES = [(way, speed, kind) for i, way in enumerate(PROMISED) for j, speed in enumerate((0.5, 10.0, 100.0))
           for k, kind in enumerate(('square', 'ball', 'right_triangle')) if LONG or (i + j + k) % 3 == 0]
 
@@ -64,7 +66,7 @@ def test_speed_is_that_of_the_slide_and_ends_with_it(recogniser, speed):
     assert all(motion.moving & Moving.SLIDING for motion in under_way)
     assert np.median([motion.speed for motion in under_way]) == pytest.approx(speed * 1e-3, rel=0.25)
     assert frames[-1].motion.moving is Moving.STILL and np.isnan(frames[-1].motion.speed)
-    assert frames[-1].motion.last_event.kind is EventKind.SLIDING  # which is no present state
+    assert frames[-1].motion.last_event.kind is EventKind.SLIDING  # The last event does not describe the present state.
 
 
 @pytest.mark.slow
@@ -81,7 +83,8 @@ def test_a_turn_is_reported(recogniser, kind, speed):
     assert np.sign(np.median(rates)) == np.sign(frames[-1].place['turn'])
 
 
-#: each way at rest and shaken, with a square and a ball in turn; with TACTILE_LONG with all kinds, and for longer
+#: Each way is tested at rest and shaken, with a square and a ball in turn. With TACTILE_LONG all kinds are tested, for
+#: a longer time.
 HOLDS = [(way, is_shaken, KINDS if LONG else [('square', 'ball')[(i + is_shaken) % 2]])
          for is_shaken in (False, True) for i, way in enumerate(PROMISED)]
 
@@ -89,7 +92,10 @@ HOLDS = [(way, is_shaken, KINDS if LONG else [('square', 'ball')[(i + is_shaken)
 @pytest.mark.slow
 @pytest.mark.parametrize(('way', 'is_shaken', 'kinds'), HOLDS)
 def test_a_hold_is_still(recogniser, way, is_shaken, kinds):
-    """At most one report in a minute of shaking, and none here of a quiet hold (one in ten minutes is allowed)."""
+    """A minute of shaking may cause one report.
+
+    A quiet hold of this length causes none; one in ten minutes is allowed.
+    """
     reports = []
     for number, kind in enumerate(kinds):
         rng = generator(Purpose.TEST, SEED + 10 + number)
@@ -101,7 +107,7 @@ def test_a_hold_is_still(recogniser, way, is_shaken, kinds):
 @pytest.mark.slow
 @pytest.mark.parametrize('slope', [0.05, 0.15])
 def test_an_oblique_face_that_is_pressed_harder_does_not_slide(recogniser, slope):
-    """Its contact grows from one edge, while a gripper closes from 0.2 to 5 N; then it is held."""
+    """The contact grows from one edge while the gripper closes from 0.2 N to 5 N. Then the force is held."""
     steps = (np.arange(ROWS * FINE) + 0.5) / FINE - 0.5
     x, y = np.meshgrid(steps - 7.3, steps - 7.8)
     height = np.where(np.maximum(abs(x), abs(y)) < 4, slope * PITCH * x, -np.inf)
@@ -111,7 +117,7 @@ def test_an_oblique_face_that_is_pressed_harder_does_not_slide(recogniser, slope
              for number, force in enumerate(forces)]
     assert 'SLIDING' not in kinds_of(found)
     assert found[-1].moving is Moving.STILL
-    slides = Observable.ALONG_X | Observable.ALONG_Y  # which are not promised meanwhile
+    slides = Observable.ALONG_X | Observable.ALONG_Y  # Slides are not promised while the force grows.
     assert np.mean([bool(motion.observable & slides) for motion in found[10:75]]) < 0.2
     assert found[-1].observable & slides == slides
 
@@ -134,7 +140,7 @@ def pressed(where=WHOLE, level=50e3):
 
 
 def motions(frames, period=0.02, **marks):
-    """Follow values of consecutive frames; None: a silence."""
+    """Follow the values of consecutive frames; None stands for a silence."""
     pipeline, found = ContactPipeline(), []
     for number, values in enumerate(frames):
         if values is not None:
@@ -152,12 +158,14 @@ EMPTY, HIDDEN = np.zeros((18, 20)), np.full((18, 20), np.nan)
 @pytest.mark.slow
 def test_made_and_lost_are_between_frames_that_are_seen():
     assert kinds_of(motions([EMPTY] * 5 + [pressed()] * 20 + [EMPTY] * 3)) == ['MADE', 'LOST']
-    assert kinds_of(motions([pressed()] * 20)) == []  # not known to have been empty
+    assert kinds_of(motions([pressed()] * 20)) == []  # The pad is not known to have been empty.
     assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 40)) == []
     assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 3 + [pressed()] * 20)) == []
     assert kinds_of(motions([EMPTY] * 20 + [HIDDEN] * 3 + [EMPTY] * 20)) == []
-    assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 3 + [EMPTY] * 3)) == ['LOST']  # meanwhile
-    assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 40 + [EMPTY] * 3)) == []  # nothing was known any more
+    # The contact was lost in the meantime.
+    assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 3 + [EMPTY] * 3)) == ['LOST']
+    # By then, nothing is known about the contact.
+    assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 40 + [EMPTY] * 3)) == []
     assert kinds_of(motions([pressed()] * 20 + [None] * 40 + [EMPTY] * 3)) == []
 
 
@@ -180,8 +188,10 @@ def test_force_by_steps():
 
 @pytest.mark.slow
 def test_another_contact_and_lost_taxels_are_no_movement():
-    assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 12:18])] * 40)) == ['SLIDING']  # it overlaps
-    assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 14:20])] * 40)) == []  # it is another one
+    # The second contact overlaps the first.
+    assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 12:18])] * 40)) == ['SLIDING']
+    # The second contact is another one.
+    assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 14:20])] * 40)) == []
     lost = pressed()
     lost[8:10] = np.nan
     assert 'SLIDING' not in kinds_of(motions([pressed()] * 40 + [lost] * 40 + [pressed()] * 40))
@@ -194,10 +204,10 @@ def observable(where):
 def test_what_cannot_be_seen_is_said():
     both = Observable.ALONG_X | Observable.ALONG_Y
     assert observable(WHOLE) & both == both
-    assert observable(np.s_[7:11, :]) & both == Observable.ALONG_Y  # a bar across the pad
+    assert observable(np.s_[7:11, :]) & both == Observable.ALONG_Y  # A bar crosses the pad.
     assert observable(np.s_[:, 7:11]) & both == Observable.ALONG_X
-    assert observable(np.s_[7:11, 9:]) & both == both  # one end of it is seen
-    assert observable(np.s_[:, :]) == Observable.NOTHING  # larger than the pad
+    assert observable(np.s_[7:11, 9:]) & both == both  # One end of the bar is visible.
+    assert observable(np.s_[:, :]) == Observable.NOTHING  # The contact is larger than the pad.
     diagonal = np.abs(np.subtract.outer(np.arange(18), np.arange(20))) < 4
     assert observable(diagonal) & both == Observable.NOTHING
 

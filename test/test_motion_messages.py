@@ -1,4 +1,4 @@
-"""What a contact does arrives in `<pad>/events`, in `shape` and in `grasp`; a stale side says nothing of it."""
+"""Events of a contact arrive in `<pad>/events`, in `shape` and in `grasp`. A stale side reports none."""
 
 import math
 
@@ -40,7 +40,7 @@ def test_what_an_event_was_seen_by_has_its_code():
 
 
 class Held:
-    """A grasp whose left contact does what the test says; the right one is still."""
+    """A grasp whose left contact moves as the test demands, while the right one is still."""
 
     def __init__(self):
         self.now, self._tracker = 100.0, GraspTracker()
@@ -110,16 +110,16 @@ class Peer:
 def test_the_example_lifts_more_slowly_after_an_event():
     held = Held()
     limit = lift_slower.LiftSpeed(Peer(), ('left', 'right'), steady=lambda: held.now)
-    assert limit.speed() == 0.0  # nothing is known
+    assert limit.speed() == 0.0  # Nothing is known yet.
     for _ in range(60):
         message = held.grasp(PERIOD)
         message.age = age_message(AGE)
         limit.on_grasp(message)
-    assert limit.speed() == lift_slower.FULL / 2  # a slide along y would not show
+    assert limit.speed() == lift_slower.FULL / 2  # A slide along y would not be visible.
     limit.on_event(ContactEvent())
     assert limit.speed() == lift_slower.FULL / 2
     for _ in range(3):
         limit.on_event(ContactEvent(kind=ContactEvent.SLIDING, seen_by=ContactEvent.OUTLINE, probability=1.0))
     assert limit.speed() == pytest.approx(lift_slower.FULL / 8)
     held.now += 1.0
-    assert limit.speed() == 0.0  # too old
+    assert limit.speed() == 0.0  # The last grasp is too old.

@@ -1,4 +1,4 @@
-"""Row-multiplexed TPDOs and MPDOs: bytes by hand, then the simulated skin end to end."""
+"""Row-multiplexed TPDOs and MPDOs: bytes written by hand, then the simulated skin end to end."""
 
 import re
 
@@ -45,7 +45,10 @@ def test_rows_by_hand(tmp_path):
 
 
 def test_ten_bits_packed_and_falling_by_hand():
-    """Row 3: counts 1023, 341, 1023, 1023, 1023 from the least significant bit on; 100 (1023 - 341) Pa."""
+    """Row 3 has the counts 1023, 341, 1023, 1023 and 1023, least significant bit first.
+
+    The second taxel reads 100 (1023 - 341) Pa.
+    """
     assembler = telling(FrameAssembler(load_layout('rows12x5_10bit.yaml'), (5,)))
     assembler.sync(0)
     for row in range(12):
@@ -56,15 +59,19 @@ def test_ten_bits_packed_and_falling_by_hand():
 
 
 def test_mpdos_by_hand(tmp_path):
-    """Node 5: byte 0 the node-ID with bit 7 clear, then 0x2155 little-endian, sub, two signed counts."""
+    """The message comes from node 5.
+
+    Byte 0 is the node-ID with bit 7 clear. Then follow 0x2155 in little-endian order, the sub-index, and two signed
+    counts.
+    """
     assembler = telling(FrameAssembler(tiny_layout(tmp_path, MPDO), (5,)))
     assembler.sync(0)
     assert feed(assembler, 0x190, '05552103E80318FC') is None
     assert feed(assembler, 0x190, '05552104' '0200FEFF').values.tolist() == [[500, -500], [1, -1]]
 
 
-@pytest.mark.parametrize('foreign', ['85552104' '02000300',  # destination addressing: bit 7 set
-                                     '06552104' '02000300',  # another node's
+@pytest.mark.parametrize('foreign', ['85552104' '02000300',  # destination addressing (bit 7 set)
+                                     '06552104' '02000300',  # from another node
                                      '05562104' '02000300', '05552105' '02000300'])
 def test_foreign_mpdos_are_counted_and_leave_their_taxels_stale(tmp_path, foreign):
     assembler = telling(FrameAssembler(tiny_layout(tmp_path, MPDO), (5,)))
@@ -84,7 +91,7 @@ def test_too_short_to_tell_the_object(tmp_path, data):
 
 
 def test_rows_of_two_periods_are_never_mixed(tmp_path):
-    """Row 8 and the SYNC were lost: rows 7, 7' are of two periods."""
+    """Row 8 and the SYNC were lost, so the two messages of row 7 belong to two periods."""
     assembler = telling(FrameAssembler(tiny_layout(tmp_path, ROWS), (1,)))
     assembler.sync(0)
     assert feed(assembler, 0x190, '07010101', '07020202') == Loss(LossReason.LATE, 1)

@@ -1,4 +1,4 @@
-"""The nodes of a bus are described once: names, topics and parameters."""
+"""The nodes of a bus are described in one place: names, topics and parameters."""
 
 import subprocess
 import sys
@@ -76,7 +76,8 @@ def test_the_nodes_have_the_described_names_parameters_and_topics(pads, namespac
                      for topic, types in node.get_publisher_names_and_types_by_node(
                          node.get_name(), node.get_namespace())}
         expected = frame_topics(pads, namespace)
-        by_driver = {topic for topic in expected if topic.endswith('/taxels')}  # published once it is configured
+        # The driver publishes these topics only once it is configured.
+        by_driver = {topic for topic in expected if topic.endswith('/taxels')}
         assert {topic: published[topic] for topic in set(expected) - by_driver} == {
             topic: [kind] for topic, kind in expected.items() if topic not in by_driver}
         assert any(publisher.topic_name.endswith('skin_driver/status') for publisher in system.driver.publishers)

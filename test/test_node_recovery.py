@@ -1,4 +1,4 @@
-"""Nodes that come back, zero themselves or share a COB-ID: what the driver does."""
+"""The driver's reaction to nodes that come back, zero themselves, or share a COB-ID."""
 
 import logging
 import threading
@@ -49,7 +49,10 @@ def test_a_device_that_refuses_is_reported_by_channel(monkeypatch):
 
 @pytest.mark.parametrize('answer', [bytes.fromhex('8025610322000008'), None])
 def test_a_device_that_is_zeroed_in_part_or_does_not_answer_is_distinguished(answer):
-    """The third channel is refused (SDO abort), or its confirmation lost: then its state is not known."""
+    """The device refuses the third channel with an SDO abort, or its confirmation is lost.
+
+    Its state is then unknown.
+    """
     def tamper(message):
         if message.arbitration_id == 0x5A0 and bytes(message.data[:4]) == bytes.fromhex('60256103'):
             message.data = answer
@@ -84,7 +87,7 @@ def test_a_log_has_no_device(tmp_path):
         source.auto_zero('pad')
 
 
-#: the simulated skin's TPDO 3 (first half of row 1) alone, under the COB-ID that its TPDO 1 (of row 0) has
+#: Only TPDO 3 of the simulated skin (first half of row 1), with the COB-ID of the skin's TPDO 1 (row 0).
 ONE = '''
 rows: 1
 cols: 4
@@ -94,11 +97,11 @@ tpdos:
 - {number: 3, cob_id: $NODEID+0x180, map: {object: 0x7130, sub: 9, bits: 16, count: 4},
    taxels: {first: [0, 0], step: [0, 1], count: 4, bit_step: 16}}
 '''
-ROWS = np.repeat(np.arange(8.0)[:, None] + 1, 8, axis=1)  # each taxel reads the number of its row, from 1
+ROWS = np.repeat(np.arange(8.0)[:, None] + 1, 8, axis=1)  # Each taxel reads the number of its row, counted from 1.
 
 
 def one_tpdo(bench, folder):
-    """A driver of ONE on the bench's bus."""
+    """Return a driver of ONE on the bench's bus."""
     path = folder / 'one.yaml'
     path.write_text(ONE)
     pad = make_pad('pad32', 32, str(path), str(config_path('sim8x8_16bit.eds')))
@@ -106,12 +109,12 @@ def one_tpdo(bench, folder):
 
 
 def cob_id(bench, number):
-    """0x1800 + number - 1, sub 1, of the device."""
+    """Return object 0x1800 + number - 1, sub 1, of the device."""
     return bench.simulator.devices[32]._number(0x1800 + number - 1, 1)
 
 
 def test_no_other_tpdo_is_taken_for_taxels(tmp_path, caplog):
-    """CANopenNode's demo device sent both under one COB-ID, and the first came out as valid values."""
+    """The demo device of CANopenNode sent two TPDOs under one COB-ID. The first one was then read as valid values."""
     caplog.set_level(logging.WARNING)
     with Bench('rivals', 'sim8x8_16bit.yaml', source=lambda t: ROWS, sync_period=0.02) as bench:
         bench.run()
@@ -124,7 +127,7 @@ def test_no_other_tpdo_is_taken_for_taxels(tmp_path, caplog):
         rival, other = cob_id(bench, 1), cob_id(bench, 2)
         losses = bench.driver.statistics().pads['pad32'].losses
     assert all(np.allclose(frame.values, 2.0) for _, frame in frames)
-    assert rival >> 31 == 1 and other >> 31 == 0, 'TPDO 2 has another COB-ID'
+    assert rival >> 31 == 1 and other >> 31 == 0, 'the rival TPDO must be disabled, and TPDO 2 has another COB-ID'
     assert not any(losses.values()) and 'TPDO 1' in caplog.text
 
 
@@ -144,7 +147,10 @@ def test_a_device_that_refuses_is_not_used(tmp_path):
 
 
 def test_a_node_whose_mapping_is_another_one_gives_no_value_and_is_left_as_it_was():
-    """It has changed its mapping without a boot-up message, and takes no other. The driver finds that out by chance."""
+    """The node has changed its mapping without a boot-up message, and accepts no other mapping.
+
+    The driver discovers this only because it checks the node for another reason.
+    """
     def refuse(index, subindex, **_):
         if index == 0x1A00:
             raise SdoAbortedError(0x06010002)
@@ -154,8 +160,9 @@ def test_a_node_whose_mapping_is_another_one_gives_no_value_and_is_left_as_it_wa
         bench.take_whole(1)
         device = bench.simulator.devices[32]
         device._node.add_write_callback(refuse)
-        device.lie(0x1A00, 1, (0x7130_3D10).to_bytes(4, 'little'))  # a taxel of the last row for the first one
-        device._node.nmt.stop_heartbeat()  # so the driver looks at it
+        # The first taxel is replaced by one of the last row.
+        device.lie(0x1A00, 1, (0x7130_3D10).to_bytes(4, 'little'))
+        device._node.nmt.stop_heartbeat()  # The missing heartbeat makes the driver check the node.
         bench.take_until(lambda frame: np.isnan(frame.values).all())
         assert wait_until(lambda: cob_id(bench, 1) == 0x1A0)
         after = bench.take(20)

@@ -1,4 +1,7 @@
-"""Each parameter is one field of a frozen dataclass: declared from it, read into it, changed by replacing it."""
+"""Each parameter is one field of a frozen dataclass.
+
+The field declares the parameter, receives its value, and is replaced when the parameter changes.
+"""
 
 import inspect
 from dataclasses import FrozenInstanceError, fields
@@ -29,7 +32,7 @@ SETTINGS = {'skin_driver': DriverSettings, 'processor': ProcessorSettings, 'clas
             'grasp': GraspNodeSettings}
 NODES = {'skin_driver': DriverNode, 'processor': ProcessorNode, 'classifier': ClassifierNode, 'grasp': GraspNode}
 OF_A_CONFIGURATION = {'skin_driver': READ_AT_CONFIGURE}
-OF_ROS = {'use_sim_time', 'start_type_description_service'}  # declared by rclpy on every node
+OF_ROS = {'use_sim_time', 'start_type_description_service'}  # rclpy declares these parameters on every node.
 
 
 @pytest.fixture(scope='module', params=NODES)
@@ -96,7 +99,8 @@ def test_the_example_file_names_parameters_that_exist_with_values_of_their_type(
 def test_best_effort_is_of_what_a_node_receives_and_never_of_a_lossless_replay(
         name, inputs, output, given, reliability):
     parameters = [Parameter(key, value=value) for key, value in given.items()]
-    namespace = '_'.join(['given', *given])  # a node of the case before may not be forgotten yet
+    # Each case has its own namespace, because ROS may not have forgotten the node of the previous case.
+    namespace = '_'.join(['given', *given])
     with rclpy.context.Context() as context:
         node = NODES[name](context=context, namespace=namespace, parameter_overrides=parameters)
         received = [info for topic in inputs for info in node.get_subscriptions_info_by_topic(f'/{namespace}/{topic}')]
@@ -108,7 +112,10 @@ def test_best_effort_is_of_what_a_node_receives_and_never_of_a_lossless_replay(
 
 @pytest.mark.parametrize('name', ['skin_driver', 'grasp'])
 def test_a_node_whose_constructor_has_failed_can_be_destroyed(name, monkeypatch):
-    """Since Kilted the context does so, when it ends; their destroy_node uses what the constructor makes."""
+    """Since Kilted, the context destroys such a node when it ends.
+
+    Our destroy_node uses objects that the constructor makes.
+    """
     failed = []
 
     def fails(node, *_):
@@ -129,7 +136,7 @@ LISTS = [(name, row.name) for name, settings in SETTINGS.items() for row in tabl
 
 
 def configured(kind, options):
-    """Make the node; a driver also configures. Raises its ConfigurationError."""
+    """Make the node, and configure it if it is a driver; raise the ConfigurationError of a failure."""
     node = kind(**options)
     try:
         if kind is DriverNode and node.trigger_configure() != TransitionCallbackReturn.SUCCESS:
@@ -146,7 +153,7 @@ def configured(kind, options):
 
 @pytest.mark.parametrize(('name', 'parameter'), LISTS, ids=[parameter for _, parameter in LISTS])
 def test_an_empty_list_in_a_parameter_file_is_a_list_without_values(name, parameter, tmp_path):
-    """ROS reads it as a value without a type, and an empty list of rclpy is a list of bytes."""
+    """ROS reads an empty list as a value without a type. In rclpy, an empty list is a list of bytes."""
     file = tmp_path / 'parameters.yaml'
     file.write_text('/**:\n  ros__parameters:\n    publish_pad_frames: true\n    gap: 0.02\n'
                     f'    replay: {DATA / "sim16x16_two_pads.log.gz"}\n    {parameter}: []\n')
@@ -173,7 +180,7 @@ def test_an_empty_list_for_one_value_is_refused_with_its_meaning(name, parameter
 
 
 def test_an_empty_list_can_be_read_back_over_ros(ros, tmp_path):
-    """One parameter without a type empties the whole answer of the service, and so `ros2 param dump`."""
+    """One parameter without a type empties the whole answer of the service, and so the output of `ros2 param dump`."""
     file = tmp_path / 'parameters.yaml'
     file.write_text('/**:\n  ros__parameters:\n    features: []\n')
     bench = RosBench(ros)
@@ -188,7 +195,7 @@ def test_an_empty_list_can_be_read_back_over_ros(ros, tmp_path):
 
 
 def drops_incomplete(driver):
-    """Return whether the driver's source drops incomplete sweeps; a stand-in takes the place of a bus."""
+    """Return True if the driver's source drops incomplete sweeps; a stand-in replaces the bus."""
     if driver.source is None:
         driver.source = SimpleNamespace(drops=False)
         driver.source.adjust = lambda drops, _timeout: vars(driver.source).update(drops=drops)
@@ -203,12 +210,12 @@ CHANGES = {
 
 @pytest.mark.parametrize('name', CHANGES)
 def test_a_change_that_another_callback_refuses_has_no_effect(name):
-    """ROS asks all callbacks before it sets a value: one that is asked after ours may still refuse it."""
+    """ROS asks all callbacks before it sets a value. A callback that is asked after ours may still refuse the value."""
     refusing, (change, state) = [], CHANGES[name]
 
     class Refusing(NODES[name]):
         def add_on_set_parameters_callback(self, callback):
-            super().add_on_set_parameters_callback(self.answer)  # rclpy asks the last one first
+            super().add_on_set_parameters_callback(self.answer)  # rclpy asks the last callback first.
             super().add_on_set_parameters_callback(callback)
 
         def answer(self, _parameters):

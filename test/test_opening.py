@@ -1,4 +1,4 @@
-"""The opening of a gripper from joints or frames: makers, signs, units, trees of frames."""
+"""The opening of a gripper from joints or frames: makers, signs, units, and trees of frames."""
 
 from math import atan2, cos, inf, isnan, nan, pi, sin, sqrt
 
@@ -9,8 +9,8 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import FrameTree, Gripper, PadPose, Transform, contact_line, rotation_matrix
 from tactile_node.grasp.opening import GapSource, LatestGap, is_plausible
 
-# Two 16x16 pads of 2 mm pitch, skin to skin when closed: the left looks along z, the right one, rotated by pi about x,
-# along -z; so the right pad's y runs against the gripper's.
+# Two 16x16 pads of 2 mm pitch touch skin to skin when closed. The left pad looks along z. The right pad is rotated by
+# pi about x and looks along -z, so its y axis points against that of the gripper.
 PADS = Gripper(PadPose((-0.015, -0.015, 0.0), (0.0, 0.0, 0.0)), PadPose((-0.015, 0.015, 0.0), (pi, 0.0, 0.0)))
 
 
@@ -24,7 +24,8 @@ def test_a_box_of_40_mm_held_in_the_middle():
 
 
 def test_a_wedge_touched_3_mm_higher_on_the_right():
-    line = contact_line(PADS, (0.015, 0.015), (0.015, 0.012), 0.004)  # y of the right pad runs down: 12 mm is 3 mm up
+    # The y axis of the right pad points down, so y = 12 mm is 3 mm higher than y = 15 mm.
+    line = contact_line(PADS, (0.015, 0.015), (0.015, 0.012), 0.004)
     assert line.right - line.left == pytest.approx([0, 0.003, 0.004])
     assert line.width == pytest.approx(0.005)
     assert line.offset == pytest.approx(0.003)
@@ -63,7 +64,7 @@ def test_a_wrong_limit_is_refused(limit):
         LatestGap(GapSource.TF, limit)
 
 
-QUARTER = (0.0, 0.0, sin(pi / 4), cos(pi / 4))  # quaternion of a quarter turn about z: x to y, y to -x
+QUARTER = (0.0, 0.0, sin(pi / 4), cos(pi / 4))  # Quaternion of a quarter turn about z, which turns x to y and y to -x.
 STRAIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -72,7 +73,7 @@ def at(x, y, z, quaternion=STRAIGHT):
 
 
 def gripper(left=0.02, right=0.02, measured=100.0):
-    """A hand turned by a quarter at the end of an arm; its fingers slide along its y."""
+    """Return a tree in which a hand is turned by a quarter at the end of an arm. Its fingers slide along its y axis."""
     tree = FrameTree()
     tree.set('flange', 'base', at(1, 2, 3), 7.0)
     tree.set('hand', 'flange', at(0, 0, 0.1, QUARTER))
@@ -84,7 +85,8 @@ def gripper(left=0.02, right=0.02, measured=100.0):
 def test_a_quaternion_rotates_as_in_rep_103():
     assert rotation_matrix(*QUARTER) @ (1, 0, 0) == pytest.approx([0, 1, 0])
     assert rotation_matrix(1, 0, 0, 0) @ (0, 1, 2) == pytest.approx([0, -1, -2])
-    assert rotation_matrix(0, 2, 0, 2) @ (0, 0, 1) == pytest.approx([1, 0, 0])  # a quarter about y; length 2.8
+    # A quarter turn about y; the quaternion has the length 2.8.
+    assert rotation_matrix(0, 2, 0, 2) @ (0, 0, 1) == pytest.approx([1, 0, 0])
 
 
 def test_up_down_and_across_the_tree():
@@ -92,7 +94,8 @@ def test_up_down_and_across_the_tree():
     assert tree.find('left', 'hand').transform.translation == pytest.approx([0, -0.02, 0.05])
     assert tree.find('hand', 'left').transform.translation == pytest.approx([0, 0.02, -0.05])
     assert tree.find('right', 'left').transform.translation == pytest.approx([0, 0.04, 0])
-    assert tree.find('left', 'base').transform.translation == pytest.approx([1.02, 2, 3.15])  # -y of the hand is x
+    # The hand's -y axis points along x of the base.
+    assert tree.find('left', 'base').transform.translation == pytest.approx([1.02, 2, 3.15])
     assert tree.find('base', 'hand').transform.translation == pytest.approx([-2, 1, -3.1])
     assert tree.find('hand', 'hand').transform.translation == pytest.approx([0, 0, 0])
 

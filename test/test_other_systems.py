@@ -1,4 +1,7 @@
-"""Windows: library and commands run without ROS and without what Python has on Linux alone; `simulate` says so."""
+"""On Windows, library and commands run without ROS and without the modules that Python has only on Linux.
+
+`simulate` reports that it does not work there.
+"""
 
 import json
 import os
@@ -12,7 +15,8 @@ from tactile_node.cli.main import COMMANDS
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[1]
-#: What Windows has not: pty and tty are there, and fail without termios. pyserial, imported first, works there
+#: Windows lacks these modules. It has pty and tty, but they fail without termios. pyserial works there, so it is
+#: imported first.
 WINDOWS = """
 import os, serial, signal, sys
 for name in ('termios', 'fcntl', 'resource', 'grp', 'pwd', 'readline', 'rclpy', 'tactile_skin', 'std_msgs'):

@@ -1,6 +1,7 @@
-"""A host with another version of our messages: the middleware joins it, and values would be read from wrong places.
+"""A host has another version of our messages. The middleware joins it, and values would be read from wrong places.
 
-Builds that version (10 s, once), so it runs with TACTILE_LONG only; see also test_malformed_messages.py.
+The test builds that version once, which takes 10 s. It therefore runs only with TACTILE_LONG. See also
+test_malformed_messages.py.
 """
 
 import os
@@ -43,7 +44,7 @@ def old_publisher() -> subprocess.Popen:
 
 
 def test_no_message_of_another_version_is_used(ros):
-    """Without the check its 2 rows of 3 taxels come out as 3 rows of 2, and nothing reports it."""
+    """Without the check, its 2 rows of 3 taxels would be read as 3 rows of 2, and nothing would report it."""
     bench, received = RosBench(ros), []
     subscription = GuardedSubscription(bench.add('reader'), TaxelArray, 'left/taxels', received.append,
                                        frames_qos(10), check=check_taxel_array)

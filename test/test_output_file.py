@@ -1,4 +1,4 @@
-"""Outputs are whole or as they were; an input is never the output."""
+"""An output file is either complete or unchanged, and an input is never the output."""
 
 import os
 import stat
@@ -35,7 +35,7 @@ def test_a_log_that_cannot_be_played_leaves_the_output_as_it_was(kept, capsys):
 @pytest.mark.parametrize('command', ['features', 'classify'])
 @pytest.mark.parametrize('name', ['keep.npy', 'link.npy'])
 def test_an_array_is_not_overwritten_by_what_is_found_in_it(command, name, kept, capsys):
-    """Nor by way of a link to it, or with --force."""
+    """The array is also safe from a link to it, and from --force."""
     if name != kept.name:
         kept.with_name(name).symlink_to(kept)
     assert main([command, str(kept), '-o', str(kept.with_name(name)), '--force']) == 2

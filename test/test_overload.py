@@ -1,4 +1,4 @@
-"""A stage that cannot keep up works on the newest frame and counts the others; a lossless replay loses nothing."""
+"""A stage that is too slow works on the newest frame and counts the others. A lossless replay loses nothing."""
 
 import threading
 import time
@@ -28,7 +28,10 @@ def taxels(sequence):
 
 
 def followed_at_half_speed(ros, lossless):
-    """Send SENT messages to a stage that takes two periods for each; return its subscription and what it worked on."""
+    """Send SENT messages to a stage that takes two periods for each one.
+
+    Return its subscription and the processed messages.
+    """
     bench = RosBench(ros)
     sender, receiver = rclpy.create_node('sender'), bench.add('receiver')
     ros.callback(sender.destroy_node)
@@ -60,19 +63,23 @@ def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(ros
     assert counts.received == SENT and counts.processed == len(numbers) < SENT
     assert counts.overtaken == SENT - len(numbers) and not counts.dropped and not counts.skipped
     assert numbers == sorted(numbers)
-    # In order and without a loss the last one would be SENT periods old.
+    # If all messages were processed in order, the last one would be SENT periods old.
     assert np.median(ages) < SENT * PERIOD / 4
 
 
 def test_what_a_stage_before_has_left_out_is_no_loss(ros):
-    """The processing node was within its 5 %, and the classifier warned of frames that never arrived."""
+    """The processing node once left out frames within its allowed 5 %.
+
+    The classifier then warned that they had been lost.
+    """
     bench = RosBench(ros)
     receiver, left_out, qos = bench.add('receiver'), [], frames_qos(SENT)
     subscription = GuardedSubscription(receiver, Contact, 'contact', check=lambda message: None, qos=qos,
                                        callback=lambda message: left_out.append(subscription.left_out))
     publisher = bench.add('sender').create_publisher(Contact, 'contact', qos)
     bench.until(publisher.get_subscription_count)
-    for received, (sequence, before) in enumerate(((1, 0), (2, 0), (5, 2), (9, 2)), 1):  # of the last gap, one is lost
+    # In the last gap, one message is lost.
+    for received, (sequence, before) in enumerate(((1, 0), (2, 0), (5, 2), (9, 2)), 1):
         message = Contact(sequence=sequence, left_out=before)
         message.header.stamp = receiver.get_clock().now().to_msg()
         publisher.publish(message)

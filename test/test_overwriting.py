@@ -1,4 +1,4 @@
-"""No command replaces a file that exists, unless with --force; it refuses before its work."""
+"""No command replaces an existing file without --force. The command refuses before it starts its work."""
 
 import argparse
 import os
@@ -11,7 +11,8 @@ from tactile_node.cli.main import COMMANDS, _parser, main
 
 LOG = str(DATA / 'sim16x16_two_pads.log.gz')
 RECORD = ['record', '--interface', 'virtual', '--duration', '0.1', 'x.log']
-#: What writes one file, its name last. All inputs are missing, or no bus is there: the refusal comes before.
+#: Commands that write one file, whose name comes last. All inputs are missing, or there is no bus, so the refusal must
+#: come first.
 WRITES = [
     ['features', 'none.npy', '-o', 'x.json'], ['classify', 'none.npy', '-o', 'x.json'],
     ['calibrate', 'none.npy', '--radius', '0.01', '--pitch', '0.002', '-o', 'x.yaml'],
@@ -19,7 +20,7 @@ WRITES = [
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'new.npz', '--picture', 'x.png'],
     ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,
     ['replay', 'none.log', '-o', 'x.npz'], ['report', 'none.log', '-o', 'x.html']]
-APPENDS_OR_NUMBERS = {'simulate', 'bringup'}  # --report, --record
+APPENDS_OR_NUMBERS = {'simulate', 'bringup'}  # Commands with --report or --record, which append or number their files.
 
 
 @pytest.fixture
@@ -56,7 +57,7 @@ def test_with_force_it_is_replaced(folder, capsys):
     assert main(['draft', 'sim16x16.eds', '--output', 'x.yaml', '--force']) == 0
     main([*RECORD, '--force'])
     assert all((folder / name).read_text() != 'old' for name in ('x.csv', 'x.yaml', 'x.log'))
-    assert not (folder / 'x_part2.log').exists(), 'a reader would take it for a part of the new one'
+    assert not (folder / 'x_part2.log').exists(), 'a reader would take this file for a part of the new recording'
 
 
 def test_a_log_whose_suffix_is_no_format_is_kept(folder):

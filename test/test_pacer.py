@@ -1,4 +1,4 @@
-"""How often something is done: at a pace, and at changes."""
+"""How often an action runs: at a fixed pace, and after changes."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from tactile_node.bus.threads import Schedule
 
 
 def times(delays, period=1.0, lasts=0.0):
-    """When calls begin that are held up by ``delays`` each, and the overruns."""
+    """Return the times at which delayed calls begin, and the number of overruns."""
     schedule, begun = Schedule(period, 0.0), []
     now = 0.0
     for delay in delays:
@@ -37,11 +37,11 @@ def test_calls_that_last_longer_than_a_period_are_overruns():
     assert begun == pytest.approx([0, 2.5, 5, 7.5, 10]) and overruns == 10 - 4
 
 
-ROUND = 0.05  # s
+ROUND = 0.05  # Time between two rounds [s].
 
 
 def published(states, pause=ROUND):
-    """(time, state) of what is let through of one state a round."""
+    """Return (time, state) of each published state; there is one state per round."""
     pace, found = ChangePace(), []
     for number, state in enumerate(states):
         now = 100 + number * pause

@@ -1,4 +1,7 @@
-"""The frames of the pads on tf, without a URDF: only where they are, and only while that is known."""
+"""The frames of the pads on tf, without a URDF.
+
+A frame is published only at its true place, and only while that place is known.
+"""
 
 import logging
 import sys
@@ -25,15 +28,15 @@ from tactile_node.ros.settings import GraspNodeSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 
-LIMIT = 0.3  # s, max_gap_age
-#: The pads of urdf/example_gripper.urdf.xacro
+LIMIT = 0.3  # Value of max_gap_age [s].
+#: The pads of urdf/example_gripper.urdf.xacro.
 POSES = {'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-pi / 2, 0.0, 0.0],
          'right_xyz': [-0.015, 0.0, 0.115], 'right_rpy': [pi / 2, 0.0, 0.0]}
 JOINTS = {'gap_source': 'joint_states', 'gap_joints': ['finger']}
 
 
 class FrameGripper(RosBench):
-    """A node that publishes the frames, beside a listener."""
+    """A node that publishes the frames, and a listener."""
 
     def __init__(self, stack):
         super().__init__(stack)
@@ -51,7 +54,7 @@ class FrameGripper(RosBench):
         publish_pad_frames(self.node, settings, gripper, source)
 
     def listen(self, kind, topic, qos):
-        """Return the lists of messages that come, as {frame: transform}."""
+        """Return a list that receives each message as {frame: transform}."""
         heard = []
         self.beside.create_subscription(
             kind, topic, lambda given: heard.append({each.child_frame_id: each for each in given.transforms}), qos)
@@ -62,10 +65,10 @@ class FrameGripper(RosBench):
         return heard[-1]
 
     def wait_for_the_end(self, heard):
-        """Until none comes for twice the time that an opening lasts."""
+        """Wait until no message arrives for twice the time for which an opening is valid."""
         end, before = time.monotonic() + TIMEOUT, -1
         while len(heard) > before:
-            assert time.monotonic() < end, 'they continue'
+            assert time.monotonic() < end, 'the messages do not stop'
             before = len(heard)
             self.wait(2 * LIMIT)
 
@@ -81,7 +84,7 @@ def origin(transform):
 
 
 def check(transforms, gap, parent='gripper', names=('left_pad', 'right_pad')):
-    """Against the drawing of the example gripper, as in test_urdf.py."""
+    """Compare the frames with the drawing of the example gripper, as in test_urdf.py."""
     left, right = (transforms[name] for name in names)
     assert len(transforms) == 2 and {each.header.frame_id for each in (left, right)} == {parent}
     assert origin(left) == pytest.approx((-0.015, -gap / 2, 0.145))
@@ -96,7 +99,7 @@ def test_at_a_given_opening_they_are_static_and_come_late_too(gripper, tf_messag
     heard = gripper.listen(tf_message, '/tf_static', TF_STATIC_QOS)
     check(gripper.wait_for(heard), 0.04)
     gripper.wait(0.3)
-    assert len(heard) == 1  # once
+    assert len(heard) == 1  # The frames are published once.
     assert gripper.node.set_parameters([Parameter('gap', value=0.01)])[0].successful
     check(gripper.wait_for(heard, 2), 0.01)
 
@@ -123,7 +126,8 @@ def test_at_a_measured_opening_they_move_and_stop_with_it(gripper, tf_message):
     check(heard[-1], 0.038, 'robot1/gripper', ('robot1/a', 'robot1/b'))
     stamps = [each['robot1/a'].header.stamp for each in heard]
     assert len(stamps) > 2
-    assert all((a.sec, a.nanosec) < (b.sec, b.nanosec) for a, b in zip(stamps, stamps[1:]))  # tf2 drops repetitions
+    # tf2 drops frames with repeated stamps.
+    assert all((a.sec, a.nanosec) < (b.sec, b.nanosec) for a, b in zip(stamps, stamps[1:]))
 
 
 def test_at_an_opening_from_tf_they_come_beside_the_fingers_and_do_not_feed_themselves(gripper, tf_message):
@@ -143,7 +147,7 @@ def test_at_an_opening_from_tf_they_come_beside_the_fingers_and_do_not_feed_them
         gripper.wait(0.05)
     gripper.wait_for_the_end(heard)
     check(of_pads()[-1], 0.030)
-    assert len(of_pads()) <= 10  # one for each measurement; they end with them
+    assert len(of_pads()) <= 10  # Each measurement has one message. No message follows the last measurement.
 
 
 @pytest.mark.parametrize('parameters', [

@@ -1,8 +1,8 @@
-"""What the pads of a bus ask of it: who plans too many is warned before any frame is lost.
+"""The load that the pads put on a bus: a user who plans too many pads is warned before any frame is lost.
 
-Bit counts of ISO 11898-1: a standard data frame of n bytes has 34 + 8 n bits that are stuffed (start bit, identifier,
-RTR, IDE, r0, DLC, data, CRC), at most one stuff bit for the first five and each four after them, and 13 bits that are
-not: n = 8: 98 + 24 + 13.
+The bit counts are from ISO 11898-1. In a standard data frame of n bytes, 34 + 8 n bits are stuffed: start bit,
+identifier, RTR, IDE, r0, DLC, data and CRC. There is at most one stuff bit for the first five bits and one for each
+four bits after them. A further 13 bits are not stuffed. For n = 8, the sum is 98 + 24 + 13.
 """
 
 import logging
@@ -30,7 +30,7 @@ def test_each_pad_takes_its_frames_and_all_share_one_sync(pads, rate):
 
 
 def test_a_pad_without_sync_sends_at_its_own_time_beside_one_with_sync():
-    """event8x8_16bit.yaml: 16 frames of 8 bytes each 50 ms."""
+    """The layout event8x8_16bit.yaml sends 16 frames of 8 bytes every 50 ms."""
     layouts = [load_layout('sim16x16.yaml'), load_layout('event8x8_16bit.yaml')]
     assert planned_load(layouts, 1_000_000, 0.01) == pytest.approx((100 * (SYNC + 32 * FRAME) + 20 * 16 * FRAME) / 1e6)
     assert planned_load(layouts[1:], 1_000_000, 0.01) == pytest.approx(20 * 16 * FRAME / 1e6)
@@ -71,7 +71,7 @@ def test_a_bus_that_would_be_too_full_is_refused_with_the_rate_that_fits(pads, l
 @pytest.mark.slow
 @pytest.mark.parametrize('pads, rate, load', [(1, 50, None), (4, 50, None), (3, 100, 1.3015), (4, 100, 1.7335)])
 def test_the_driver_starts_and_warns_of_pads_that_its_bus_cannot_carry(pads, rate, load, caplog):
-    """Whoever reads only the log learns it before the first frame is missing; the rest is the status."""
+    """A user who reads only the log is warned before the first frame is missing. Later warnings are in the status."""
     settings = BusSettings('virtual', f'planned{pads}at{rate}', sync_period=1 / rate, allow_full_bus=True)
     placed = placed_pads(pads)
     bus = Supervisor(settings, placed, lambda name, frame: None)

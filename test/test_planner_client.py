@@ -1,4 +1,4 @@
-"""The example client decides as its docstrings say, and on nothing that is old or not seen."""
+"""The example client decides as its docstrings say, and never on information that is old or not seen."""
 
 import os
 import subprocess
@@ -26,7 +26,7 @@ SQUARE, OTHER, UNKNOWN = 4, 8, 2
 MOTIONS = {name: [SimpleNamespace(moving=1, observable=1), SimpleNamespace(moving=moving, observable=observable)]
            for name, moving, observable in (('still', 1, 2), ('slides', 2, 3), ('not known', 0, 3), ('blind', 1, 0),
                                          ('turns would show', 1, 4))}
-#: As a rectangle has symmetry 2; the fields are those of Grasp.msg
+#: A rectangle has symmetry 2; the fields are those of Grasp.msg.
 GOOD = {'contact': Codes.TWO_SIDED, 'fresh': True, 'stable': True, 'line_is_bound': False, 'offset': 0.0,
         'misalignment': nan, 'axis': (nan, nan, nan), 'lean': (0.0, 0.0), 'shape': SQUARE,
         'class_name': 'square', 'confidence': 0.99, 'dimensions': [0.01], 'centre': AIM, 'yaw': 0.0, 'symmetry': 2,
@@ -48,15 +48,16 @@ def choose(**changes):
 
 
 @pytest.mark.parametrize(('changes', 'action'), [
-    ({}, 'lift'), ({'stable': False}, 'wait'), ({'offset': nan}, 'wait'),  # where it is is not known
-    (UNKNOWN_OBJECT | {'hidden_taxels': [0, 3]}, 'wait'),  # what it is is known in part only
+    ({}, 'lift'), ({'stable': False}, 'wait'), ({'offset': nan}, 'wait'),  # The place of the object is unknown.
+    (UNKNOWN_OBJECT | {'hidden_taxels': [0, 3]}, 'wait'),  # The object is known only in part.
     (UNKNOWN_OBJECT, 'regrasp'), (UNKNOWN_OBJECT | {'stable': False}, 'wait'),
     ({'confidence': 0.5, 'stable': False}, 'wait'), ({'confidence': 0.5}, 'regrasp'),
-    ({'dimensions': [], 'yaw': nan, 'symmetry': 0}, 'regrasp'),  # no fit
-    ({'yaw': nan}, 'regrasp'),  # the sides contradict each other
-    ({'offset': 0.004}, 'regrasp'),  # without an opening the angle is not known
-    ({'offset': 0.001, 'misalignment': 0.1, 'axis': (sin(0.1), 0.0, cos(0.1))}, 'tilt'),  # a short line
-    ({'yaw': nan, 'symmetry': 0}, 'lift')])  # a circle
+    ({'dimensions': [], 'yaw': nan, 'symmetry': 0}, 'regrasp'),  # There is no fit.
+    ({'yaw': nan}, 'regrasp'),  # The sides contradict each other.
+    ({'offset': 0.004}, 'regrasp'),  # Without an opening, the angle is not known.
+    # The line between the contacts is short.
+    ({'offset': 0.001, 'misalignment': 0.1, 'axis': (sin(0.1), 0.0, cos(0.1))}, 'tilt'),
+    ({'yaw': nan, 'symmetry': 0}, 'lift')])  # The object is a circle.
 def test_a_grasp_is_lifted_when_it_is_good_and_stable_and_else_improved(changes, action):
     assert choose(**changes).action == action
 
@@ -70,7 +71,7 @@ def test_an_off_centre_object_shifts_the_gripper_after_it():
 @pytest.mark.parametrize(('axis', 'expected'), [
     ((sin(0.2), 0.0, cos(0.2)), (0.0, 0.2, 0.0)), ((0.0, sin(0.2), cos(0.2)), (-0.2, 0.0, 0.0))])
 def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
-    """By hand: a rotation about y takes z to x, one about x takes z to -y."""
+    """The values are computed by hand: a rotation about y takes z to x, and one about x takes z to -y."""
     correction = choose(confidence=0.3, offset=0.006, misalignment=0.2, axis=axis)
     assert correction.action == 'tilt' and correction.tilt == pytest.approx(expected)
 
@@ -80,7 +81,7 @@ DIAGONAL = {'offset': 0.008, 'misalignment': 0.15, 'axis': (-sin(0.15), 0.0, cos
 
 def test_a_gripper_is_laid_on_faces_that_lean_whatever_their_line():
     lean = {'lean': (0.02 * client.STIFFNESS, 0.1 * client.STIFFNESS)}
-    for line in ({}, DIAGONAL, {'offset': 0.004}):  # none is misaligned, or that way, or without an opening
+    for line in ({}, DIAGONAL, {'offset': 0.004}):  # The line is straight, misaligned, or without a known opening.
         correction = choose(**line | lean)
         assert correction.action == 'tilt' and correction.tilt == pytest.approx((0.02, 0.1, 0.0))
     assert choose(**DIAGONAL, lean=(nan, nan)).action == 'regrasp'
@@ -92,7 +93,7 @@ def test_a_gripper_is_laid_on_faces_that_lean_whatever_their_line():
 @pytest.mark.parametrize(('angle', 'symmetry', 'expected'), [
     (radians(20), 2, radians(20)), (radians(80), 2, radians(-10)), (radians(-30), 4, radians(-30)),
     (radians(170), 1, radians(-10)),
-    (radians(20), 3, radians(-10))])  # of edges at 20, 140 and 260 degrees
+    (radians(20), 3, radians(-10))])  # The edges are at 20, 140 and 260 degrees.
 def test_an_oblique_edge_rotates_the_gripper_the_short_way(angle, symmetry, expected):
     correction = choose(yaw=angle, symmetry=symmetry)
     assert correction.action == 'rotate' and correction.angle == pytest.approx(expected)
@@ -141,16 +142,16 @@ def test_a_decision_ends_with_the_age_of_its_grasp_or_when_grasps_stop():
     assert planner.decide(7.0).action == 'hold'
 
 
-# Running nodes: an object is held, and something fails
+# Running nodes hold an object, and a part fails.
 
-FROZEN_AFTER = 0.4  # s
-BUSY_PERIOD = 0.05  # s between two frames: a busy machine keeps up
+FROZEN_AFTER = 0.4  # Time after which a skin counts as frozen [s].
+BUSY_PERIOD = 0.05  # Time between two frames [s], long enough for a busy machine.
 STILL = ('hold', 'wait')
 ACTS = ('open', 'regrasp', 'shift', 'rotate', 'tilt', 'lift')
 
 
 class Actions:
-    """What the planner, a separate process, reports, and when."""
+    """Reports of the planner, which is a separate process, and their times."""
 
     def __init__(self, process: subprocess.Popen):
         self._process = process
@@ -171,7 +172,7 @@ class Actions:
         return [action for at, action in self.heard if at > since]
 
     def acting_until(self, since: float) -> float:
-        """For how long after ``since`` the latest action was one that moves the gripper [s]."""
+        """Return how long after ``since`` the latest action was still one that moves the gripper [s]."""
         ends = [at for at, _ in self.heard[1:]] + [time.monotonic()]
         return max((end - since for (_, action), end in zip(self.heard, ends) if action in ACTS), default=0.0)
 
@@ -190,7 +191,7 @@ def planning() -> Iterator[Actions]:
 
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
-ATTEMPTS = 3  # at a time, on a busy machine; a wrong advice has none
+ATTEMPTS = 3  # A busy machine has this many attempts to be in time. Wrong advice fails at the first attempt.
 
 
 def freeze(world) -> None:
@@ -210,7 +211,7 @@ def end_grasp(world) -> None:
 
 
 def hide(world) -> None:
-    """The right pad loses its power; the left one continues."""
+    """Switch off the right pad; the left one continues."""
     world.skin.power_off(48)
 
 
@@ -225,13 +226,13 @@ def test_a_planner_that_holds_an_object_keeps_still_when_its_sight_fails(fail: C
     pytest.importorskip('rclpy')
     bench = pytest.importorskip('misled_bench')
     late = [acted_too_long(bench, fail, notice)]
-    while LONG and late[-1] > 0 and len(late) < ATTEMPTS:  # `make misled`: how soon
+    while LONG and late[-1] > 0 and len(late) < ATTEMPTS:  # `make misled` measures the time until the planner stops.
         late.append(acted_too_long(bench, fail, notice))
     assert not LONG or late[-1] <= 0, late
 
 
 def acted_too_long(bench, fail: Callable, notice: float) -> float:
-    """The planner keeps still; return for how much longer than it may it acted on what it had seen [s]."""
+    """Check that the planner keeps still; return for how much longer than allowed it acted on old information [s]."""
     driver, period = {'frozen_after': FROZEN_AFTER}, bench.PERIOD if LONG else BUSY_PERIOD
     with planning() as actions, bench.World({'angle': 0.0}, driver=driver, period=period) as world:
         world.wait(lambda: actions.latest == 'lift', 'the planner to lift', timeout=60.0)
@@ -242,14 +243,15 @@ def acted_too_long(bench, fail: Callable, notice: float) -> float:
         stall = sum(length for begin, length in world.stalls if begin + length >= since)
         assert 'open' not in actions.after(since) and 'regrasp' not in actions.after(since)
         too_long = actions.acting_until(since) - (notice + 2 * bench.WITHDRAWN + stall)
-        if fail is freeze:  # it opens when it sees that the object is gone: else this test could not fail
+        # The planner opens when it sees that the object is gone. Otherwise this test could not fail.
+        if fail is freeze:
             world.skin.set(is_frozen=False, is_there=False)
             world.wait(lambda: actions.latest == 'open', 'the planner to open', timeout=60.0)
         return too_long
 
 
 def test_a_taught_shape_is_centred_and_lifted_and_never_rotated():
-    """It has no size and no yaw, and an angle of 0 would be made up."""
+    """A taught shape has no size and no yaw. An angle of 0 would be invented."""
     plug = {'shape': OTHER, 'class_name': 'plug', 'dimensions': [], 'yaw': nan, 'symmetry': 0}
     assert choose(**plug).action == 'lift'
     beside = choose(**plug, centre=(0.02, AIM[1]))

@@ -1,4 +1,7 @@
-"""The planner example in a loop with a simulated gripper: it ends with contacts that oppose, or does not squeeze."""
+"""The planner example in a loop with a simulated gripper.
+
+It ends with opposing contacts, or it does not squeeze.
+"""
 
 import time
 from contextlib import ExitStack
@@ -27,7 +30,7 @@ from tactile_node.simulator.world import Contact
 from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_skin.msg import Grasp
 
-TIMEOUT = 60.0  # s
+TIMEOUT = 60.0  # Time limit [s].
 
 
 def loop(closed=0.0, **options):
@@ -40,7 +43,7 @@ def test_nothing_is_decided_on_what_was_acquired_before_the_gripper_closed():
     assert SETTLE > planner_client.MAX_AGE
     for action in ('lift', *MOVES):
         assert loop().next(Correction(action), SETTLE - 0.01).kind == 'wait'
-    assert GraspLoop().next(Correction('lift'), 1e9).kind == 'wait'  # it has never closed
+    assert GraspLoop().next(Correction('lift'), 1e9).kind == 'wait'  # The gripper has never closed.
 
 
 @pytest.mark.parametrize(('action', 'kind'), [('lift', 'done'), *((each, 'move') for each in MOVES), ('hold', 'wait'),
@@ -60,7 +63,7 @@ def test_it_gives_up_after_so_many_moves_and_none_counts_twice():
     found = loop(max_moves=2)
     for now in (1.0, 2.0):
         assert found.next(Correction('shift'), now).kind == 'move'
-        assert found.next(Correction('shift'), now + 0.5).kind == 'wait'  # it is still moving
+        assert found.next(Correction('shift'), now + 0.5).kind == 'wait'  # The gripper is still moving.
         found.closed(now + 0.5)
     order = found.next(Correction('shift'), 4.0)
     assert (order.kind, order.reason, found.moves) == ('give_up', Reason.TOO_MANY_MOVES, 2)
@@ -72,7 +75,10 @@ def placed(tilt=0.0, shift=0.0):
 
 
 def test_the_world_is_what_statics_says():
-    """Of a square of 12 x 12 mm by hand: force, gap, and a tilted prism whose ends are length * sin(tilt) apart."""
+    """The expected values for a square of 12 x 12 mm are computed by hand: force, gap, and a tilted prism.
+
+    The ends of the tilted prism are length * sin(tilt) apart.
+    """
     closed = close(placed())
     assert [values.sum() * PITCH**2 for values in closed.values] == pytest.approx([FORCE, FORCE], rel=1e-3)
     assert closed.gap == pytest.approx(0.04 - 2 * FORCE / (25e6 * 0.012**2), rel=1e-3)
@@ -83,12 +89,15 @@ def test_the_world_is_what_statics_says():
 FACES = {'square': (8.0,), 'rectangle': (12.0, 6.0), 'isosceles_triangle': (9.0, 10.0), 'circle': (4.25,)}
 
 
-FORCES = 2.0, 5.0  # N
-TURNS = (0.0, 0.15, 0.0), (0.0, -0.12, 0.0), (0.15, 0.0, 0.0), (-0.09, 0.09, 0.0)  # rotation vectors [rad]
+FORCES = 2.0, 5.0  # Forces in N.
+TURNS = (0.0, 0.15, 0.0), (0.0, -0.12, 0.0), (0.15, 0.0, 0.0), (-0.09, 0.09, 0.0)  # Rotation vectors [rad].
 
 
 def advice(monkeypatch, thing, turn=(0.0, 0.0, 0.0), force=2.0, shift=0.0):
-    """What is asked for once ``thing``, turned by a rotation vector [rad], has been pressed for a while."""
+    """Return the planner's advice and the grasp after ``thing`` has been pressed for a while.
+
+    ``turn`` is a rotation vector [rad].
+    """
     monkeypatch.setattr(planner_world, 'FORCE', force)
     closed = close(Placed(thing, np.array((AIM[0] + shift, AIM[1], 0.0)), Rotation.from_rotvec(turn)))
     chain, random = Chain(), np.random.default_rng(2000)
@@ -103,9 +112,9 @@ def advice(monkeypatch, thing, turn=(0.0, 0.0, 0.0), force=2.0, shift=0.0):
 @pytest.mark.parametrize(('name', 'turn', 'force'), [
     (name, turn, FORCES[(row + column) % 2]) for row, name in enumerate(FACES) for column, turn in enumerate(TURNS)])
 def test_oblique_faces_are_laid_flat_on_the_pads(name, force, turn, monkeypatch):
-    """A prism stands off and friction holds it: its edges are touched, left and right at opposite ones.
+    """A prism stands off at an angle, and friction holds it. Opposite edges touch the left and the right pad.
 
-    What it stands off is less after the advice, and no other way; the line of the contacts is a diagonal of the prism.
+    The advice reduces the angle and adds no other error. The line between the contacts is a diagonal of the prism.
     """
     thing = Thing(Contact(name, FACES[name], x=0.0, y=0.0), length=0.05)
     found, grasp = advice(monkeypatch, thing, turn, force)
@@ -122,7 +131,8 @@ def test_flat_faces_are_not_tilted_and_ball_ends_along_their_line(force, monkeyp
     rod = Thing(Contact('circle', (8.0,), x=0.0, y=0.0), length=0.05, ball=0.012)
     found, grasp = advice(monkeypatch, rod, (0.0, 0.15, 0.0), force)
     centres = 0.05 - 2 * 0.012
-    line = np.arctan2(centres * np.sin(0.15), centres * np.cos(0.15) + 2 * 0.012)  # of the balls' tops, by hand
+    # The line between the tops of the balls is computed by hand.
+    line = np.arctan2(centres * np.sin(0.15), centres * np.cos(0.15) + 2 * 0.012)
     assert found.action == 'tilt' and found.tilt == pytest.approx((0.0, line, 0.0), abs=0.02)
 
 
@@ -137,7 +147,7 @@ def test_oblique_faces_that_the_edge_of_a_pad_cuts_are_not_tilted(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.ros
 def test_from_random_starts_the_contacts_come_to_oppose():
-    """`bench/bench_planner.py` has 50."""
+    """`bench/bench_planner.py` has 50 of these starts."""
     found = bench_planner.runs(4)
     assert sum(bench_planner.opposes(run.before) for run in found) <= 1
     assert [run.is_right for run in found] == [True] * len(found)
@@ -156,17 +166,17 @@ def test_where_no_move_helps_it_gives_up_and_does_not_squeeze(fault, reason):
 @pytest.mark.slow
 @pytest.mark.ros
 def test_with_wrong_advice_it_is_never_done(monkeypatch):
-    """Else the tests above could not fail."""
+    """If wrong advice succeeded, the tests above could not fail."""
     monkeypatch.setattr(planner_client, 'opposing', lambda line: (0.0, -line.misalignment, 0.0))
     run, = bench_planner.runs(1)
     assert not run.is_done
 
 
 class OnNodes(bench_planner.Simulation):
-    """The same on a simulated CAN bus and the nodes, in real time."""
+    """The same simulation on a simulated CAN bus with the nodes, in real time."""
 
     def __init__(self, stack: ExitStack, seed: int, kind: str):
-        super().__init__(seed, kind, patience=TIMEOUT)  # a busy machine takes its time for a decision
+        super().__init__(seed, kind, patience=TIMEOUT)  # A busy machine needs time for a decision.
         self._values, self._grasps, self._ages = (np.zeros((16, 16)),) * 2, [], InputAge()
         names, ids = ['left', 'right'], [32, 64]
         pads = with_dictionaries(make_pads(['sim16x16.yaml'], ids, names), [''])

@@ -1,6 +1,6 @@
-"""Sizes one can set a gripper by: fits of contacts computed by contact mechanics.
+"""Sizes that are accurate enough to set a gripper: fits of contacts computed by contact mechanics.
 
-The truth is the solver's contact set: its area and its middle, counted on the solver's grid.
+The truth is the area and the middle of the solver's contact set, counted on the solver's grid.
 """
 
 import numpy as np
@@ -18,13 +18,17 @@ from training.ground_truth.mechanics import solve
 PUNCHES = {
     'circle': (0.564,), 'square': (1.0,), 'rectangle': (1.4, 0.714), 'right_triangle': (1.73, 1.155, 1.0),
     'isosceles_triangle': (1.41, 1.41)}
-AREA, POSES = 60.0, 16  #: [taxels], frames of each
-MOST = 3.0             #: bias of a length [%]
-MOST_OF_CONE = 5.0     #: whose pressure ends in nothing
+AREA = 60.0  #: Area of a contact [taxels].
+POSES = 16   #: Number of frames for each indenter.
+MOST = 3.0  #: Largest bias of a length [%].
+MOST_OF_CONE = 5.0  #: The pressure of a cone falls to zero at its edge.
 
 
 def pressed_area(indenter: Indenter, tilt: tuple[float, float]):
-    """Relative errors of the root of the area [%] and of the middle [pitches], and whether the regions hold them."""
+    """Return the errors of the root of the area [%] and of the middle [pitches] in each frame.
+
+    The third result is True where the 95 % region contains the true middle.
+    """
     rng, shape = np.random.default_rng(20261122), indenter.label
     solution = solve(indenter, tilt)
     rows, cols = np.nonzero(solution.contact)
@@ -41,7 +45,8 @@ def pressed_area(indenter: Indenter, tilt: tuple[float, float]):
         sizes.append(100 * (np.sqrt(area_of(fit) / AREA) - 1))
         apart = np.array(fit.centre) - true
         centres.append(np.hypot(*apart))
-        inside.append(apart @ np.linalg.solve(fit.covariance[:2, :2], apart) < 5.99)  # chi squared, 2, 95 %
+        # 5.99 is the 95 % quantile of chi squared with 2 degrees of freedom.
+        inside.append(apart @ np.linalg.solve(fit.covariance[:2, :2], apart) < 5.99)
     return np.array(sizes), np.array(centres), np.array(inside)
 
 
@@ -58,14 +63,14 @@ def test_a_punch_is_as_large_as_its_contact(shape):
     sizes, centres, inside = pressed_area(punch, (0.15, 0.1))
     assert abs(np.median(sizes)) < MOST
     assert np.median(centres) < 0.15
-    assert inside.mean() >= 0.8  # of 16: below it with 95 % regions once in 140
+    assert inside.mean() >= 0.8  # With 95 % regions, 16 frames fall below this limit once in 140 runs.
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('dome', [ball(0.03), ball(0.08), cylinder(0.03, 1.8, 0.3), cylinder(0.05, 2.4, 0.2)],
                          ids=['ball', 'ball pressed harder', 'cylinder', 'longer cylinder'])
 def test_a_dome_is_as_large_as_its_contact(dome):
-    """As a flat punch, a ball was fitted 10 % too small, a cylinder on its side 17 %."""
+    """When both were fitted as flat punches, a ball came out 10 % too small, and a cylinder on its side 17 %."""
     sizes, centres, inside = pressed_area(dome, (0.0, 0.0))
     assert abs(np.median(sizes)) < MOST
     assert np.median(centres) < 0.15
@@ -75,7 +80,10 @@ def test_a_dome_is_as_large_as_its_contact(dome):
 @pytest.mark.slow
 @pytest.mark.parametrize('tip', [0.1, 0.4], ids=['sharp', 'blunt'])
 def test_a_cone_is_as_large_as_its_contact(tip):
-    """Its tip lost its weight as outliers, and what was left was fitted as a punch: 24 % too small, and sure."""
+    """The tip once lost its weight as an outlier.
+
+    The rest was fitted as a punch, 24 % too small and with a small deviation.
+    """
     sizes, centres, inside = pressed_area(cone(0.05, tip), (0.0, 0.0))
     assert abs(np.median(sizes)) < MOST_OF_CONE and np.abs(sizes).max() < 3 * MOST_OF_CONE
     assert np.median(centres) < 0.15
@@ -83,7 +91,7 @@ def test_a_cone_is_as_large_as_its_contact(tip):
 
 
 def test_a_large_contact_at_the_pads_edge_knows_less_than_one_beside_it():
-    """Also where the last block of taxels is not whole."""
+    """The last block of taxels may be incomplete."""
     for rows in range(97, 103):
         frame = np.zeros((rows, 120))
         frame[rows - 70:, 10:100] = 1e4

@@ -1,4 +1,4 @@
-"""Progress is for a person at a terminal: silent elsewhere, and apart from the results."""
+"""Progress is shown to a person at a terminal. Elsewhere it is silent, and it is separate from the results."""
 
 import io
 
@@ -9,7 +9,7 @@ from tactile_node.cli.progress import count_progress, show_progress
 
 
 class Terminal(io.StringIO):
-    """A stream that says that it is one."""
+    """A stream that claims to be a terminal."""
 
     def isatty(self):
         return True

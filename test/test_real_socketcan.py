@@ -1,4 +1,7 @@
-"""The driver on Linux's own CAN stack: emulated SJA1000 controllers on one bus, and vcan. Run by `make socketcan`."""
+"""The driver on Linux's own CAN stack: emulated SJA1000 controllers on one bus, and vcan.
+
+`make socketcan` runs these tests.
+"""
 
 import subprocess
 import time
@@ -18,10 +21,11 @@ from tactile_node.skin.pads import make_pad, make_pads, with_dictionaries
 from tactile_node.sources.supervisor import Supervisor
 
 pytestmark = [pytest.mark.bus, pytest.mark.skipif(
-    INTERFACE != 'socketcan', reason='needs SocketCAN: `make socketcan` runs it')]
-PRESSED, PERIOD = 12.5, 0.25  # the emulated machine is slow
-LONGEST = 120  # s, of a wait
-BUS_OFF = 0x40  # linux/can/error.h
+    INTERFACE != 'socketcan', reason='this test needs SocketCAN; `make socketcan` runs it')]
+PRESSED = 12.5
+PERIOD = 0.25  # The period is long because the emulated machine is slow.
+LONGEST = 120  # Longest wait [s].
+BUS_OFF = 0x40  # From linux/can/error.h.
 
 
 def ip(*words: str) -> None:
@@ -30,17 +34,21 @@ def ip(*words: str) -> None:
 
 @pytest.fixture
 def controllers():
-    """can0 and can1 at the same bit rate, up."""
+    """Set up can0 and can1 at the same bit rate."""
     for name in ('can0', 'can1'):
         ip(name, 'type', 'can', 'bitrate', '1000000')
-        ip(name, 'up', 'txqueuelen', '1000')  # the skin sends a sweep at once, the default queue holds 10 frames
+        # The skin sends a sweep at once, but the default queue holds only 10 frames.
+        ip(name, 'up', 'txqueuelen', '1000')
     yield
     for name in ('can0', 'can1'):
         ip(name, 'down')
 
 
 def overruns_of_controllers() -> int:
-    """Times that can0 could not take in CAN frames, or can1 not send them: the emulation is slow on a busy machine."""
+    """Return how often can0 could not receive CAN frames, or can1 could not send them.
+
+    The emulation is slow on a busy machine.
+    """
     kinds = {'can0': ('rx_dropped', 'rx_over_errors', 'rx_fifo_errors', 'rx_missed_errors'),
              'can1': ('tx_dropped', 'tx_errors', 'tx_fifo_errors')}
     return sum(int(Path(f'/sys/class/net/{name}/statistics/{kind}').read_text())
@@ -48,7 +56,7 @@ def overruns_of_controllers() -> int:
 
 
 class Driven:
-    """A supervised driver on ``channel``, a simulated skin on ``skin``; use with ``with``."""
+    """A supervised driver on ``channel`` and a simulated skin on ``skin``. Use it as a context manager."""
 
     def __init__(self, channel: str, skin: str, layout: str = 'sim8x8_16bit.yaml', nodes: tuple[int, ...] = (32,)):
         pads = with_dictionaries(make_pads([layout], nodes))
@@ -77,14 +85,17 @@ class Driven:
 
     @property
     def pressed(self) -> float:
-        """A load in the unit of the layout, an even number of counts."""
+        """Return a load in the unit of the layout, which is an even number of counts."""
         return PRESSED if self.value.unit == 'N' else 100 * self.value.scale
 
     def whole_after(self, stamp: float) -> bool:
         return any(frame.stamp > stamp and not frame.missing_can_frames for frame in self.kept[-20:])
 
     def wait(self, condition, what: str) -> None:
-        """Wait until ``condition`` holds. TooSlowError if it never does on a machine that overloads the driver."""
+        """Wait until ``condition`` holds.
+
+        Raise TooSlowError if it never holds on a machine that overloads the driver.
+        """
         if wait_until(condition, LONGEST):
             return
         is_overloaded = any(isinstance(fact, Overload) for fact in self.log.facts)
@@ -92,7 +103,7 @@ class Driven:
             f'{what}; {self.driver.health()}; {self.log.errors}')
 
     def check(self) -> None:
-        """What was published is what pressed the skin, or NaN."""
+        """Check that each published value is the load on the skin, or NaN."""
         for frame in self.kept:
             np.testing.assert_allclose(frame.values[np.isfinite(frame.values)], self.pressed, rtol=1e-3)
 
@@ -106,12 +117,12 @@ def test_taxels_over_two_controllers(controllers):
     whole = [frame for frame in bench.kept if not frame.missing_can_frames]
     assert all(np.isfinite(frame.values).all() for frame in whole)
     print(f'\nsocketcan: two controllers: {sent} TPDOs sent, {received} received, {overruns} overruns')
-    assert received >= sent - 16 or overruns  # a sweep may be under way; an overrun loses any number of frames
+    assert received >= sent - 16 or overruns  # One sweep may be under way. An overrun loses any number of frames.
 
 
 @pytest.mark.parametrize(('layout', 'nodes'), [('sim16x16.yaml', (32, 64)), ('nodes2_12x8_12bit.yaml', (32, 35))])
 def test_nothing_is_lost_between_linux_and_the_driver(layout, nodes):
-    """Over vcan no controller can overrun: every TPDO sent is received."""
+    """With vcan no controller can overrun, so the driver receives every sent TPDO."""
     with Driven('vcan0', 'vcan0', layout, nodes) as bench:
         bench.wait(lambda: len(bench.kept) >= 20, 'too few frames')
         bench.driver.stop()
@@ -130,14 +141,18 @@ def test_a_polled_domain_is_read_through_linux():
 
 
 def test_network_down_and_up_again(controllers):
-    """ENETDOWN: reported, no values meanwhile, whole frames once the interface is up again."""
+    """The driver reports ENETDOWN and gives no values meanwhile.
+
+    Once the interface is up, it gives whole frames again.
+    """
     with Driven('can0', 'can1') as bench:
         ip('can0', 'down')
         down = time.time()
         bench.wait(lambda: bench.driver.failure is not None, 'not noticed')
         bench.wait(lambda: any(isinstance(fact, BusFault) for fact in bench.log.facts), 'not reported')
         time.sleep(1)
-        assert not any(np.isfinite(frame.values).any() for frame in bench.kept if frame.stamp > down), 'no bus'
+        # On a failed bus, no frame may have values.
+        assert not any(np.isfinite(frame.values).any() for frame in bench.kept if frame.stamp > down), 'the bus is down'
         ip('can0', 'up')
         up = time.time()
         bench.wait(lambda: bench.whole_after(up), 'no whole frames again')
@@ -147,7 +162,10 @@ def test_network_down_and_up_again(controllers):
 
 
 def test_bus_off_reported_by_the_stack():
-    """An error frame with CAN_ERR_BUSOFF, as a controller's driver sends it up: opened again, taxels again."""
+    """A controller's driver reports bus-off by an error frame with CAN_ERR_BUSOFF.
+
+    The driver opens the bus again, and gives taxels again.
+    """
     with Driven('vcan0', 'vcan0') as bench, can.Bus('vcan0', interface='socketcan') as other:
         other.send(can.Message(arbitration_id=BUS_OFF, is_error_frame=True, is_extended_id=False, data=bytes(8)))
         begun = time.time()

@@ -1,4 +1,4 @@
-"""The learned recogniser: what it must say whatever its weights, and that its weights say something."""
+"""The learned recogniser: answers that hold for any weights, and a check that its weights are useful."""
 
 from zipfile import ZIP_LZMA, ZipFile
 
@@ -39,7 +39,7 @@ def pattern_of(frame, press=0.3):
 
 
 def naive(network, image, geometry):
-    """The network by definition: loops over places and taps."""
+    """Compute the network by definition, with loops over places and taps."""
     flow = image
     for kernel, bias, taps in zip(network.kernels[:2], network.biases[:2], (4, 3)):
         padded = np.pad(flow, ((1, 1), (1, 1), (0, 0)))
@@ -68,7 +68,10 @@ def test_network_is_the_documented_one():
 
 
 def test_calibration():
-    """Equal logits share what is not foreign; at the size's bias foreign is as probable as not."""
+    """Classes with equal logits share the probability that the shape is not foreign.
+
+    At the bias of the size, a foreign shape is as probable as a known one.
+    """
     biases = np.append(3.0, np.ones(len(LOG_SIZES) - 1))
     even = Calibration(2.0, biases).probabilities(np.array([[7.0] * 5 + [3.0]]), LOG_SIZES[:1])
     np.testing.assert_allclose(even, [[0.1] * 5 + [0.5]])
@@ -93,8 +96,8 @@ def test_patch_of_turned_and_moved_contact_is_the_same(turned):
 
 def test_pieces_that_are_joined_are_one_contact_in_mask_labels_and_counts():
     frame = np.zeros((14, 30), bool)
-    frame[2:9, 2:5] = frame[2:9, 7:10] = True  # two silent columns between
-    frame[2:6, 20:25] = frame[12, 2:4] = True  # others
+    frame[2:9, 2:5] = frame[2:9, 7:10] = True  # Two silent columns lie between the pieces.
+    frame[2:6, 20:25] = frame[12, 2:4] = True  # These are other contacts.
     pattern = PatternExtractor(PressThresholds(0.5, 0.4)).extract(frame)
     assert (pattern.contacts, pattern.sizes) == (4, (21, 21, 20, 2))
     whole = join_pieces(pattern)
@@ -102,7 +105,7 @@ def test_pieces_that_are_joined_are_one_contact_in_mask_labels_and_counts():
     np.testing.assert_array_equal(whole.mask, joined(pattern))
     assert whole.labels[3, 3] == whole.labels[3, 8] == 1 and whole.labels[3, 22] == 2 and whole.labels[12, 2] == 3
     alone = join_pieces(pattern_of(frame[:, 15:]))
-    assert (alone.contacts, alone.sizes) == (1, (20,)), 'nothing to join'
+    assert (alone.contacts, alone.sizes) == (1, (20,)), 'a single contact has nothing to join'
 
 
 def test_a_recognition_reports_whether_it_is_of_joined_pieces(recogniser):
@@ -111,13 +114,13 @@ def test_a_recognition_reports_whether_it_is_of_joined_pieces(recogniser):
     assert recogniser.recognise(pattern_of(frame)).joined
     assert not recogniser.recognise(pattern_of(frame[:, :6])).joined
     frame[2, 5:7] = True
-    assert not recogniser.recognise(pattern_of(frame)).joined, 'in one piece'
+    assert not recogniser.recognise(pattern_of(frame)).joined, 'a contact in one piece is not joined'
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('shape', CLASSES)
 def test_large_clean_contacts_are_recognised(recogniser, shape):
-    """100 taxels: hardly any contact can be mistaken, in either kind of frame; whatever the unit."""
+    """With 100 taxels, hardly any contact can be mistaken in either kind of frame, whatever the unit."""
     rng = generator(Purpose.TEST, 40)
     for conditions in (NOMINAL_ON_OFF, NOMINAL_PRESSURE):
         found = []
@@ -160,7 +163,8 @@ def test_files_that_are_no_weights_are_refused(tmp_path, content):
         np.savez(path, a=np.zeros(3))
     elif content == 'cut':
         path.write_bytes(weights.read_bytes()[:5000])
-    elif content == 'other compression':  # whose errors are neither zipfile's nor zlib's
+    # The errors of this compression are neither those of zipfile nor those of zlib.
+    elif content == 'other compression':
         with ZipFile(path, 'w', ZIP_LZMA) as archive:
             archive.writestr('on_off_kernel0.npy', bytes(range(256)))
         packed = bytearray(path.read_bytes())
@@ -175,12 +179,12 @@ def test_a_pad_that_cannot_be_seen_is_not_called_untouched(method):
     extractor, recogniser = PatternExtractor(PressThresholds(0.5, 0.4)), make_recogniser(method)
     frame = np.zeros((16, 16))
     assert recogniser.recognise(extractor.extract(frame)).shape is Shape.NONE
-    frame[4:11] = np.nan  # an object of seven rows may lie there
+    frame[4:11] = np.nan  # An object may lie in these seven rows.
     found = recogniser.recognise(extractor.extract(frame))
     assert (found.shape, found.reason, found.confidence) == (Shape.UNKNOWN, UnknownReason.NOT_SEEN, 1.0)
-    frame[5::2] = 0  # only single rows are left: each may hide a bar
+    frame[5::2] = 0  # Only single rows are hidden now, and each of them may hide a bar.
     assert recogniser.recognise(extractor.extract(frame)).reason is UnknownReason.NOT_SEEN
-    frame[:, 3::4] = 0  # of three taxels each
+    frame[:, 3::4] = 0  # The hidden rows are now cut into pieces of three taxels.
     assert recogniser.recognise(extractor.extract(frame)).shape is Shape.NONE
 
 
@@ -198,7 +202,7 @@ def test_why_a_shape_is_unknown(method):
     few = np.zeros((9, 9))
     few[4, 3:6] = 1
     assert recogniser.recognise(pattern_of(few)).reason is UnknownReason.TOO_SMALL
-    few[3, 4:6] = np.nan  # it may be larger than it looks
+    few[3, 4:6] = np.nan  # The contact may be larger than it looks.
     found = recogniser.recognise(pattern_of(few))
     assert found.reason is UnknownReason.NOT_SEEN and not found.is_evidence
     assert recogniser.recognise(pattern_of(np.zeros((9, 9)))).reason is UnknownReason.NOT_UNKNOWN
@@ -212,12 +216,12 @@ def test_a_foreign_shape_is_unfamiliar():
     assert found.as_json()['reason'] == 'unfamiliar'
     cross[17:19, 24] = False
     frame = np.where(np.isin(x * 100 + y, (2417, 2418)), np.nan, cross)
-    assert make_recogniser().recognise(pattern_of(frame)).reason is UnknownReason.UNFAMILIAR, 'whatever is hidden'
+    assert make_recogniser().recognise(pattern_of(frame)).reason is UnknownReason.UNFAMILIAR, 'despite hidden taxels'
 
 
 @pytest.mark.parametrize(('hidden', 'most'), [(6, 0.84), (5, 0.84), (0, 1.0)])
 def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidden, most):
-    """A rectangle of 8x14 taxels, whose last rows are hidden, looks like a square."""
+    """The object is a rectangle of 8x14 taxels. With its last rows hidden, it looks like a square."""
     frame = np.zeros((24, 24))
     frame[4:18, 8:16] = 1
     seen = frame.copy()
@@ -226,7 +230,8 @@ def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidd
     found = make_recogniser().recognise(pattern_of(frame))
     assert found.confidence <= most
     if hidden:
-        assert recogniser.recognise(pattern_of(frame)).confidence > found.confidence, 'without other ways'
+        # The plain recogniser considers no other readings of the hidden rows.
+        assert recogniser.recognise(pattern_of(frame)).confidence > found.confidence, 'hidden rows must lower it'
         assert len(found.alternatives) == 4 and sum(weight for weight, _ in found.alternatives) == pytest.approx(1)
         assert sum(found.probabilities.values()) == pytest.approx(1)
     else:
@@ -239,7 +244,7 @@ def test_a_dead_taxel_within_a_contact_changes_nothing(recogniser):
     frame[6, 7] = frame[1, 1] = np.nan
     found = make_recogniser().recognise(pattern_of(frame))
     assert found == recogniser.recognise(pattern_of(frame)) and not found.alternatives
-    frame[6, 8] = np.nan  # two together may be a hole
+    frame[6, 8] = np.nan  # Two adjacent taxels without a value may be a hole.
     assert make_recogniser().recognise(pattern_of(frame)).alternatives
 
 

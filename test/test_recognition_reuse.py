@@ -1,4 +1,7 @@
-"""A frame with the same taxels pressed as just before is answered as that one, while nothing says otherwise."""
+"""If the same taxels are pressed as in the frame before, the previous answer is used again.
+
+The tests also have the cases in which the answer must be computed anew.
+"""
 
 import numpy as np
 import pytest
@@ -9,11 +12,11 @@ from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recognition import Recognition, Shape
 
 TAXELS = Taxels(pitch=0.002, unit='Pa')
-PERIOD = 0.02  # s
+PERIOD = 0.02  # Time between two frames [s].
 
 
 class Asked:
-    """A method that answers ``shape`` with ``confidence`` and counts how often it is asked."""
+    """A method that answers ``shape`` with ``confidence`` and counts its calls."""
 
     classes = tuple(Shape)
 
@@ -32,7 +35,7 @@ def pressed(rows=slice(4, 11), cols=slice(4, 11), level=50e3):
 
 
 def asked_of(frames, method, stamps=None, **options):
-    """Return which of ``frames`` the method was asked of."""
+    """Return for each of ``frames`` True if the method was called."""
     pipeline = ContactPipeline(VisibilityGuard(method), **options)
     stamps = PERIOD * np.arange(len(frames)) if stamps is None else stamps
     asked = []

@@ -1,4 +1,4 @@
-"""A recording that rotates loses nothing between two files; one that meets a full disk counts exactly what it lacks."""
+"""A recording that rotates loses nothing between two files. On a full disk, it counts exactly the lost frames."""
 
 import os
 import subprocess
@@ -32,7 +32,7 @@ def test_a_recording_that_rotates_loses_no_frame_and_each_file_can_be_read(tmp_p
     writer.close()
     files = [tmp_path / f'x{part}{suffix}' for part in ('', *(f'_part{n}' for n in range(2, writer.parts + 1)))]
     assert sorted(files) == sorted(tmp_path.iterdir()) and writer.parts > 1
-    assert numbers(files[0]) == list(range(FRAMES))  # it stands for all
+    assert numbers(files[0]) == list(range(FRAMES))  # The first file stands for the whole recording.
     alone = [file.rename(tmp_path / f'{n}{suffix}') for n, file in enumerate(files)]
     found = [numbers(file) for file in alone]
     assert sum(found, []) == list(range(FRAMES)) and all(found)
@@ -41,7 +41,7 @@ def test_a_recording_that_rotates_loses_no_frame_and_each_file_can_be_read(tmp_p
 
 
 def test_the_parts_of_two_recordings_are_never_mixed(tmp_path):
-    (tmp_path / 'x_part2.log').touch()  # of a recording whose first file was moved away
+    (tmp_path / 'x_part2.log').touch()  # This file belongs to a recording whose first file was moved away.
     paths = []
     for _ in range(2):
         writer = CanLogWriter(tmp_path / 'x.log', largest=1)
@@ -55,7 +55,7 @@ def test_the_parts_of_two_recordings_are_never_mixed(tmp_path):
 
 
 def test_a_next_file_that_cannot_be_made_ends_the_recording(tmp_path):
-    """The first file keeps all that it took, what comes later is counted."""
+    """The first file keeps all its frames, and later frames are counted."""
     writer = CanLogWriter(tmp_path / 'x.log', largest=1)
     (tmp_path / 'x_part2.log').touch()
     for message in numbered(300):
@@ -85,9 +85,12 @@ print(writer.can_frames, writer.unwritten, bool(writer.failure), writer.parts)
 @pytest.mark.slow
 @pytest.mark.parametrize(('suffix', 'largest'), [*((suffix, 0) for suffix in SUFFIXES), ('.log', 5_000)])
 def test_a_full_disk_costs_exactly_what_is_counted(tmp_path, suffix, largest):
-    """A greatest size of files stands for the disk; with rotation from 5,000 bytes on it is never reached."""
+    """A limit on the file size replaces the full disk.
+
+    With rotation from 5,000 bytes on, the limit is never reached.
+    """
     path, room = tmp_path / f'x{suffix}', 12_000 if suffix == '.log.gz' else 40_000
-    # -B: the limit would cut short the bytecode that Python keeps of what is imported, for everyone
+    # With -B, Python writes no bytecode. The limit would truncate the bytecode cache that other programs use.
     environment = os.environ | {'PYTHONPATH': f'{ROOT}:{ROOT / "test"}'}
     done = subprocess.run([sys.executable, '-B', '-c', FULL, str(path), str(largest), str(room)], text=True,
                           env=environment, capture_output=True, timeout=120, check=True)

@@ -1,4 +1,4 @@
-"""What a release promises on security: a workflow that runs every check with pinned actions, files that run no code."""
+"""Promises of a release on security: a workflow runs every check with pinned actions, and files run no code."""
 
 import subprocess
 import sys
@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 class Intruder:
-    """Its pickle writes a file."""
+    """An object whose pickle creates a file when it is loaded."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -26,7 +26,7 @@ class Intruder:
 
 @pytest.mark.slow
 def test_no_code_of_a_model_or_taxel_file_is_run(tmp_path):
-    """SECURITY.md promises it: such a file may come from anyone."""
+    """SECURITY.md promises this, because such a file may come from anyone."""
     mark = tmp_path / 'ran'
     harmful = np.array([Intruder(mark)], dtype=object)
     np.save(tmp_path / 'taxels.npy', harmful)

@@ -1,4 +1,4 @@
-"""A replay can give the time: /clock follows the log, for consumers with use_sim_time."""
+"""A replay can provide the time. The topic /clock follows the log, for consumers with use_sim_time."""
 
 import pytest
 import rclpy
@@ -33,7 +33,7 @@ class Replay(RosBench):
 
 
 def test_a_consumer_with_simulated_time_sees_the_time_of_the_log(ros):
-    """Without it, its clock reads 0 and each frame comes from the future."""
+    """Without /clock, the consumer's clock reads 0, and each frame comes from the future."""
     replay = Replay(ros)
     seen, clocks = [], []
     replay.consumer.create_subscription(Clock, '/clock', lambda message: clocks.append(seconds(message.clock)), 100)
@@ -44,13 +44,14 @@ def test_a_consumer_with_simulated_time_sees_the_time_of_the_log(ros):
     replay.driver.autostart()
     replay.until(lambda: replay.driver.source.finished.is_set() and len(seen) > 20)
     stamps = [line.stamp for line in read_candump(LOG)]
-    late = [passed for passed, _ in seen[5:]]  # once /clock is discovered
+    late = [passed for passed, _ in seen[5:]]  # By then, the consumer has discovered /clock.
     length = stamps[-1] - stamps[0]
-    assert all(-length < passed < length for passed in late), late  # the order of two topics is open
+    # The order of messages on two topics is not defined.
+    assert all(-length < passed < length for passed in late), late
     assert min(abs(passed) for passed in late) < 2 * CLOCK_STEP
     assert clocks == sorted(clocks) and stamps[0] <= clocks[0] and clocks[-1] <= stamps[-1]
     assert len(clocks) <= length / CLOCK_STEP + 1
-    assert all(0 < age < TIMEOUT for _, age in seen)  # since it was played, not since it was recorded
+    assert all(0 < age < TIMEOUT for _, age in seen)  # The age counts from the playback, not from the recording.
 
 
 def test_clocks_of_a_looped_log_do_not_go_back(ros):

@@ -1,4 +1,7 @@
-"""The page of a report: it needs nothing else, runs nothing, and says what is not in the recording; also of bags."""
+"""The page of a report needs no other file and runs nothing.
+
+It names the facts that the recording lacks. Bags are tested, too.
+"""
 
 import sys
 from html.parser import HTMLParser
@@ -28,7 +31,7 @@ NAN = float('nan')
 
 
 class Page(HTMLParser):
-    """Tags, attributes and text of a page; `open` has what was not closed."""
+    """Tags, attributes and text of a page; ``open`` lists the tags that were not closed."""
 
     def __init__(self, text):
         super().__init__()
@@ -54,7 +57,7 @@ class Page(HTMLParser):
 
 
 def check_alone(text):
-    """Raise where a page loads or runs anything."""
+    """Check that a page neither loads nor runs anything; return the page."""
     page = Page(text)
     assert not page.open
     assert not {'script', 'link', 'iframe', 'object', 'embed', 'base', 'form', 'img'} & set(page.tags)
@@ -67,7 +70,10 @@ def check_alone(text):
 
 
 def frames(count=30):
-    """A square of 4 x 4 taxels from the tenth frame on; taxel (0, 0) is dead, (0, 1) missing in half of the frames."""
+    """Yield frames with a square from the tenth frame on.
+
+    Taxel (0, 0) is dead. Taxel (0, 1) is missing in half of the frames.
+    """
     for k in range(count):
         values, status = np.zeros((16, 16), np.float32), np.ones((16, 16), np.uint8)
         if k >= 10:
@@ -92,13 +98,13 @@ def test_the_page_of_a_log_is_alone_and_escapes_what_devices_send(tmp_path):
     named = [f'{lines[at].split()[0]} can0 {frame} R' for frame in NAME_UPLOAD]
     path = logged(tmp_path / 'a<script>alert(2)&.log', [*lines[:at], *named, *lines[at:]])
     page = check_alone(page_of(report_of(path)))
-    assert '<script>alert(1)' in page.texts  # as text, of the device's name
+    assert '<script>alert(1)' in page.texts  # The device's name appears as text.
     assert any('a<script>alert(2)&.log' in text for text in page.texts)
-    assert page.tags.count('polygon') == 2  # the outline of a touch of each pad
+    assert page.tags.count('polygon') == 2  # Each pad has the outline of one touch.
 
 
 def test_the_page_of_nothing_says_so(tmp_path):
-    """Neither 0 nor all is well, where a log could not show otherwise."""
+    """If the log cannot show a fact, the page reports neither a count of 0 nor that all is well."""
     lines = [line for line in session(1.0) if ' 080#' not in line]
     page = check_alone(page_of(report_of(logged(tmp_path / 'x.log', lines))))
     assert page.texts.count(ABSENT_TEXT) >= 8
@@ -151,7 +157,7 @@ def test_a_bag_cut_short_is_reported_up_to_there(tmp_path):
 
 
 class Plug:
-    """Recognises a shape that was taught, in every contact."""
+    """Recognises a taught shape in every contact."""
 
     def recognise(self, contact, visibility=None):
         return Recognition.certain(TaughtShape('my_plug') if contact.mask.any() else Shape.NONE)
@@ -173,7 +179,7 @@ def test_the_command_writes_a_whole_page_or_none(tmp_path, capsys):
     log, out = logged(tmp_path / 'x.log', session(2.5)), tmp_path / 'report.html'
     assert main(['report', log, '--node-id', '32', '--pads', '<left>', '--bitrate', '500000', '-o', str(out)]) == 0
     shown = capsys.readouterr()
-    assert str(out) in shown.out and not shown.err  # no progress: not a terminal
+    assert str(out) in shown.out and not shown.err  # There is no progress, because the output is not a terminal.
     page = check_alone(out.read_text(encoding='utf-8'))
     assert 'Pad <left>' in ''.join(page.texts)
     before = out.read_bytes()

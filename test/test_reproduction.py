@@ -1,4 +1,4 @@
-"""`make reproduce`: its statistics by hand, its worlds, and a whole small run."""
+"""`make reproduce`: its statistics computed by hand, its worlds, and a small complete run."""
 
 import csv
 import re
@@ -18,7 +18,7 @@ from training.ground_truth.seeds import Purpose, generator, random_pattern
 
 
 def test_the_first_wrong_decision_bears_the_loss():
-    """Order: rectangle, right triangle (plane 1), isosceles triangle (2), square, circle (3)."""
+    """The order is: rectangle, right triangle (plane 1), isosceles triangle (plane 2), square, circle (plane 3)."""
     labels = np.array([0, 1, 2, 2, 3, 4, 4, 4])
     answer = np.array([1, 1, 0, 4, 4, 2, 3, 4])
     assert lost_in_plane(answer, labels) == {1: 2 / 8, 2: 2 / 8, 3: 2 / 8}
@@ -37,7 +37,7 @@ def test_inside_taxels_are_those_with_four_active_neighbours(shape):
     for area in (3, 15, 60):
         mask = random_pattern(rng, shape, area)
         assert count_inside(mask) == by_definition.inside(mask)
-    assert count_inside(np.ones((5, 7), bool)) == 15, 'a full rectangle: (5 - 2) x (7 - 2)'
+    assert count_inside(np.ones((5, 7), bool)) == 15, 'a full rectangle has (5 - 2) x (7 - 2) inner points'
 
 
 @pytest.mark.slow
@@ -49,7 +49,7 @@ def test_what_is_drawn_does_not_depend_on_the_number_of_processes():
         assert len(one[name].every.labels) == wanted[name].patterns
         for column in COLUMNS:
             np.testing.assert_array_equal(one[name].kept.of(column), two[name].kept.of(column))
-    assert len(set(one['a'].every.of(('dif', 'alpha9')))) > 200, 'batches repeat each other'
+    assert len(set(one['a'].every.of(('dif', 'alpha9')))) > 200, 'the batches repeat each other'
 
 
 @pytest.mark.slow
@@ -59,7 +59,7 @@ def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
     assert main(arguments) == 0
     page = (folder / 'index.html').read_text(encoding='utf-8')
     assert page.count('<img ') == page.count('data:image/svg+xml;base64,') == 12
-    assert not re.search(r'(src|href)="(?!data:)', page), 'the page needs something else'
+    assert not re.search(r'(src|href)="(?!data:)', page), 'the page must not need another file'
     with open(folder / 'rates.csv', encoding='utf-8', newline='') as stream:
         rows = list(csv.DictReader(stream))
     assert {row['area'] for row in rows} == {'15', '20', '25', '30', '35', '50', '75', '100'}
@@ -67,7 +67,7 @@ def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
         assert float(row['low95']) <= float(row['recognised']) <= float(row['high95'])
         assert f'{float(row["recognised"]):.1%}' in page and row['method'] in page
     assert rows[0]['method'].startswith('as published') and rows[0]['patterns'] == '15'
-    assert capsys.readouterr().err == '', 'a bar is for a terminal'
+    assert capsys.readouterr().err == '', 'only a terminal gets a progress bar'
     assert main(arguments) == 2
     assert '--force' in capsys.readouterr().err
 

@@ -1,4 +1,4 @@
-"""What a grasp is short of, on facts: nothing that is not known now fulfils a requirement."""
+"""The missing parts of a grasp, from given facts. A fact that is not known now fulfils no requirement."""
 
 import re
 from math import inf, nan
@@ -45,7 +45,7 @@ def test_each_limit_is_seen(required, expected):
     (GraspContact.ONE_SIDED, M.ONE_SIDED)])
 @pytest.mark.parametrize('claims', [{}, {'fresh': False}])
 def test_without_two_contacts_that_are_seen_nothing_else_counts(contact, expected, claims):
-    """Also where the state still claims to be stable."""
+    """The state may still claim to be stable."""
     assert short_of(HELD._replace(contact=contact, **claims)) == (expected,)
 
 

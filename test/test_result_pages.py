@@ -1,4 +1,4 @@
-"""Pages of results are what their script makes of the recorded tables: no one has edited them by hand."""
+"""Each page of results is exactly the output of its script for the recorded tables. No one has edited it by hand."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Records of Python's logging arrive on /rosout: once, with their level, under the driver's name, from any thread."""
+"""Records of Python's logging arrive on /rosout once, with their level, under the driver's name, from any thread."""
 
 import itertools
 import logging
@@ -28,14 +28,17 @@ _numbers = itertools.count()
 
 
 def driver(namespace=None, **given):
-    """In its own namespace: the publisher on /rosout of a destroyed node may outlive it, and serves its name."""
+    """Return a driver in a namespace of its own.
+
+    The /rosout publisher of a destroyed node may outlive it, and still serves its name.
+    """
     namespace = namespace or f'test{next(_numbers)}'
     return DriverNode(namespace=namespace,
                       parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
 
 
 class Rosout(RosBench):
-    """What arrives on /rosout."""
+    """Collects the messages on /rosout."""
 
     def __init__(self, stack):
         super().__init__(stack)
@@ -43,7 +46,7 @@ class Rosout(RosBench):
         self.node.create_subscription(Log, '/rosout', self.heard.append, 100)
 
     def wait_for_driver(self):
-        """Log until it arrives: discovery has then found the driver's publisher."""
+        """Log until a message arrives, which shows that discovery has found the driver's publisher."""
         def is_found():
             CAN_SIDE.info('hello')
             self.executor.spin_once(timeout_sec=0.05)
@@ -53,7 +56,7 @@ class Rosout(RosBench):
         self.heard.clear()
 
     def settle(self):
-        """Take what is under way: an end mark comes after it."""
+        """Receive the messages under way. An end mark follows them."""
         CAN_SIDE.info('end mark %d', mark := time.monotonic_ns())
         self.until(lambda: any(str(mark) in message.msg for message in self.heard), 'no end mark')
         self.heard[:] = [message for message in self.heard if 'end mark' not in message.msg]
@@ -115,7 +118,7 @@ def test_of_two_drivers_the_older_one_forwards_then_the_other(rosout):
 
 
 def test_each_node_of_a_process_logs_under_its_own_name(rosout):
-    """What a node reports of itself; the records of the bus are the driver's."""
+    """A node reports its own records, and the driver reports those of the bus."""
     node, namespace = driver(), f'test{next(_numbers)}'
     processor = rosout.add(ProcessorNode(namespace=namespace))
     forward_logs_to(processor)
@@ -138,7 +141,7 @@ def test_each_node_of_a_process_logs_under_its_own_name(rosout):
 
 def test_without_a_node_warnings_go_to_stderr(rosout, capfd, monkeypatch):
     package = logging.getLogger('tactile_node')
-    monkeypatch.setattr(package, 'propagate', False)  # the handlers of pytest
+    monkeypatch.setattr(package, 'propagate', False)  # This removes the handlers of pytest.
     driver().destroy_node()
     assert not any(isinstance(handler, RosoutHandler) for handler in package.handlers)
     CAN_SIDE.warning('after the end')
@@ -158,7 +161,10 @@ def test_commands_without_nodes_print_warnings_to_stderr_once(capsys, monkeypatc
 
 
 def test_what_the_bus_logs_arrives_under_the_drivers_name(rosout):
-    """From the supervisor's thread: the device is switched off, and the driver closed while it is."""
+    """The records come from the supervisor's thread.
+
+    The device is switched off, and the driver is closed while the device is off.
+    """
     with FaultBench('rosout') as bench:
         node = driver(interface='virtual', channel=bench.channel, pads=['pad32'], node_ids=[32], layouts=[LAYOUT])
         rosout.wait_for_driver()

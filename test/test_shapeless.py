@@ -1,4 +1,4 @@
-"""Whether a contact is more than chance."""
+"""Taxels that are pressed by chance are no contact."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tactile_node.shape.shapeless import is_shapeless
 
 
 def of_taxels(pressed, hidden=None):
-    """Pattern of the largest contact of on/off taxels."""
+    """Return the pattern of the largest contact of on/off taxels."""
     values = pressed.astype(float)
     if hidden is not None:
         values[hidden] = np.nan
@@ -61,7 +61,7 @@ def test_a_bar_wider_than_a_taxel_is_a_contact_also_from_edge_to_edge(mask):
     assert not is_shapeless(of_taxels(mask))
 
 
-LEVELS = {  # of rows beside which two read 10; noise 0.5
+LEVELS = {  # Levels of the rows beside two rows that read 10; the noise is 0.5.
     'many others move': [0, 1, 0, 0, 2, 0, 1, 10, 10, 0, 0, 4, 1, 0, 3, 0],
     'one other moves': [0, 0, 0, 5, 0, 0, 0, 10, 10, 0, 0, 0, 0, 0, 0, 0],
     'one moves the other way': [0, 0, 0, 0, 0, 0, 0, 10, 10, 0, -4, 0, 0, 0, 0, 0],
@@ -82,7 +82,10 @@ def test_a_band_on_a_pad_that_hums_is_no_bar(levels, turn):
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
 @pytest.mark.parametrize('other', [None, 5, -4])
 def test_a_bar_across_a_pad_is_a_contact(other, turn):
-    """On a pad at rest, however even it is; beside a row that moves, where its taxels differ in gain."""
+    """The bar counts on a pad at rest, however even it is.
+
+    It also counts beside a row that moves, if the gains of its taxels differ.
+    """
     rng, passed = np.random.default_rng(7), 0
     for _ in range(100):
         values = box(7, 0, 2, 16) * 10.0 * np.exp(0.2 * (other is not None) * rng.standard_normal((16, 16)))
@@ -108,7 +111,10 @@ def test_what_stands_out_of_noisy_lines_is_no_contact(turn):
 @pytest.mark.parametrize('density', [0.01, 0.03, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5])
 @pytest.mark.parametrize('side', [8, 16])
 def test_salt_makes_no_contact_of_a_size_that_has_a_shape(density, side):
-    """The bar of 0.1 % holds for shapes that are recognised (`make bench`); here, at most 1 % pass this check."""
+    """Here at most 1 % of the cases may pass this check.
+
+    The limit of 0.1 % applies to recognised shapes (`make bench`).
+    """
     rng = np.random.default_rng(1)
     passed = 0
     for _ in range(300):
@@ -137,19 +143,22 @@ def test_a_part_of_a_line_that_hums_is_no_contact(turn):
     rng = np.random.default_rng(3)
     hum = 0.02 * rng.standard_normal((24, 24))
     hum[10:12] += 0.6
-    hum[10:12, 6:14] += 0.2  # what stands out of the two rows
+    hum[10:12, 6:14] += 0.2  # This part stands out of the two rows.
     mask = np.zeros((24, 24), bool)
     mask[10:12, 6:14] = True
     assert is_shapeless(ContactPattern.of(turn(mask), turn(hum)))
     contact = 0.02 * rng.standard_normal((24, 24))
     contact[10:12, 6:14] += 0.8
     assert not is_shapeless(ContactPattern.of(turn(mask), turn(contact)))
-    contact[10:12, 17:22] += 0.8  # a second contact on the same rows
+    contact[10:12, 17:22] += 0.8  # A second contact covers the same rows.
     assert not is_shapeless(ContactPattern.of(turn(mask), turn(contact)))
 
 
 def test_the_partial_pressures_around_a_few_taxels_tell_a_contact_from_specks():
-    """Five taxels of a finger's pad of 13x6: alone they are chance, under a soft cover a small contact."""
+    """On a finger's pad of 13x6 taxels, five pressed taxels alone may be chance.
+
+    Under a soft cover, they are a small contact.
+    """
     plus = np.zeros((13, 6))
     plus[5:8, 3] = plus[6, 2:5] = 1.0
     assert is_shapeless(PatternExtractor(unit='Pa').extract(plus * 5e4))

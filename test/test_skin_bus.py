@@ -1,4 +1,4 @@
-"""The driver's bus against the simulated skin: boot-up, configuration, streaming, refusals."""
+"""The driver's bus with the simulated skin: boot-up, configuration, streaming, and refusals."""
 
 import re
 import time
@@ -20,20 +20,21 @@ from tactile_node.taxel_frame import TaxelStatus
 pytestmark = pytest.mark.bus
 
 
-@pytest.mark.parametrize(('layout', 'sent'), [  # frames of the log, in this order, by CiA 301
+@pytest.mark.parametrize(('layout', 'sent'), [  # Frames of the log, in this order, by CiA 301.
     ('sim16x16.yaml', [
-        '000#8020',                # NMT: pre-operational
-        '620#4018100100000000',    # SDO: upload 0x1018 sub 1
-        '620#23001801A0010080',    # download 0x1800 sub 1: 0x800001A0, disabled
-        '620#23001801A0010000',    # download 0x1800 sub 1: 0x000001A0
-        '000#0120', '080#',        # NMT start, SYNC
-        '000#8020']),              # stopped at the end
-    ('rows12x5_10bit.yaml', ['1A0#00FFFFFFFFFFFF03', '1A0#0B']),    # row 0: five taxels of 1023 counts; row 11
-    ('mpdo8x8_16bit.yaml', ['620#2F001802FE000000', '1A0#20072104']),  # type 254; 0x2107 sub 4 of node 0x20
-    ('event12x8_8bit.yaml', ['620#23001801A0010080', '620#2F001802FE000000', '620#2B00180514000000',  # 254, 20 ms
+        '000#8020',  # NMT: pre-operational.
+        '620#4018100100000000',  # SDO: upload 0x1018 sub 1.
+        '620#23001801A0010080',  # Download 0x1800 sub 1: 0x800001A0, disabled.
+        '620#23001801A0010000',  # Download 0x1800 sub 1: 0x000001A0.
+        '000#0120', '080#',  # NMT start, then SYNC.
+        '000#8020']),  # The driver stops at the end.
+    # Row 0 with five taxels of 1023 counts, and the first byte of row 11.
+    ('rows12x5_10bit.yaml', ['1A0#00FFFFFFFFFFFF03', '1A0#0B']),
+    ('mpdo8x8_16bit.yaml', ['620#2F001802FE000000', '1A0#20072104']),  # Type 254; then 0x2107 sub 4 of node 0x20.
+    ('event12x8_8bit.yaml', ['620#23001801A0010080', '620#2F001802FE000000', '620#2B00180514000000',  # Type 254, 20 ms.
                              '620#23001801A0010000']),
-    ('event8x8_16bit.yaml', ['620#23001801A0010080', '620#2F001802FF000000', '620#2B00180364000000',  # 255, 10 ms
-                             '620#2B00180532000000', '620#23001801A0010000'])])                       # 50 ms
+    ('event8x8_16bit.yaml', ['620#23001801A0010080', '620#2F001802FF000000', '620#2B00180364000000',  # Type 255, 10 ms.
+                             '620#2B00180532000000', '620#23001801A0010000'])])  # 50 ms.
 def test_every_kind_of_skin_end_to_end_and_its_log_again(tmp_path, layout, sent):
     skin, record = load_layout(layout), tmp_path / 'session.log'
     wanted = skin.value.scale * (np.arange(skin.rows * skin.cols).reshape(skin.rows, skin.cols) % 50)
@@ -48,7 +49,7 @@ def test_every_kind_of_skin_end_to_end_and_its_log_again(tmp_path, layout, sent)
         assert (frame.tpdo_ages is not None) == (layout == 'event8x8_16bit.yaml')
     assert first.sequence == 0 and (np.diff([frame.stamp for frame in live]) > 0).all()
     lines = [line.split() for line in record.read_text().splitlines()]
-    assert {line[1] for line in lines} == {bench.channel}  # own frames, too
+    assert {line[1] for line in lines} == {bench.channel}  # The log contains our own frames, too.
     assert any(line[2].startswith('080#') for line in lines) == skin.needs_sync
     rest = iter(lines)
     assert all(any(line[2].startswith(frame) for line in rest) for frame in sent)
@@ -56,7 +57,7 @@ def test_every_kind_of_skin_end_to_end_and_its_log_again(tmp_path, layout, sent)
     stamps = np.array([frame.stamp for _, frame in played])
     for frame in live:
         _, same = played[np.abs(stamps - frame.stamp).argmin()]
-        assert abs(same.stamp - frame.stamp) < 2e-5  # candump writes microseconds
+        assert abs(same.stamp - frame.stamp) < 2e-5  # candump writes microseconds.
         np.testing.assert_array_equal(same.values, frame.values)
     pad = source.statistics().pads['pad32']
     assert pad.received == pad.used + pad.pending + sum(pad.losses.values()) and pad.used >= 10 * len(skin.tpdos)
@@ -69,7 +70,7 @@ def test_stop_and_start_again():
         bench.driver.stop()
         device = bench.simulator.devices[32]
         assert wait_until(lambda: not device.operational)
-        # the last sweep may still be under way, so the count of sent frames can rise
+        # The last sweep may still be under way, so the number of sent frames may still rise.
         assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == device.frames_sent)
         bench.driver.start()
         assert bench.take_until(lambda frame: frame.sequence == 0)
@@ -77,7 +78,7 @@ def test_stop_and_start_again():
         bench.driver.close()
         bench.driver.close()
         bench.forget()
-        bench.run()  # from nothing once more
+        bench.run()  # The driver starts again from the beginning.
         assert bench.take(1)[0][1].sequence == 0
 
 
@@ -93,7 +94,7 @@ def test_all_calls_are_allowed_in_any_state():
 
 
 def test_absent_tpdo_is_missing_not_zero():
-    """Another master switches TPDO 3 (row 1, columns 0..7) off after the configuration."""
+    """Another master disables TPDO 3 (row 1, columns 0 to 7) after the configuration."""
     with Bench('absent', source=lambda t: np.full((16, 16), 3921.56862745), produce_sync=False) as bench, \
             other_bus('absent') as other:
         bench.run()
@@ -101,7 +102,7 @@ def test_absent_tpdo_is_missing_not_zero():
             pass
         other.send(can.Message(arbitration_id=0x620, is_extended_id=False,
                                data=bytes.fromhex('23021801A2010080')))
-        # 0x1802 sub 1 is written
+        # The device has confirmed the write to 0x1802 sub 1.
         assert wait_until(lambda: other.recv(60).data.hex() == '6002180100000000')
         other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
         assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == 31)
@@ -213,7 +214,10 @@ def test_a_sync_producer_that_dies_is_an_internal_error_with_its_traceback(monke
 @pytest.mark.parametrize('interface', ['virtual', 'slcan'])
 @pytest.mark.parametrize('step', [-0.5, 0.5])
 def test_stamps_of_what_is_received_keep_up_with_a_wall_clock_that_is_set(monkeypatch, interface, step):
-    """slcan's are this machine's, too: set back by 0.5 s, TPDOs were 0.5 s old for more than an hour."""
+    """Stamps of slcan come from this machine, too.
+
+    After the clock was set back by 0.5 s, TPDOs once counted as 0.5 s old for more than an hour.
+    """
     driver = SkinBus(BusSettings(interface, 'can0'), (make_pad('pad', 32, 'sim16x16.yaml'),), print)
     clock, wall = driver.traffic.clock, time.time
     assert abs(clock.of(wall()) - clock.now()) < 0.05

@@ -1,4 +1,4 @@
-"""Devices that take their time, and an SDO server that serves another master too."""
+"""Slow devices, and an SDO server that also serves another master."""
 
 import threading
 import time
@@ -20,7 +20,7 @@ SDO_ANSWER = 0x5A0
 
 
 def delay_answers(device, seconds):
-    """Let each SDO answer of ``device`` come ``seconds`` late."""
+    """Delay each SDO answer of ``device`` by ``seconds``."""
     send = device._network.send_message
 
     def late(can_id, data, *rest, **more):
@@ -29,15 +29,15 @@ def delay_answers(device, seconds):
         threading.Timer(seconds, answer, (can_id, bytes(data))).start()
 
     def answer(can_id, data):
-        with suppress(BusError):  # the bus is closed
+        with suppress(BusError):  # The bus may already be closed.
             send(can_id, data)
     device._network.send_message = late
 
 
 @pytest.mark.parametrize('delay', [0.05, 0.12, 0.2])
 def test_a_device_that_answers_after_the_timeout_is_configured(delay):
-    """Such an answer was taken for the next request's, and the device was refused."""
-    retries = 12  # 1 s in all: a busy machine adds to the delay
+    """A late answer was once taken for that of the next request, and the device was refused."""
+    retries = 12  # The retries take 1 s in all, because a busy machine adds to the delay.
     with Bench(f'late {delay}', layout='rows12x5_10bit.yaml', sdo_timeout=0.08, sdo_retries=retries) as bench:
         bench.driver.open()
         delay_answers(bench.simulator.devices[32], delay)
@@ -45,7 +45,7 @@ def test_a_device_that_answers_after_the_timeout_is_configured(delay):
 
 
 def test_a_server_that_is_silent_during_the_configuration_is_waited_for():
-    """It ended the process; the driver waits for what is absent at start."""
+    """Such a server once ended the process. The driver waits for a device that is absent at start."""
     with Bench('silent server', sdo_timeout=0.05, sdo_retries=1) as bench:
         bench.driver.open()
         device = bench.simulator.devices[32]
@@ -63,7 +63,10 @@ def test_a_server_that_is_silent_during_the_configuration_is_waited_for():
 
 
 def test_a_driver_closes_while_it_configures_a_slow_device():
-    """Each answer takes a third of a second and a hundred are needed: it waits for one, not for all."""
+    """Each answer takes a third of a second, and a hundred answers are needed.
+
+    The driver waits for one answer, not for all.
+    """
     with Bench('slow close', sdo_timeout=1.0) as bench:
         bench.supervise()
         bench.run()
@@ -93,7 +96,7 @@ def test_a_start_that_is_obeyed_late_is_waited_for():
 
 
 class Wire:
-    """Takes the requests of a client; each is followed by ``answers``."""
+    """Receives the requests of a client; ``answers`` follow each request."""
 
     def __init__(self, *answers):
         self.requests, self.client, self._answers = [], None, answers
@@ -121,7 +124,7 @@ def test_the_answer_about_our_object_is_taken(others):
 
 
 def test_a_device_that_was_held_up_answers_requests_of_clients_before():
-    """Three answers to three requests: the driver took them for those of two devices."""
+    """The device gives three answers to three requests. The driver once took them for the answers of two devices."""
     answer, owed = '43181001C1050000', Counter()
     for _ in range(2):
         with pytest.raises(SdoCommunicationError):
@@ -141,11 +144,14 @@ def test_an_abort_without_an_object_is_ours():
 
 
 def test_answers_about_other_objects_are_no_answer():
-    """Each of them ended the wait, and the request was repeated at once: 2,700 a second."""
+    """Each answer about another object once ended the wait.
+
+    The request was then repeated at once, 2,700 times a second.
+    """
     wire = Wire(*['4308100041424344'] * 20)
     client = client_on(wire, 0.2)
     begin = time.monotonic()
     with pytest.raises(SdoCommunicationError):
         client.upload(0x1018, 1)
-    assert time.monotonic() - begin >= 0.2 and len(wire.requests) == 2  # it and its abort
+    assert time.monotonic() - begin >= 0.2 and len(wire.requests) == 2  # The request and its abort.
     assert client.RESPONSE_TIMEOUT == 0.2

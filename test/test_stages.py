@@ -1,4 +1,7 @@
-"""Processor and classifier on real topics: what a consumer reads of pads hidden, saturated or touched twice."""
+"""Processor and classifier on real topics.
+
+The tests show what a consumer reads from pads that are hidden, saturated or touched twice.
+"""
 
 import time
 from math import inf
@@ -25,7 +28,7 @@ from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShap
 
 pytestmark = pytest.mark.ros
 PITCH = 0.002
-PERIOD = 0.02  # s, of frames whose time counts
+PERIOD = 0.02  # Period of frames whose time matters [s].
 TOPICS = {'contact': (Contact, lambda message: check_contact(message) is None),
           'shape': (ContactShape, lambda message: check_contact_shape(message) is None),
           'shapes': (ContactShapes, shapes_fit), 'features': (ContactFeatures, features_fit)}
@@ -59,9 +62,10 @@ class Pad(RosBench):
                 if each.topic_name == f'/{topic}']
 
     def send(self, frame, saturated=False, unmapped=False, layer=None, ends=NO_SIDE, stamp=None) -> SimpleNamespace:
-        """Publish a frame [Pa] and return the messages made of it by topic, each checked, None where there is none.
+        """Publish a frame [Pa] and return the resulting messages by topic.
 
-        ``stamp`` None: of now [s].
+        Each message is checked; None stands for a missing message. ``stamp`` is in seconds; None stands for the present
+        time.
         """
         self.until(lambda: self._taxels.get_subscription_count())
         values = np.asarray(frame, np.float32)
@@ -209,13 +213,13 @@ def test_all_contacts_are_counted_and_the_four_largest_have_shapes(pad):
 
 
 def test_a_contact_torn_by_rows_is_one_in_count_force_and_fit(pad):
-    """Hidden rows are a part of it that is not seen; of silent ones, 0 Pa, the recogniser decides."""
+    """Hidden rows are an unseen part of the contact. For silent rows at 0 Pa, the recogniser decides."""
     pad.subscribe('shapes')
     for silent in (np.nan, 0.0):
         frame = block(slice(3, 12), slice(3, 12))
         frame[8:10] = silent
         found = pad.send(frame)
-        assert found.contact.contacts == (1 if np.isnan(silent) else 2), 'the processor counts what is seen'
+        assert found.contact.contacts == (1 if np.isnan(silent) else 2), 'the processor counts visible parts'
         assert found.shape.contacts == len(found.shapes.shapes) == 1 and found.shape.taxels == 63
         assert found.shape.force == pytest.approx(63 * 0.2) and list(found.shape.contact_areas) == [
             pytest.approx(63 * PITCH**2)]
@@ -245,7 +249,7 @@ def test_every_stage_adds_to_the_age(pad):
     for topic in ('features', 'shapes'):
         pad.subscribe(topic)
     ages, end = {'shapes': inf}, time.monotonic() + TIMEOUT
-    while not ages['shapes'] < 0.5:  # not known at first
+    while not ages['shapes'] < 0.5:  # The age is not known at first.
         assert time.monotonic() < end, ages
         found = pad.send(block())
         ages = {topic: age_seconds(getattr(found, topic).age) for topic in TOPICS}
@@ -278,7 +282,7 @@ LIVE = {'use_sim_time': False, 'features': ['all'], 'smallest_contact': 3, 'rele
 
 
 def test_setting_a_parameter_keeps_what_the_pad_has_learned(pad):
-    """Left-over taxels must not become a contact on a pad that is reported as seen, and a noisy taxel stays noisy."""
+    """Residual taxels must not become a contact on a pad that is reported as seen. A noisy taxel must stay noisy."""
     rng, noise = np.random.default_rng(3), np.full((16, 16), 100.0)
     noise[2, 2] = 350.0
     left_over = np.zeros((16, 16))
@@ -290,7 +294,7 @@ def test_setting_a_parameter_keeps_what_the_pad_has_learned(pad):
     for frame in [np.zeros((16, 16))] * 40 + [block()] * 3 + [left_over] * 3:
         state, learned = send(frame)
     assert state == (Contact.NOT_SEEN, False)
-    assert learned > 150, 'the other taxels are at 100'
+    assert learned > 150, 'the noise of all other taxels is 100'
     for name, value in LIVE.items():
         assert pad.processor.set_parameters([Parameter(name, value=value)])[0].successful
         for _ in range(3):
@@ -300,7 +304,7 @@ def test_setting_a_parameter_keeps_what_the_pad_has_learned(pad):
 
 
 def test_a_changed_threshold_finds_the_contact_in_progress_again(pad):
-    """Its outline changes with the threshold: the rest of it is no left-over of a larger contact."""
+    """The outline of the contact changes with the threshold. Its outer part is no residue of a larger contact."""
     hill = np.zeros((16, 16))
     hill[2:14, 2:14] = 20e3
     hill[5:10, 5:10] = 50e3

@@ -1,4 +1,4 @@
-"""What stands out of the noise, and where a contact ends."""
+"""Taxels that stand out of the noise, and the outline of a contact."""
 
 import warnings
 from math import erf
@@ -14,11 +14,15 @@ SIDE = 16
 NOWHERE = np.zeros((SIDE, SIDE), bool)
 EVERYWHERE = ~NOWHERE
 FLOOR = Threshold(0.0, np.ones((SIDE, SIDE)), 0.0)
-PHI = np.vectorize(lambda x: (1 + erf(x / 2 ** 0.5)) / 2)  #: an edge blurred by a normal distribution
+#: Profile of an edge that is blurred by a normal distribution.
+PHI = np.vectorize(lambda x: (1 + erf(x / 2 ** 0.5)) / 2)
 
 
 def flat(row, col, rows, cols, blur=0.6):
-    """Indenter of level 1 with blurred edges: half of the level is exactly at its edges, in closed form."""
+    """Return an indenter of level 1 with blurred edges, in closed form.
+
+    Exactly at its edges, it has half of the level.
+    """
     def along(place, first, length):
         return PHI((place - first) / blur) - PHI((place - first - length) / blur)
     return along(ROWS, row, rows) * along(COLS, col, cols)
@@ -29,7 +33,10 @@ def found(values, threshold=FLOOR, before=NOWHERE):
 
 
 def far_from_the_edge(row, col, rows, cols, by):
-    """Taxels farther than ``by`` from the outline and from its corners, where less than half is expected."""
+    """Return two masks: the taxels farther than ``by`` from the outline and its corners, and the taxels inside.
+
+    At a corner, less than half of the level is expected.
+    """
     down, along = np.minimum(ROWS - row, row + rows - ROWS), np.minimum(COLS - col, col + cols - COLS)
     is_corner = (abs(down) < 1) & (abs(along) < 1)
     return (abs(down) > by) & (abs(along) > by) & ~is_corner, (down > 0) & (along > 0)
@@ -38,7 +45,7 @@ def far_from_the_edge(row, col, rows, cols, by):
 @pytest.mark.parametrize('tilt', [0.0, 0.3, 0.6])
 @pytest.mark.parametrize('height', [20.0, 100.0, 1e5])
 def test_the_outline_is_at_half_of_the_local_level_under_tilt(height, tilt):
-    """``tilt``: the level rises by so much of its mean from one side to the other, about the middle."""
+    """The level rises from one side to the other by ``tilt`` times its mean, about the middle."""
     rng = np.random.default_rng(1)
     for _ in range(40):
         row, col = rng.uniform(2, 5, 2)
@@ -51,7 +58,7 @@ def test_the_outline_is_at_half_of_the_local_level_under_tilt(height, tilt):
 
 def test_of_a_contact_with_a_hard_edge_all_taxels_are_pressed_and_no_others():
     rng = np.random.default_rng(2)
-    for rows, cols in ((2, 2), (4, 7), (12, 12), (1, 9), (16, 9)):  # up to 56 % of the pad
+    for rows, cols in ((2, 2), (4, 7), (12, 12), (1, 9), (16, 9)):  # The largest of them covers 56 % of the pad.
         mask = box(2 if rows < 16 else 0, 2, rows, cols)
         pattern = PatternExtractor().extract(20.0 * mask + rng.standard_normal(mask.shape))
         np.testing.assert_array_equal(pattern.labels == 1, mask)
@@ -149,7 +156,7 @@ def test_beside_a_stronger_contact_a_weak_one_never_hides_it(gap):
 
 @pytest.mark.parametrize('weak', [0.25, 1 / 3, 0.45])
 def test_taxels_of_low_gain_leave_a_contact_whole(weak):
-    """A fifth of the taxels, the corners apart, reads so much of the others."""
+    """A fifth of the taxels, but none at the corners, reads only the share ``weak`` of the others."""
     rng, mask = np.random.default_rng(11), box(4, 3, 7, 9)
     corners = np.isin(ROWS, (4, 10)) & np.isin(COLS, (3, 11))
     for _ in range(40):
@@ -161,7 +168,7 @@ def test_taxels_of_low_gain_leave_a_contact_whole(weak):
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
 @pytest.mark.parametrize('rows', [1, 2])
 def test_a_weak_line_tears_no_bar(rows, turn):
-    """A bar across a pad of six columns, one or two lines of which read a third of the others."""
+    """A bar crosses a pad of six columns. One or two of its lines read a third of the others."""
     bar = np.zeros((14, 6))
     bar[3:9] = 100.0
     bar[5:5 + rows] /= 3
@@ -182,7 +189,7 @@ def test_contacts_with_taxels_below_a_fifth_of_both_between_them_stay_two(gap, o
 
 @pytest.mark.parametrize('specks, is_whole', [(0, True), (2, True), (6, False)])
 def test_on_a_pad_full_of_specks_nothing_is_joined(specks, is_whole):
-    """They are noise, and joined noise looks like a contact."""
+    """Specks are noise, and joined noise looks like a contact."""
     mask, values = box(2, 2, 5, 5), 100.0 * box(2, 2, 5, 5)
     values[4, 4] = 30.0
     values[13, 1:2 * specks:2] = 100.0
@@ -196,7 +203,7 @@ def test_a_hollow_contact_stays_hollow(inner):
 
 
 def test_noise_alone_seldom_makes_a_group():
-    """16x16 taxels, 400 arrays, each alone: a group of 4 or more in fewer than 1 %."""
+    """In 400 separate arrays of 16x16 taxels, fewer than 1 % have a group of 4 or more taxels."""
     rng = np.random.default_rng(9)
     patterns = [PatternExtractor().extract(rng.standard_normal((SIDE, SIDE)) + 7) for _ in range(400)]
     assert sum(pattern.mask.sum() >= 4 for pattern in patterns) < 4
@@ -221,7 +228,7 @@ def test_a_wide_halo_is_no_contact_whatever_rested_before(before):
     extractor = PatternExtractor()
     if before is not None:
         idle = np.full(frame.shape, before)
-        idle[0, 0] += 1e-4  # otherwise it may be on/off
+        idle[0, 0] += 1e-4  # With equal values, the frame may count as on/off.
         idle[3, 3] += 2e-4
         extractor.extract(idle)
     np.testing.assert_array_equal(extractor.extract(frame).mask, away == 0)

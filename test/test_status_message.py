@@ -1,4 +1,4 @@
-"""The status message says what /diagnostics says, field by field; a late subscriber gets it."""
+"""The status message agrees with /diagnostics, field by field. A late subscriber receives it, too."""
 
 import math
 import re

@@ -1,7 +1,7 @@
 """A creeping contact never rests and a resting one does, with noise, steps and the errors of real fits.
 
-All of it with `make misled`; `make test` takes one rate, one direction, two shapes at rest, and of pitch, noise, step
-and speed every value with every other one, but not with all others at once.
+`make misled` runs all cases. `make test` takes one rate, one direction, and two shapes at rest. It takes each value of
+pitch, noise, step and speed with each value of every other one, but not all combinations.
 """
 
 import os
@@ -27,22 +27,30 @@ from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.ground_truth.seeds import Purpose, generator
 
-CREEP, REST = 0.5e-3, 0.05e-3  # m/s
-FRACTION = 0.1  # resolution of a fit [pitches]
+CREEP, REST = 0.5e-3, 0.05e-3  # Speeds in m/s.
+FRACTION = 0.1  # Resolution of a fit [pitches].
 LONG = bool(os.environ.get('TACTILE_LONG'))
-RATES = (20, 50, 100) if LONG else (50,)  # Hz
-PITCHES, NOISES, STEPS = (0.002, 0.005), (0.0, 0.06), (0.0, 0.1)  # m, pitches, pitches
+RATES = (20, 50, 100) if LONG else (50,)  # Rates in Hz.
+PITCHES = (0.002, 0.005)  # m
+NOISES = (0.0, 0.06)      # pitches
+STEPS = (0.0, 0.1)        # pitches
 
 
 def cases(*speeds):
-    """Pitch, noise, step and speed: all combinations, or half of them, in which each pair of values occurs."""
+    """Parametrize a test with pitch, noise, step and speed.
+
+    TACTILE_LONG uses all combinations. Otherwise half of them are used, in which each pair of values occurs.
+    """
     every = product(*map(enumerate, (PITCHES, NOISES, STEPS, speeds)))
     return pytest.mark.parametrize(('pitch', 'noise', 'step', 'speed'), [
         tuple(value for _, value in case) for case in every if LONG or sum(index for index, _ in case) % 2 == 0])
 
 
 def path(speed, rate, duration, rng, noise=0.0, step=0.0, begin=0.0):
-    """Times and centres [m] of a contact that creeps from ``begin`` on; ``step``: the measurement moves by it."""
+    """Return the times and centres [m] of a contact that creeps from ``begin`` on.
+
+    The measured centre moves in steps of ``step``.
+    """
     times = np.arange(round(duration * rate)) / rate
     way = rng.uniform(0, 0.005) + speed * np.maximum(0, times - begin)
     way = np.floor(way / step) * step if step else way
@@ -68,7 +76,7 @@ def test_a_steady_creep_never_rests(rate, pitch, noise, step, speed):
 @pytest.mark.parametrize('rate', RATES)
 @cases(0.0, REST)
 def test_what_rests_is_seen_to_and_stays_so_for_a_minute(rate, pitch, noise, step, speed):
-    """Within 1 s and 0.7 s a mm of pitch: what it costs to tell it from a creep."""
+    """Rest is seen within 1 s plus 0.7 s per mm of pitch. This time is needed to distinguish rest from creep."""
     rng = np.random.default_rng(2)
     times, centres = path(speed, rate, 65.0, rng, noise * pitch, step * pitch)
     found = rests(times, centres, FRACTION * pitch)
@@ -94,14 +102,14 @@ def test_wrong_settings_are_refused():
             SteadinessSettings(**wrong)
 
 
-# With the centres of real fits: errors that are neither white nor known. Lengths in pitches.
+# These are centres of real fits, whose errors are neither white nor known. Lengths are in pitches.
 
 PAD, AREA = 28, 40.0
 SKIN = Skin(blur=0.5, noise=0.02)
 
 
 def measured(kind, contact, rng, extractor):
-    """The centre of ``contact`` [pitches] as it is measured."""
+    """Return the measured centre of ``contact`` [pitches]."""
     if kind == 'pattern':
         values = contact.pattern(PAD, PAD).astype(float)
         mask = values > 0
@@ -115,7 +123,8 @@ def measured(kind, contact, rng, extractor):
 
 def centres_of(kind, shape, direction, travelled, seed=0):
     rng = generator(Purpose.TEST, seed)
-    begin = random_contact(rng, shape, AREA, PAD, PAD)  # in the middle: it may travel by 6 before it meets the edge
+    # The contact starts in the middle, so it can travel by 6 pitches before it reaches the edge.
+    begin = random_contact(rng, shape, AREA, PAD, PAD)
     extractor = PatternExtractor(PressThresholds(30e3, 24e3))
     places = [Contact(shape, begin.dimensions, begin.x + way * np.cos(direction), begin.y + way * np.sin(direction),
                       begin.angle) for way in travelled]
@@ -124,7 +133,7 @@ def centres_of(kind, shape, direction, travelled, seed=0):
 
 CASES = [('fit', FIT_RESOLUTION, 1.5), ('pressure', PRESSURE_RESOLUTION, 6.0),
          ('pattern', PATTERN_RESOLUTION, 6.0)]
-RATE = 20  # Hz
+RATE = 20  # Rate in Hz.
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The stamp of the driver's own SYNC where the process, or the write to the bus, is held up; by hand-moved clocks."""
+"""The stamp of the driver's own SYNC if the process or the write to the bus is delayed; the test moves the clocks."""
 
 import threading
 
@@ -17,26 +17,27 @@ from tactile_node.bus.traffic import Traffic
 from tactile_node.skin.pads import PadSettings
 
 pytestmark = pytest.mark.bus
-PERIOD, STALL = 0.02, 0.3  # s
-ALLOWED = 0.02  # s, what a stamp may be off
+PERIOD = 0.02  # Period of SYNC [s].
+STALL = 0.3    # Time for which the process or the write is held up [s].
+ALLOWED = 0.02  # Largest error of a stamp [s].
 
 
 class HeldUpBus:
-    """A bus with one device, which samples at each SYNC: its taxels are the number of the SYNC.
+    """A bus with one device that samples at each SYNC; its taxels are the number of the SYNC.
 
-    ``before`` and ``after`` are called in ``send``, before the frame is on the wire and after its answers came.
+    ``send`` calls ``before`` before the frame is on the wire, and ``after`` after the answers have arrived.
     """
 
     channel_info = 'held up'
 
     def __init__(self, hands):
         self._hands = hands
-        self.sampled = []  # when each SYNC was on the wire
+        self.sampled = []  # Times at which each SYNC was on the wire.
         self.before = self.after = lambda: None
         self.received = None
 
     def recv(self, timeout):
-        threading.Event().wait(0.01)  # what it receives goes to ``received``
+        threading.Event().wait(0.01)  # The messages of the bus go directly to ``received``.
 
     def send(self, message):
         self.before()
@@ -51,7 +52,7 @@ class HeldUpBus:
 
 
 class HeldUp:
-    """The driver's part that sends SYNC, on a HeldUpBus; ``frames`` are those given."""
+    """The part of the driver that sends SYNC, on a HeldUpBus; ``frames`` are the resulting frames."""
 
     def __init__(self, folder, one_clock=True):
         self.frames, self.hands = [], Hands()
@@ -83,21 +84,27 @@ class HeldUp:
         assert wait_until(lambda: len(self.frames) >= frames), self.frames
 
     def check(self):
-        """No valid taxel has a stamp that is off by more than ALLOWED, and none is unaccounted for."""
+        """Check the stamps and the counts.
+
+        No valid taxel may have a stamp that is off by more than ALLOWED. All frames must be accounted for.
+        """
         for frame in self.frames:
             valid = np.isfinite(frame.values)
-            for number in np.unique(frame.values[valid] / 2.0):  # Pa a count
+            for number in np.unique(frame.values[valid] / 2.0):  # The scale is 2 Pa per count.
                 assert abs(frame.stamp - self.bus.sampled[int(number) - 1]) < ALLOWED
         assert is_balanced(self._router._assemblers['pad'])
 
     def whole(self):
-        """The SYNCs whose taxels were given."""
+        """Return the numbers of the SYNCs whose taxels were given."""
         return [int(frame.values[0, 0] / 2.0) for frame in self.frames if np.isfinite(frame.values).all()]
 
 
 @pytest.fixture
 def patient(monkeypatch):
-    """The assembler waits for every write: our clocks show it how long that took, however busy the machine is."""
+    """Make the assembler wait for every write.
+
+    The clocks of the test then determine the duration of a write, however busy the machine is.
+    """
     monkeypatch.setattr(traffic, 'LONGEST_WRITE', 60)
 
 
@@ -113,7 +120,7 @@ def test_a_write_held_up_leaves_no_taxels_with_a_wrong_stamp(tmp_path, patient, 
         held.sync(3)
         held.wait_for(7)
     held.check()
-    assert held.whole() == [1, 2, 3, 5, 6, 7]  # of the fourth it is not known when it was sampled
+    assert held.whole() == [1, 2, 3, 5, 6, 7]  # The sampling time of the fourth sweep is not known.
 
 
 def test_a_write_that_takes_a_millisecond_costs_nothing(tmp_path, patient):
@@ -127,7 +134,7 @@ def test_a_write_that_takes_a_millisecond_costs_nothing(tmp_path, patient):
 
 def test_a_sync_that_waited_for_another_sender_has_the_time_of_its_own_write(tmp_path, patient):
     class Busy:
-        """A lock that another thread has for STALL."""
+        """A lock that another thread holds for STALL."""
 
         def __enter__(self):
             held.hands.wait(STALL)
@@ -143,7 +150,7 @@ def test_a_sync_that_waited_for_another_sender_has_the_time_of_its_own_write(tmp
 
 
 def test_a_write_that_does_not_return_holds_up_nothing_else(tmp_path):
-    """Its answers come, and neither they nor the SYNC hold up what the assembler has to do."""
+    """The answers arrive. Neither they nor the SYNC delays the work of the assembler."""
     released, answered = threading.Event(), threading.Event()
     with HeldUp(tmp_path) as held:
         held.bus.after = lambda: answered.set() or released.wait(60)
@@ -152,7 +159,7 @@ def test_a_write_that_does_not_return_holds_up_nothing_else(tmp_path):
         assert answered.wait(60)
         done = threading.Event()
         held.traffic.put(done.set)
-        assert done.wait(30), 'the assembler waits for the write'
+        assert done.wait(30), 'the assembler must not wait for the write'
         released.set()
         sender.join()
     held.check()

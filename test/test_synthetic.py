@@ -1,4 +1,4 @@
-"""The synthetic world: its shapes are what their names promise."""
+"""The shapes of the synthetic world have the properties that their names promise."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def polygon_area(vertices):
 
 
 def angles(vertices):
-    """Inner angles of a polygon [degrees], sorted."""
+    """Return the sorted inner angles of a polygon [degrees]."""
     before, after = np.roll(vertices, 1, 0) - vertices, np.roll(vertices, -1, 0) - vertices
     cosine = (before * after).sum(1) / np.hypot(*before.T) / np.hypot(*after.T)
     return np.sort(np.degrees(np.arccos(cosine)))
@@ -38,7 +38,7 @@ def test_area_centre_and_pattern(shape):
             np.testing.assert_allclose(outline.mean(0), (contact.x, contact.y))
         taxels.append(contact.pattern().sum())
         assert np.hypot(contact.x - 17.5, contact.y - 17.5) <= np.sqrt(0.5)
-    # Centres in general position: the mean number of taxels is the area.
+    # For centres in general position, the mean number of taxels is the area.
     assert np.mean(taxels) == pytest.approx(50, abs=4 * np.std(taxels) / np.sqrt(200) + 1e-9)
 
 

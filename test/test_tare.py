@@ -1,4 +1,4 @@
-"""Tare: measured from whole frames, refused under load, taken off every frame after."""
+"""A tare is measured from whole frames, refused under load, and subtracted from every later frame."""
 
 import threading
 
@@ -23,7 +23,10 @@ def frame(values, missing=0):
 
 
 def test_offsets_and_noise_are_found():
-    """Mean of K samples: standard error noise / sqrt(K); the noise itself to a few per cent over 48 taxels."""
+    """The mean of K samples has the standard error noise / sqrt(K).
+
+    The noise is found to a few per cent over 48 taxels.
+    """
     offset = np.linspace(-3, 3, 48).reshape(6, 8)
     found = measure(frames(offset, 0.5), LIMIT, GUARD)
     np.testing.assert_allclose(found.offset, offset, atol=5 * 0.5 / 200 ** 0.5)
@@ -68,7 +71,7 @@ def test_a_taxel_without_a_valid_value_keeps_its_zero():
 
 def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 60.0, zero_device=None,
           boots=lambda: 0):
-    """Tare on a thread while ``given`` frames come again and again."""
+    """Tare on a thread while ``given`` frames arrive again and again; return the outcome."""
     outcome = []
 
     def run():
@@ -95,7 +98,8 @@ def test_whole_frames_alone_count_and_the_tare_is_taken_off_afterwards():
     after = pad.feed(frame([[1, 3], [2, 7]]))
     assert after.values.tolist() == [[0, 1], [-1, 7]] and not after.values.flags.writeable
     again = tared(pad, [frame([[2, 2], [2, 2]])], 3)
-    assert again.offset.tolist() == [[2, 2], [2, 2]]  # of the skin, not of what the first tare had left
+    # The offset is that of the skin, not that of the values after the first tare.
+    assert again.offset.tolist() == [[2, 2], [2, 2]]
 
 
 def test_a_refused_tare_leaves_the_one_before_and_too_few_frames_are_reported():
@@ -118,7 +122,7 @@ def test_while_the_device_zeroes_itself_no_value_is_valid():
 
     channels, found = tared(pad, given, 3, zero_device=zero_device)
     assert np.isnan(seen).all() and channels == 2 and found.offset.tolist() == [[0.25, 0]]
-    assert pad.feed(frame([[1.25, 5.0]])).values.tolist() == [[1, 5]]  # nothing is left of the tare before
+    assert pad.feed(frame([[1.25, 5.0]])).values.tolist() == [[1, 5]]  # No part of the previous tare remains.
 
 
 def test_a_device_is_not_requested_to_take_a_load_for_its_zero():
@@ -154,7 +158,10 @@ def test_of_a_device_that_zeroes_itself_in_part_no_value_is_valid_until_the_next
 
 @pytest.mark.parametrize('later', [[], [1.0]], ids=['', 'after a plain tare'])
 def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tare(later):
-    """Also after a plain tare: it has measured what the device's zero had left, and is wrong without that zero."""
+    """After a plain tare, too, no value is valid.
+
+    The plain tare measured the values left by the device's zero, so it is wrong without that zero.
+    """
     pad, boots = TaredPad(GUARD), []
     tared(pad, [frame([[0.5]])], 3, zero_device=lambda: 1, boots=lambda: len(boots))
     for value in later:
@@ -192,7 +199,10 @@ SMALL[7:9, 3:5] = True
 
 
 def tared_with_any_limit(readings, unit='Pa', zero=0.0, gains=1.0, noise=0.01):
-    """The tare of 20 frames of ``readings`` with noise, a part of the unit's press threshold."""
+    """Tare 20 frames of ``readings`` with noise.
+
+    The noise is a share of the press threshold of the unit.
+    """
     guard = ContactGuard.of_unit(unit, gains)
     return measure(frames(np.asarray(readings, float), noise * guard.press, 20), ANY_LIMIT, guard, zero)
 
@@ -230,7 +240,10 @@ def test_a_contact_that_is_seen_in_a_part_of_the_frames_is_one(how):
 @pytest.mark.slow
 @pytest.mark.parametrize('spread', [0.0, 1e3, 3e3])
 def test_offsets_are_no_contact(spread):
-    """Of a hundred pads each, drawn independently of the code: taxels apart, a tilted pad, a common offset."""
+    """The offsets are drawn independently of the code for a hundred pads each.
+
+    The pads have scattered taxels, a common offset, or a tilt.
+    """
     tilt = np.linspace(-2e3, 4e3, SIDE)[:, np.newaxis]
     for seed in range(100):
         apart = spread * np.random.default_rng(seed).standard_normal((SIDE, SIDE))
@@ -249,7 +262,7 @@ def test_two_taxels_with_large_offsets_are_tared_with_a_higher_limit():
 
 
 def test_after_the_devices_zero_a_tare_that_fails_leaves_no_valid_value():
-    """An object was put in meanwhile: the device may have taken a part of it for its zero."""
+    """An object was inserted meanwhile, and the device may have included a part of its load in the zero."""
     pad, given = TaredPad(GUARD), [frame([[0.5, 0.5]])]
 
     def zero_device():

@@ -1,4 +1,7 @@
-"""Faulty taxels: found by what they send, never where a healthy taxel does the same; kept on file; gains."""
+"""Faulty taxels are found by their values, but never where a healthy taxel sends the same.
+
+The tests also cover the file of known faults, and gains.
+"""
 
 import os
 
@@ -25,7 +28,10 @@ def disc(row, col, radius, hole=-1.0):
 
 
 class Pad:
-    """A pad that is pressed by masks in turn; ``spoil(values, frame number)`` is what its faults make of it."""
+    """A pad that is pressed by masks in turn.
+
+    ``spoil(values, frame number)`` returns the values that the faulty pad sends.
+    """
 
     def __init__(self, spoil=lambda values, n: values, noise=0.3, seed=1):
         self.detector = FaultDetector(SIDE, SIDE, LIMIT)
@@ -115,9 +121,9 @@ def test_a_sign_of_life_takes_the_verdict_back():
 
 @pytest.mark.slow
 def test_healthy_pads_stay_unsuspected():
-    """Never touched; held for two minutes, its edge trembling; tapped fast; a ring over and over; a poked taxel.
+    """The pads are untouched, held with a trembling edge, tapped fast, pressed by a ring, or poked at one taxel.
 
-    With TACTILE_LONG it is held for ten minutes.
+    The object is held for two minutes, or for ten minutes with TACTILE_LONG.
     """
     nothing, held, edge = np.zeros((SIDE, SIDE)), disc(6, 6, 3), disc(6, 6, 4)
     for noise in (0.0, 0.5):
@@ -193,7 +199,7 @@ def test_what_is_found_is_masked_only_on_request():
 
 
 def test_objects_that_are_held_squeezed_or_hollow_make_no_taxel_faulty():
-    """Sequences of a second reader: a saturated core, a second object tapped beside one held, a tube gripped harder."""
+    """The cases are a saturated core, a second object tapped beside a held one, and a tube that is gripped harder."""
     core, small = disc(6, 6, 1), disc(2, 2, 1)
     pad = Pad(lambda values, n: np.where(core & (n >= 10), FULL, values), noise=0.0)
     pad.frames(core, 10)
@@ -285,5 +291,6 @@ def test_a_pad_that_repeats_itself_to_the_bit_is_frozen_on_request():
     pad.frozen_after = 0.5
     given = [pad.feed(each) for each in live + frozen + [frame(-last)._replace(stamp=2.5)]]
     valid = [bool(np.isfinite(each.values).all()) for each in given]
-    assert valid == [True] * (50 + 25) + [False] * 35 + [True]  # 0.5 s are 25 frames after the first of them
+    # The limit of 0.5 s is 25 frames after the first of the equal frames.
+    assert valid == [True] * (50 + 25) + [False] * 35 + [True]
     assert (given[-2].status == TaxelStatus.STALE).all() and not given[-2].values.flags.writeable

@@ -1,4 +1,7 @@
-"""The client of a gripper node: how a goal ended, by its id, whichever of result and outcome comes first."""
+"""The client of a gripper node reports how a goal with a given id ended.
+
+The result or the outcome may come first.
+"""
 
 import pytest
 from action_msgs.msg import GoalStatus
@@ -18,7 +21,7 @@ OTHER_ID = [7] * 16
 
 
 class Server:
-    """A gripper node that ends goals, and publishes outcomes, when the test says so."""
+    """A gripper node that ends goals and publishes outcomes when the test tells it to."""
 
     def __init__(self, node):
         self.interface, self.handles, self.rejects = gripper_interface('ParallelGripperCommand', ''), [], False
@@ -39,7 +42,7 @@ class Server:
 
 @pytest.fixture
 def world(ros):
-    """A bench, a server, a client and its clock [s], which stands still."""
+    """Return a bench, a server, a client, and the client's clock [s], which stands still."""
     bench, clock = RosBench(ros), [100.0]
     server = Server(bench.add('touch_gripper'))
     ros.callback(server.action.destroy)
@@ -94,7 +97,7 @@ def test_a_rejected_goal_ends(world):
 
 @pytest.mark.parametrize('is_spun', [True, False])
 def test_a_program_without_an_executor_waits_as_well(ros, is_spun):
-    """A gripper node without pads refuses to close; its client spins itself, or another thread spins it."""
+    """A gripper node without pads refuses to close. Its client spins itself, or another thread spins it."""
     import rclpy
 
     from tactile_node.nodes.gripper_node import GripperNode

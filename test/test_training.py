@@ -1,4 +1,4 @@
-"""Training data drawn in bulk is what the library would make of the same frames, and is labelled by overlap."""
+"""Training data that is drawn in bulk equals the library's results for the same frames. Overlaps give the labels."""
 
 import numpy as np
 import pytest
@@ -43,13 +43,13 @@ def test_samples_in_bulk_are_those_of_the_library(kind, area, graded):
 
 
 def test_labels_follow_from_overlaps():
-    overlaps = np.array([[0.84, 0.80, 0.80, 0.5, 0.5],    # foreign to all
-                         [0.90, 0.80, 0.80, 0.5, 0.5],    # between
+    overlaps = np.array([[0.84, 0.80, 0.80, 0.5, 0.5],  # Foreign to all shapes.
+                         [0.90, 0.80, 0.80, 0.5, 0.5],  # Between foreign and known.
                          [0.94, 0.80, 0.80, 0.5, 0.5],
-                         [0.80, 0.95, 0.953, 0.5, 0.5],   # every square is a rectangle
+                         [0.80, 0.95, 0.953, 0.5, 0.5],  # Every square is a rectangle.
                          [0.60, 0.70, 0.95, 0.5, 0.5],
-                         [0.60, 0.85, 0.95, 0.5, 0.5],    # a little longer than wide
-                         [0.60, 0.50, 0.50, 0.95, 0.94]])  # right and isosceles
+                         [0.60, 0.85, 0.95, 0.5, 0.5],  # A little longer than wide.
+                         [0.60, 0.50, 0.50, 0.95, 0.94]])  # Both right and isosceles.
     assert labels_of(overlaps).tolist() == [UNKNOWN, -1, CIRCLE, SQUARE, RECTANGLE, -1, -1]
 
 
@@ -76,13 +76,13 @@ def test_contacts_that_are_seen_in_part_keep_the_label_of_the_whole(on_off):
     near = samples.levels > 80
     beside = np.array([ndimage.binary_dilation(contact, iterations=2) for contact in near])
     hidden_beside = (samples.unseen > 128) & beside
-    assert 0.3 < (hidden_beside.sum((1, 2)) > 3).mean() < 1, 'most, not all, miss taxels in the contact or next to it'
+    assert 0.3 < (hidden_beside.sum((1, 2)) > 3).mean() < 1, 'most must miss taxels in or near the contact, not all'
 
 
 def test_samples_of_another_code_are_not_read(tmp_path):
     claim(tmp_path / 'samples')
     (tmp_path / 'samples' / 'on_off_bulk_0.npz').touch()
-    claim(tmp_path / 'samples')  # of this code
+    claim(tmp_path / 'samples')  # The samples were drawn by this code.
     (tmp_path / 'samples' / 'drawn_by').write_text('another')
     with pytest.raises(ConfigurationError):
         claim(tmp_path / 'samples')

@@ -1,4 +1,7 @@
-"""Whether a grasp may be acted on: Python and C++ say the same of each case of one table, and CMake finds it."""
+"""Python and C++ decide in the same way whether a grasp may be used, for each case of one table.
+
+CMake finds the header.
+"""
 
 import os
 import shutil
@@ -16,7 +19,7 @@ from tactile_skin.msg import Grasp
 ROOT = Path(__file__).resolve().parents[1]
 HEADER = ROOT / 'include' / 'tactile_skin' / 'trust.hpp'
 CASES = yaml.safe_load((ROOT / 'test' / 'trust_cases.yaml').read_text(encoding='utf-8'))
-#: A grasp that may be acted on
+#: A grasp that may be used.
 GOOD = {'silence': 0.02, 'sec': 0, 'nanosec': 30_000_000, 'contact': 'TWO_SIDED', 'fresh': True, 'stable': True,
         'line_is_bound': False, 'centre': [0.01, 0.015], 'offset': 0.001, 'width': 0.03}
 COMPILER = shutil.which('g++')
@@ -51,7 +54,7 @@ def test_every_doubt_has_a_case():
 
 
 def program(definition: str) -> str:
-    """One that prints what C++ says of each case, a line each."""
+    """Return a program that prints the decision of C++ on each case, one per line."""
     def number(value) -> str:
         if isinstance(value, list):
             return ', '.join(map(number, value))
@@ -92,7 +95,7 @@ target_link_libraries(cases ${tactile_skin_TARGETS})
 @needs_compiler
 @pytest.mark.slow
 def test_another_package_finds_messages_action_and_rules_by_cmake(tmp_path):
-    """As colcon calls CMake in a workspace; of the installation of this environment."""
+    """The test calls CMake as colcon does in a workspace, with the installation of this environment."""
     cmake = Path(sys.executable).with_name('cmake')
     if not cmake.exists():
         pytest.skip('cmake is not installed')

@@ -1,4 +1,4 @@
-"""The first pages lead a newcomer to a shape and to a grasp: their commands are run as they stand there."""
+"""The first pages lead a newcomer to a shape and to a grasp. Their commands are run exactly as printed."""
 
 import os
 import shlex
@@ -15,11 +15,14 @@ ROOT = Path(__file__).resolve().parents[1]
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 TUTORIAL, PLANNER = 'docs/tutorial.md', 'docs/howto/my_planner.md'
 SHAPES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle')
-TIMEOUT = 60.0  # s, for a busy machine
+TIMEOUT = 60.0  # Time limit on a busy machine [s].
 
 
 def started(stack: ExitStack, beginning: str, link: Path, page: str = TUTORIAL) -> subprocess.Popen:
-    """Start the command of the page that begins so, its link in a folder of the test; ends with ``stack``."""
+    """Start the command of the page that has this ``beginning``, with its link in a folder of the test.
+
+    The process ends with ``stack``.
+    """
     text, = (each.text for each in documented.commands_of((ROOT / page).read_text(encoding='utf-8'), page)
              if each.text.startswith(beginning) and not each.in_sentence)
     program, *words = shlex.split(text.replace('/tmp/skin', str(link)))
@@ -59,12 +62,13 @@ def test_a_planner_waits_for_a_grasp(tmp_path):
     with ExitStack() as stack:
         started(stack, 'tactile bringup --simulate', tmp_path / 'skin', PLANNER)
         deadline, found = time.monotonic() + TIMEOUT, ''
-        while not found:  # it says so where a grasp is lost while it is asked for, as on a busy machine
+        # On a busy machine, the grasp may be lost during the request, and the planner then reports this.
+        while not found:
             assert time.monotonic() < deadline
             found = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True,
                                    timeout=TIMEOUT, stdout=subprocess.PIPE).stdout
     name, *rest = found.split(', ')
-    assert name in SHAPES and rest[-1] == 'width not known\n'  # the page gives no opening
+    assert name in SHAPES and rest[-1] == 'width not known\n'  # The page gives no opening.
 
 
 def test_a_planner_without_a_grasp_node_gets_a_remedy():

@@ -1,4 +1,4 @@
-"""The macro of the pads' frames, used by a gripper: where they are, by hand, and that the grasp node agrees."""
+"""The macro with the pads' frames in a gripper: the frames are checked by hand, and the grasp node agrees with them."""
 
 from math import pi
 
@@ -22,11 +22,15 @@ def opened(by):
 
 @pytest.mark.parametrize('gap', [0.0, 0.04])
 def test_the_pads_are_where_the_drawing_has_them(robot, gap):
-    """Middles of the skins 130 mm ahead; taxel (0, 0) is 15 columns and rows of 2 mm, halved, from the middle."""
+    """The middles of the skins are 130 mm ahead.
+
+    Taxel (0, 0) is 15 mm from the middle along rows and columns, which is half of 15 pitches of 2 mm.
+    """
     left, right = (place(robot, f'{side}_pad', opened(gap)) for side in ('left', 'right'))
     assert left[:3, 3] == pytest.approx([-0.015, -gap / 2, 0.145])
     assert right[:3, 3] == pytest.approx([-0.015, gap / 2, 0.115])
-    assert left[:3, :3] == pytest.approx(np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)]))  # z towards the right pad
+    # The z axis points towards the right pad.
+    assert left[:3, :3] == pytest.approx(np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)]))
     assert right[:3, :3] == pytest.approx(np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)]))
     for side in ('left', 'right'):
         skin = place(robot, f'{side}_skin', opened(gap))
@@ -34,7 +38,10 @@ def test_the_pads_are_where_the_drawing_has_them(robot, gap):
 
 
 def test_a_grasp_has_the_places_of_the_urdf(robot):
-    """The parameters left_xyz ... right_rpy, read off the closed gripper, place contacts as the moved frames do."""
+    """The parameters left_xyz to right_rpy are read off the closed gripper.
+
+    With them, the grasp node places contacts where the moved frames do.
+    """
     node = Gripper(PadPose((-0.015, 0.0, 0.145), (-pi / 2, 0.0, 0.0)),
                    PadPose((-0.015, 0.0, 0.115), (pi / 2, 0.0, 0.0)))
     for gap in (0.0, 0.013, 0.08):

@@ -1,4 +1,4 @@
-"""What a person is shown: that nothing old, hidden or unknown looks like a measurement."""
+"""The view for a person: nothing old, hidden or unknown looks like a measurement."""
 
 import io
 import re
@@ -54,7 +54,7 @@ class Terminal(io.StringIO):
         return True
 
 
-# --- the store
+# --- The store
 
 
 def test_what_is_not_looked_at_is_replaced_and_the_history_is_bounded():
@@ -79,12 +79,12 @@ def test_going_back_in_a_recording_begins_the_force_again():
     assert store.forces('left')[0].tolist() == [3.0]
 
 
-# --- pictures
+# --- Pictures
 
 
 def test_a_taxel_without_a_value_is_marked_and_not_the_colour_of_no_load():
     values = np.full((4, 4), 50e3)
-    values[:, :2] = NAN  # half a pad hidden
+    values[:, :2] = NAN  # Half of the pad is hidden.
     svg = heat_map(state(values=values), 100e3)
     squares = next(path for path in parts(svg, 'path') if path.get('class') == 'no-value')
     assert squares.get('d').count('M') == 8
@@ -93,7 +93,7 @@ def test_a_taxel_without_a_value_is_marked_and_not_the_colour_of_no_load():
 
 
 def test_the_outline_lies_on_the_taxels_that_it_encloses():
-    """Corners at the centres of taxels 1 and 3: by hand, in taxels, row 0 at the bottom."""
+    """The corners are at the centres of taxels 1 and 3. The expected points are in taxels, with row 0 at the bottom."""
     outline, = parts(heat_map(state(), 100e3), 'polygon')
     assert outline.get('points') == '1.500,2.500 3.500,2.500 3.500,0.500 1.500,0.500'
 
@@ -115,7 +115,7 @@ def test_names_from_topics_are_text_and_not_html():
 
 
 def test_a_failure_of_the_bus_is_text_and_not_html():
-    """A log's or an adapter's words are in it."""
+    """The text may contain words from a log or an adapter."""
     assert '<img' not in health_table(BusFacts('<img src=x onerror=alert(1)>', 0.1, {}, ()))
 
 
@@ -128,7 +128,7 @@ def test_a_force_of_saturated_taxels_is_a_lower_bound():
 
 
 def test_a_skin_of_whole_pascals_that_reads_0_and_1_is_shown():
-    """Its unit is known from the layout: nothing is guessed from the numbers."""
+    """The layout gives the unit, so the view does not guess from the numbers."""
     values = np.zeros((16, 16))
     values[3, 3] = 1.0
     frame = TaxelFrame(0.0, 0, values, np.full((16, 16), TaxelStatus.VALID, np.uint8), 0)
@@ -137,7 +137,7 @@ def test_a_skin_of_whole_pascals_that_reads_0_and_1_is_shown():
 
 def test_the_scale_follows_the_largest_reading_and_forgets_it():
     scale = FullScale('Pa')
-    assert scale.update(np.array([1e3, NAN]), 0.0) == 50e3   # not less than a pressed taxel reads
+    assert scale.update(np.array([1e3, NAN]), 0.0) == 50e3  # The scale is at least the reading of a pressed taxel.
     assert scale.update(np.array([130e3]), 1.0) == 200e3
     assert scale.update(np.array([1e3]), 5.0) == 200e3
     assert scale.update(np.array([1e3]), 12.0) == 50e3
@@ -145,7 +145,7 @@ def test_the_scale_follows_the_largest_reading_and_forgets_it():
 
 
 def test_colours_rise_in_brightness():
-    every_fourth = PALETTE[::4].astype(int)  # between neighbours whole numbers may hide it
+    every_fourth = PALETTE[::4].astype(int)  # The integer rounding may hide the increase between neighbours.
     assert (np.diff(every_fourth @ (299, 587, 114)) > 0).all()
     assert levels(np.array([-1.0, 0.0, 50.0, 100.0, 900.0]), 100.0).tolist() == [0, 0, 128, 255, 255]
 
@@ -153,12 +153,12 @@ def test_colours_rise_in_brightness():
 def test_a_gap_in_the_force_is_not_bridged():
     stamps = np.array([0.0, 0.1, 5.0, 5.1, 5.2])
     chart = force_chart({'left': np.array([stamps, [1, 1, 2, NAN, 2]])}, 6.0)
-    assert type(chart) is str  # a page that is sent anything else stands still
+    assert type(chart) is str  # If a page is sent any other type, it stops.
     line = chart.split('class="line"')[1].split(' d="')[1].split('"')[0]
-    assert line.count('M') == 2 and line.count('L') == 2  # the NaN is left out, 0.2 s are no gap
+    assert line.count('M') == 2 and line.count('L') == 2  # The NaN is left out, and a pause of 0.2 s is no gap.
 
 
-# --- old data
+# --- Old data
 
 
 def test_old_data_say_how_old_they_are_and_not_what_touches():
@@ -169,7 +169,11 @@ def test_old_data_say_how_old_they_are_and_not_what_touches():
 
 
 def test_a_browser_counts_what_is_live_from_its_last_receipt():
-    """Of data that are as old as the receipt all but a frame of the browser is left, however late they come."""
+    """The time for which a browser may show data as live starts at its last receipt.
+
+    If the data are as old as the receipt, all of that time is left, except one frame of the browser. This holds however
+    late the data arrive.
+    """
     pads = [drawn(0.3)._replace(since_receipt=0.3), drawn(0.2)._replace(since_receipt=0.3), drawn(3.0)]
     assert fresh_for(pads) == pytest.approx(OLD_AGE - FRAME_TIME) and fresh_for(pads[2:]) is None
     assert 'class="tactile-dead tactile-late" data-fresh="0.480"' in pads_html(pads[:1], 7)
@@ -189,7 +193,7 @@ def test_a_recording_is_never_called_live():
 @pytest.mark.parametrize('age, taxel, is_live', [
     (0.05, 1.0, True), (0.05, NAN, False), (3.0, 1.0, False), (3.0, NAN, False), (NAN, 1.0, False)])
 def test_a_pad_is_live_by_its_newest_valid_taxel(age, taxel, is_live):
-    """One valid taxel of 16 is enough: the others are counted and marked."""
+    """One valid taxel of 16 is enough. The others are counted and marked."""
     values = np.full((4, 4), NAN)
     values[2, 1] = taxel
     assert drawn(age, values=values).is_live is is_live
@@ -197,7 +201,7 @@ def test_a_pad_is_live_by_its_newest_valid_taxel(age, taxel, is_live):
 
 
 def test_a_dead_skin_of_which_frames_come_is_not_live():
-    """The driver goes on to publish: every taxel NaN, under the present stamp."""
+    """The driver continues to publish frames with present stamps, but every taxel is NaN."""
     dead = drawn(0.05, values=np.full((4, 4), NAN))
     shown = pads_html([dead], 1)
     assert 'no valid taxels' in shown and 'square' not in shown and 'tactile-bar' not in shown
@@ -215,17 +219,20 @@ def test_live_is_said_of_all_pads_or_of_the_one():
 
 
 def rows_of(table):
-    """Text by name of the row."""
+    """Return the text of each row of a table, by the name of the row."""
     return dict(row.removesuffix('</td></tr>').split('</td><td>') for row in re.findall('<td>(.*?</td></tr>)', table))
 
 
 def test_nothing_but_pads_and_status_line_says_whether_a_pad_is_live():
-    """All else is updated less often: it would contradict them when a pad dies, or comes back."""
+    """All other parts are updated less often.
+
+    They would contradict pads and status line when a pad fails or returns.
+    """
     source, browser = HandSource(['left']), Sent()
     source.store.put(state())
     source.store.put_bus(BusFacts('', 0.3, {}, (PadFacts('left', 9, 0, 9, 9, {}),)))
     page = page_of(source, browser)
-    page._scene_due = float('inf')  # the next update is that of chart and tables
+    page._scene_due = float('inf')  # The next update is that of the chart and the tables.
     page.start()
     until(lambda: browser.client.flush.call_count == 1, 60)
     page.taken(1)
@@ -252,11 +259,11 @@ def test_bus_and_nodes_do_not_contradict_a_dead_pad():
     assert rows['node 32'].startswith('it sends neither heartbeat nor taxels')
     well = facts._replace(pads=(facts.pads[0]._replace(nodes=(silent._replace(fault=''),)),))
     assert 'class=bad' not in health_table(well)
-    died = health_table(well, 12.0)  # the driver: neither its bus nor its nodes are known
+    died = health_table(well, 12.0)  # The driver has died, so the states of its bus and its nodes are unknown.
     assert 'no failure' not in died and 'OPERATIONAL' not in died
 
 
-# --- the grasp
+# --- The grasp
 
 HELD = GraspFacts('two_sided', is_fresh=True, is_stable=True, acquired=0.0)
 
@@ -281,11 +288,11 @@ def test_an_old_grasp_and_one_that_is_not_known_are_not_shown_as_current(age, ch
 
 @pytest.mark.parametrize('pads', [[0.1], [3.0]])
 def test_a_browser_hides_a_grasp_by_its_own_age(pads):
-    """Neither new taxels keep an old grasp on the page, nor do old ones hide one that is new."""
+    """New taxels do not keep an old grasp on the page, and old taxels do not hide a new one."""
     held = HELD._replace(acquired=time.monotonic() - 0.4)
     shown = status_html(LIVE._replace(grasp=held), [drawn(age)._replace(since_receipt=0.3) for age in pads], 0, 1)
     of_pads, of_grasp = shown.split('grasp: ')
-    assert of_pads.count('<div') - of_pads.count('</div') == 1  # in what is hidden by no age
+    assert of_pads.count('<div') - of_pads.count('</div') == 1  # The grasp is inside an element that no age hides.
     left = float(of_grasp.split('data-fresh="')[1].split('"')[0])
     assert left == pytest.approx(OLD_AGE - FRAME_TIME - 0.4 + 0.3, abs=0.1)
 
@@ -299,7 +306,7 @@ def test_what_a_source_has_shown_is_forgotten_when_it_stops():
     assert 'this source has none' in macros().grasp(store.shown().grasp, NAN, NAN)
 
 
-# --- the 3-D view
+# --- The 3-D view
 
 
 @pytest.mark.parametrize('age, is_current', [(0.9, True), (1.1, False), (float('inf'), False), (NAN, False)])
@@ -309,7 +316,7 @@ def test_the_sketch_is_covered_unless_it_is_current_by_its_own_receipt(age, is_c
 
 
 def test_stamps_of_another_time_are_said_to_be_a_replay():
-    """A replay publishes the stamps of its log, just now."""
+    """A replay publishes the stamps of its log at the present time."""
     behind = clock_difference([drawn(0.1, stamp=1000.0)], 8200.1)
     assert behind == pytest.approx(7200)
     replayed = drawn(0.1, stamp=time.time() - 7200.1)
@@ -319,7 +326,7 @@ def test_stamps_of_another_time_are_said_to_be_a_replay():
 
 
 def test_a_status_that_is_no_longer_sent_is_called_old():
-    """The driver has died: its last words were that all is well."""
+    """The driver has died after its last message reported that all is well."""
     well = BusFacts('', 0.1, {}, ())
     assert 'OLD: nothing newer for 12 s' in health_table(well, 12.0) and 'OLD' not in health_table(well, 1.1)
     store = Store(['left'])
@@ -336,7 +343,7 @@ def test_the_age_of_a_status_in_a_recording_is_that_at_its_time():
     timeline.close()
 
 
-# --- health
+# --- Health
 
 
 def counted(lost, expected, overruns=0):
@@ -350,14 +357,14 @@ def test_a_loss_is_red_for_a_minute():
     table = health_table(lost, before=history.before(lost, 1001.0))
     assert 'class=bad' in table and rows_of(table)['lost: late'] == '7 (7 in 1 s)'
     assert rows_of(table)['queue overruns'] == '3 (3 in 1 s)'
-    history.before(lost, 1001.5)  # a page asks more often than a status comes
+    history.before(lost, 1001.5)  # A page asks more often than status messages arrive.
     table = health_table(later, before=history.before(later, 1061.6))
     assert 'class=bad' not in table and rows_of(table)['lost: late'] == '7 (0 in 60 s)'
-    assert 'class=bad' in health_table(later)  # of a recording: what was lost in it
+    assert 'class=bad' in health_table(later)  # For a recording, the table shows all of its losses.
 
 
 def test_counters_that_begin_again_have_no_past():
-    """The driver was started again: 9 losses are not 2 more than the 7 before."""
+    """The driver was restarted, so 9 losses are not 2 more than the 7 before."""
     history = HealthHistory()
     for stamp, facts in enumerate((counted(7, 5000), counted(9, 90), counted(12, 190))):
         before = history.before(facts, float(stamp))
@@ -377,7 +384,7 @@ def test_what_is_lost_is_listed_by_reason():
     assert 'no status' in health_table(None)
 
 
-# --- recordings on disk
+# --- Recordings on disk
 
 
 def frame(stamp, value=1.0):
@@ -392,11 +399,11 @@ def test_a_timeline_gives_back_the_frame_of_a_time():
     found = timeline.moment('left', timeline.index('left', 2.7))
     assert found.frame.stamp == 2.0 and found.frame.values.tolist() == [[2, 2, 2], [2, 2, 2]]
     assert found.frame.missing_can_frames == 2 and (found.pitch, found.unit) == (0.004, 'Pa')
-    assert not timeline.add('left', frame(4.0), 0.005, 'Pa')  # another pad under this name
+    assert not timeline.add('left', frame(4.0), 0.005, 'Pa')  # This is another pad with the same name.
     timeline.close()
 
 
-# --- the terminal
+# --- The terminal
 
 
 def shown_on(stream, source, seconds=0.35):
@@ -425,7 +432,7 @@ def test_a_terminal_shows_shape_and_size(monkeypatch):
 
 @pytest.mark.slow
 def test_a_name_is_no_command_to_the_terminal(monkeypatch):
-    """Of a bag from elsewhere: ESC c clears the terminal."""
+    """A bag from elsewhere may contain such a name. ESC c clears the terminal."""
     monkeypatch.setenv('COLUMNS', '100')
     for stream in (Terminal(), io.StringIO()):
         source = HandSource(['left\x1bc'])
@@ -442,11 +449,11 @@ def test_a_narrow_terminal_gets_one_line(monkeypatch):
     assert max(map(len, shown.replace('\x1b[2K', '').replace('\x1b[1A', '').replace('\x1b[J', '').split('\n'))) < 40
 
 
-# --- the page
+# --- The page
 
 
 class Sent:
-    """What a browser was sent, by the part of the page."""
+    """Records the updates sent to a browser, by the part of the page."""
 
     def __init__(self):
         self.client = MagicMock(client_id=7)
@@ -472,8 +479,8 @@ def test_a_browser_that_does_not_answer_gets_nothing_more_and_then_the_newest():
     for k in range(500):
         source.store.put(state(stamp=0.01 * k))
     time.sleep(0.3)
-    assert flush.call_count == 1  # nothing queues for it
-    page.taken(0)  # the receipt of another update
+    assert flush.call_count == 1  # No update queues for this browser.
+    page.taken(0)  # This is the receipt of another update.
     time.sleep(0.1)
     assert flush.call_count == 1
     page.taken(1)
@@ -504,7 +511,7 @@ def test_planes_are_computed_only_while_they_are_open(monkeypatch):
 
 
 def test_a_point_lies_on_the_side_of_the_curve_that_the_classifier_takes():
-    """A long bar is a rectangle by section 7: its point is in the field above the first curve."""
+    """By section 7 of the paper, a long bar is a rectangle. Its point lies in the field above the first curve."""
     from tactile_node.viewing.pads_3d import Planes
     mask = np.zeros((16, 16), bool)
     mask[6:9, 2:14] = True

@@ -1,4 +1,4 @@
-"""`tactile view` in headless Chromium: it loads, follows the skin, keeps pace, and no request leaves the machine."""
+"""`tactile view` in headless Chromium: it loads, follows the skin and keeps pace. No request leaves the machine."""
 
 import asyncio
 import os
@@ -17,11 +17,13 @@ pytestmark = [pytest.mark.bus, pytest.mark.slow]
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or ''
 PICTURES = Path(__file__).resolve().parents[1] / 'build' / 'view'
 FLAGS = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader']
-RATE = 50.0  #: at which the pads of this test send [1/s]
-TUNNEL_RATE = 100e3  #: [bytes/s]
-JAM_PERIOD, JAM_TIME = 2.0, 0.6  #: of a tunnel in which all stands still now and then [s]
+RATE = 50.0  #: Rate at which the pads of this test send [1/s].
+TUNNEL_RATE = 100e3  #: Data rate of the tunnel [bytes/s].
+JAM_PERIOD = 2.0  #: Time between two jams of a tunnel [s].
+JAM_TIME = 0.6    #: Duration of a jam, in which nothing moves [s].
 
-if not os.environ.get('TACTILE_VIEW_TEST'):  # what is missing there is an error, here it is left out
+# With TACTILE_VIEW_TEST, a missing tool is an error. Otherwise the tests are skipped.
+if not os.environ.get('TACTILE_VIEW_TEST'):
     pytest.importorskip('playwright', reason='playwright is missing: make view-test installs it')
     if not CHROMIUM:
         pytest.skip('chromium is missing: apt-get install chromium', allow_module_level=True)
@@ -37,7 +39,7 @@ def browser():
 
 
 class MovingSource(HandSource):
-    """Two pads of 16 x 16 taxels at 50 Hz; a square is pressed on one, half of the other is hidden."""
+    """Two pads of 16 x 16 taxels at 50 Hz. A square presses on one, and half of the other is hidden."""
 
     def __init__(self):
         super().__init__()
@@ -104,7 +106,8 @@ def test_the_page_loads_follows_and_asks_only_this_machine(browser, server):
     before = number(page, 'update')
     until(lambda: number(page, 'update') > before + 20, 120)
     assert page.locator('.tactile-map[data-pad=left] polygon.outline').count() == 1
-    assert page.locator('.tactile-map[data-pad=right] polygon.outline').count() == 0  # unknown
+    # The shape of this pad is unknown.
+    assert page.locator('.tactile-map[data-pad=right] polygon.outline').count() == 0
     assert page.locator('.tactile-map[data-pad=right] path.no-value').get_attribute('d').count('M') == 128
     text = page.locator('.tactile-pads').inner_text()
     for said in ('square 97 %', 'side 24.0 mm', 'unknown (not seen)', '128 of 256 taxels without a value'):
@@ -122,7 +125,10 @@ def test_the_page_loads_follows_and_asks_only_this_machine(browser, server):
 
 
 def test_the_page_keeps_pace(browser, server):
-    """The bars of docs/operation_results.md, with room for a loaded machine: half of 15/s, twice 0.2 s."""
+    """The limits are those of docs/operation_results.md with room for a loaded machine.
+
+    They are half of 15 updates per second, and twice 0.2 s.
+    """
     page = opened(browser, server)
     best_rate, best_delay = 0.0, np.inf
     for _ in range(8):
@@ -137,24 +143,24 @@ def test_a_silent_source_and_a_server_that_is_gone_are_not_live(browser, server)
     page = opened(browser, server)
     server._source.is_silent = True
     page.wait_for_selector('.tactile-silent')
-    # until: a browser that takes longer than 2 s for an update covers the page, and hides these words meanwhile
+    # The words may be hidden at first. A browser that needs longer than 2 s for an update covers the page.
     until(lambda: 'no data for' in page.locator('.tactile-silent').first.inner_text(), 60)
     until(lambda: page.locator('.tactile-status b').first.inner_text() == 'NOT LIVE', 60)
-    until(lambda: set(page.evaluate(OPACITIES)) - {''} == {'0'}, 60)  # the page is served
+    until(lambda: set(page.evaluate(OPACITIES)) - {''} == {'0'}, 60)  # The page receives updates again.
     page.screenshot(path=PICTURES / 'silent.png')
     for running in server._pages.values():
-        running.stop()  # as where this process hangs: the connection stays, nothing comes
+        running.stop()  # This is like a hung process: the connection stays, but nothing is sent.
     page.wait_for_function("getComputedStyle(document.querySelector('.tactile-dead')).opacity === '1'")
     page.screenshot(path=PICTURES / 'not_served.png')
     page.close()
 
 
-#: Whether the two elements overlap
+#: Return true if the two elements overlap.
 OVERLAP = """selectors => {
     const [a, b] = selectors.map(each => document.querySelector(each).getBoundingClientRect());
     return a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
 }"""
-#: What stands in place of the words of the status line, where they have become old
+#: Return the text that replaces the status line once its words are old.
 IN_PLACE = """() => {
     const style = getComputedStyle(document.querySelector('.tactile-status .tactile-fresh'), '::after');
     return style.visibility === 'visible' ? style.content : '';
@@ -173,7 +179,7 @@ def test_without_a_gpu_the_message_of_the_3d_library_covers_nothing_and_old_word
     page.close()
 
 
-#: How much the cover is seen, each 20 ms for 1 s; '' where an update replaces it just then
+#: Return the opacity of the cover, every 20 ms for 1 s. It is '' if an update is just replacing the cover.
 OPACITIES = """() => new Promise(resolve => {
     const seen = [];
     const timer = setInterval(() => seen.push(getComputedStyle(document.querySelector('.tactile-dead')).opacity), 20);
@@ -182,25 +188,26 @@ OPACITIES = """() => new Promise(resolve => {
 
 
 def cover(page):
-    """What lies over the 3-D view, by the browser's own style; 'none': nothing."""
+    """Return the text that covers the 3-D view, by the browser's own style; 'none' stands for no cover."""
     return page.evaluate("""getComputedStyle(document.querySelector('canvas').parentElement, '::after').content""")
 
 
 def test_a_contact_that_has_gone_is_not_left_in_the_3d_view(browser, monkeypatch):
-    """As where WebGL runs in software: after the first update of the scene the next one is far off."""
+    """This happens if WebGL runs in software: after the first update of the scene, the next one takes long."""
     from tactile_node.viewing import page as module
     from tactile_node.viewing.server import ViewServer
     monkeypatch.setattr(module, 'SCENE_PERIOD', 3600.0)
     server = ViewServer(MovingSource(), port=0)
     page = opened(browser, server)
     until(lambda: 'OLD' in cover(page), 30.0)
-    until(lambda: page.locator('.tactile-status b').first.inner_text() == 'LIVE')  # the maps go on
+    until(lambda: page.locator('.tactile-status b').first.inner_text() == 'LIVE')  # The maps continue.
     page.screenshot(path=PICTURES / 'old_scene.png')
     page.close()
     server.close()
 
 
-#: What a script of a page reads from these addresses: by a request, a frame, a WebSocket that waits for a message
+#: A script of a page reads these addresses in three ways: by a request, by a frame, and by a WebSocket that waits for a
+#: message.
 READ = """addresses => Promise.all(addresses.flatMap(address => [
     fetch(`http://${address}/`).then(answer => answer.text()).then(text => `fetch ${address} ${text.length}`),
     new Promise((resolve, reject) => {
@@ -218,7 +225,7 @@ READ = """addresses => Promise.all(addresses.flatMap(address => [
 
 @pytest.fixture
 def other_origin():
-    """The address of an empty page on another port of this machine."""
+    """Return the address of an empty page on another port of this machine."""
     class Empty(BaseHTTPRequestHandler):
         def do_GET(self):
             self.send_response(200)
@@ -243,14 +250,17 @@ def test_a_page_of_another_origin_that_knows_every_port_reads_nothing(browser, s
     page = browser.new_page()
     page.goto(f'http://{other_origin}/')
     assert page.evaluate(read, addresses) == []
-    page.goto(f'http://127.0.0.1:{server.port}/')  # its own origin reads by all three ways
+    page.goto(f'http://127.0.0.1:{server.port}/')  # A page of the server's own origin can read in all three ways.
     found = page.evaluate(read, addresses)
     assert [each.split()[0] for each in found] == ['fetch', 'frame', 'socket']
     page.close()
 
 
 class Tunnel:
-    """Forwards a port as `ssh -L` does: TUNNEL_RATE to the browser, of all connections together, with jams."""
+    """Forwards a port like `ssh -L`.
+
+    All connections to the browser share TUNNEL_RATE, and the tunnel has jams.
+    """
 
     def __init__(self, port):
         self._inner = port
@@ -293,8 +303,8 @@ class Tunnel:
         writer.close()
 
 
-#: Looks each 20 ms for 10 s at a pad that says LIVE and is not covered; returns the ages of what it shows [s]. Where
-#: the browser stood still, it looks after the timers of the page that were due meanwhile.
+#: For 10 s, read the ages [s] of a pad every 20 ms while the pad says LIVE and is not covered. After a pause of the
+#: browser, this timer runs after the page's own timers.
 AGES = """begin => new Promise(resolve => {
     const ages = [];
     const look = () => {
@@ -315,7 +325,8 @@ def test_over_a_slow_tunnel_nothing_old_looks_live(browser, server):
     server._source.side_at = lambda now: now - begin
     tunnel = Tunnel(server.port)
     page = opened(browser, server, port=tunnel.port)
-    page.get_by_text('3-D', exact=True).click()  # drawn without a GPU, it keeps the browser from drawing at all
+    # Without a GPU, the 3-D view would keep the browser from drawing at all.
+    page.get_by_text('3-D', exact=True).click()
     page.add_style_tag(content='canvas {display: none}')
     page.wait_for_timeout(1000)
     ages = page.evaluate(AGES, begin)

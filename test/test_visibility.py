@@ -1,4 +1,4 @@
-"""What a frame shows of a pad and of the surroundings of a contact."""
+"""The parts of a pad that a frame shows, and the surroundings of a contact."""
 
 import numpy as np
 import pytest
@@ -17,9 +17,10 @@ def visibility(frame, smallest=4, **masks):
 
 
 @pytest.mark.parametrize(('hidden', 'least'), [
-    ([(2, 2), (2, 3), (3, 2), (3, 3)], 4), ([(2, 0), (2, 1), (2, 2), (2, 3)], 4),  # a square, a bar
-    ([(0, 0), (1, 1), (2, 2), (3, 3)], 4), ([(0, 0), (0, 1), (0, 2), (4, 4)], 3),  # oblique; three and one
-    ([(0, 0), (0, 2), (2, 0), (2, 2), (4, 4)], 1)])  # scattered
+    ([(2, 2), (2, 3), (3, 2), (3, 3)], 4), ([(2, 0), (2, 1), (2, 2), (2, 3)], 4),  # A square, and a bar.
+    # An oblique line; then a group of three and a single taxel.
+    ([(0, 0), (1, 1), (2, 2), (3, 3)], 4), ([(0, 0), (0, 1), (0, 2), (4, 4)], 3),
+    ([(0, 0), (0, 2), (2, 0), (2, 2), (4, 4)], 1)])  # Scattered taxels.
 def test_a_pad_is_seen_unless_a_group_of_hidden_taxels_has_room_for_the_smallest_contact(hidden, least):
     taxels, nothing = np.zeros((6, 6), bool), np.zeros((6, 6), bool)
     for place in hidden:
@@ -44,18 +45,19 @@ def test_hidden_taxels_in_a_contact_and_around_it():
     frame = np.zeros((9, 9))
     frame[2:7, 2:6] = 9
     assert visibility(frame)[3:6] == (0, 0, 22)
-    frame[4, 3] = frame[1, 1] = frame[7, 6] = frame[0, 8] = NAN  # within, at two corners, far away
+    # The hidden taxels are one within the contact, two at its corners, and one far away.
+    frame[4, 3] = frame[1, 1] = frame[7, 6] = frame[0, 8] = NAN
     found = visibility(frame)
     assert (found.hidden, found.hidden_in_contact, found.hidden_in_ring, found.ring) == (4, 1, 2, 22)
     assert found.largest_hidden == 1 and not found.at_edge and found.pad_seen
-    assert not found.outline_hidden, 'single dead taxels have no room for what the contact may continue as'
+    assert not found.outline_hidden, 'single dead taxels leave no room for a further part of the contact'
 
 
 @pytest.mark.parametrize(('hidden', 'expected'), [
-    ([(2, 6)], False), ([(2, 6), (3, 6)], True),  # of twenty taxels these are a tenth
-    ([(2, 6), (2, 7)], True),  # one of them is in the ring
-    ([(2, 8), (3, 8), (4, 8), (5, 8)], False),  # beyond it
-    ([(1, 1), (7, 6), (8, 8), (0, 4), (4, 3)], False)])  # scattered
+    ([(2, 6)], False), ([(2, 6), (3, 6)], True),  # Two of twenty taxels are a tenth.
+    ([(2, 6), (2, 7)], True),  # One of the two taxels is in the ring.
+    ([(2, 8), (3, 8), (4, 8), (5, 8)], False),  # These taxels lie beyond the ring.
+    ([(1, 1), (7, 6), (8, 8), (0, 4), (4, 3)], False)])  # Scattered taxels.
 def test_a_contact_may_continue_where_a_group_of_hidden_taxels_has_room_for_one(hidden, expected):
     frame = np.zeros((9, 9))
     frame[2:7, 2:6] = 9
@@ -85,7 +87,7 @@ def test_four_hidden_taxels_beside_a_large_contact_are_room_enough():
     frame = np.zeros((16, 16))
     frame[2:10, 2:10] = 9
     frame[2:5, 10] = NAN
-    assert not visibility(frame).outline_hidden, 'three of 64'
+    assert not visibility(frame).outline_hidden, 'three of 64 taxels are too few'
     frame[5, 10] = NAN
     assert visibility(frame).outline_hidden
 

@@ -1,4 +1,4 @@
-"""Section 7: the planes, their fitting, and the classifier."""
+"""Section 7 of the paper: the planes, their fitting, and the classifier."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,10 @@ def recognise(classifier, mask):
 
 
 def test_a_known_curve_is_found_again():
-    """Points on either side of v = 2 - 0.5 u, one in five on the wrong one: the best curve is the line."""
+    """Points lie on both sides of v = 2 - 0.5 u, and one in five lies on the wrong side.
+
+    The best curve is this line.
+    """
     rng = np.random.default_rng(1)
     u, v = rng.uniform(1, 4, 20_000), rng.uniform(-1, 3, 20_000)
     gain = np.where((v > 2 - 0.5 * u) == (rng.random(20_000) < 0.8), 1.0, -1.0)
@@ -59,7 +62,10 @@ def test_shares_are_counted_by_answer_and_band():
 
 
 def test_fitting_wins_where_the_planes_part_the_classes():
-    """Five clusters that the tree can part: all are recognised; the first curve spares the second's class."""
+    """The tree can separate the five clusters, and all of them are recognised.
+
+    The first curve does not cut the class of the second plane.
+    """
     rng = np.random.default_rng(4)
     labels = np.arange(2000) % 5
     middle = {('value', 'N'): [50] * 5, ('dif', 'alpha9'): [8, 4, 1, 1, 1], ('min', 'P05'): [20] * 5,
@@ -79,7 +85,7 @@ def test_nothing_is_none_and_little_is_unknown(classifier):
     assert recognise(classifier, np.ones((3, 5), bool)).shape not in (Shape.NONE, Shape.UNKNOWN)
     scattered = np.zeros((40, 40), bool)
     scattered[::10, ::10] = True
-    assert recognise(classifier, scattered).shape == Shape.UNKNOWN, 'no two taxels are neighbours'
+    assert recognise(classifier, scattered).shape == Shape.UNKNOWN, 'no two of these taxels are neighbours'
 
 
 @pytest.mark.parametrize('content, message', [

@@ -1,4 +1,4 @@
-"""The simulated wire in virtual time: against another model written apart, and with devices and assembler."""
+"""The simulated wire in virtual time, compared with a separate model, and with devices and the assembler."""
 
 import math
 import os
@@ -21,7 +21,10 @@ START = Frame(0x000, bytes([1, 0]))
 
 
 def answered(syncs, nodes) -> list[tuple[float, int]]:
-    """When which COB-ID ends, where ``nodes`` answer on a Segment as those of test/wire.py do."""
+    """Return the end of each answer and its COB-ID.
+
+    ``nodes`` answer on a Segment like those of test/wire.py.
+    """
     segment, ends = Segment(Wire()), []
     segment.on_carried = lambda frame: ends.append((frame.end, frame.frame.can_id))
     master = segment.join(lambda frame: None)
@@ -54,7 +57,10 @@ def advance(wire, until):
 
 
 def random_world(seed: int) -> tuple[list[float], list[Node]]:
-    """Up to four nodes, COB-IDs in any order, at 40 to 130 % load, late SYNCs, sweeps that are left out."""
+    """Return the SYNC times and up to four nodes with COB-IDs in any order.
+
+    The load is 40 to 130 %, with late SYNCs and omitted sweeps.
+    """
     rng = np.random.default_rng(seed)
     ids = iter(rng.permutation(np.arange(0x101, 0x700)).tolist())
     nodes, seconds = [], frame_seconds(0)
@@ -72,14 +78,14 @@ def random_world(seed: int) -> tuple[list[float], list[Node]]:
 def test_two_models_written_apart_agree_frame_by_frame(seed):
     syncs, nodes = random_world(seed)
     ours = answered(syncs, nodes)
-    _, again = random_world(seed)  # a Node keeps what it has answered
+    _, again = random_world(seed)  # A second set is needed, because a Node remembers its answers.
     theirs = [(frame.end, frame.can_id) for frame in carried(syncs, again)]
     assert [can_id for _, can_id in ours] == [can_id for _, can_id in theirs]
     np.testing.assert_allclose([end for end, _ in ours], [end for end, _ in theirs], rtol=0, atol=1e-9)
 
 
 class Skin:
-    """Simulated devices of one 16x16 pad each on a segment, configured by hand; taxels read the number of the sweep."""
+    """Simulated devices of one 16x16 pad each on a segment, configured by hand. Taxels read the number of the sweep."""
 
     def __init__(self, node_ids, **settings):
         self.settings = WireSettings(**{'jitter': 0.0} | settings)
@@ -137,7 +143,10 @@ def test_simulated_devices_keep_the_time_of_the_other_model(node_ids, load):
 
 
 def test_what_the_wire_carries_is_assembled_in_virtual_time():
-    """Two pads at 98 % of a wire with the most stuff bits: each sweep arrives whole, with the bytes of its SYNC."""
+    """Two pads use 98 % of a wire with the most stuff bits.
+
+    Each sweep arrives whole, with the bytes of its SYNC.
+    """
     skin = Skin((32, 64))
     period = (64 * frame_seconds(8) + frame_seconds(0)) / 0.98
     skin.play((skin.segment.now + np.arange(100) * period).tolist())
@@ -160,7 +169,7 @@ def test_what_the_wire_carries_is_assembled_in_virtual_time():
 
 def test_heartbeats_take_part_in_wire_time():
     skin = Skin((32,))
-    skin.host.put(skin.segment.now, Frame(0x620, bytes.fromhex('2B17100064000000')))  # every 100 ms
+    skin.host.put(skin.segment.now, Frame(0x620, bytes.fromhex('2B17100064000000')))  # A heartbeat every 100 ms.
     begin = skin.segment.now
     skin.segment.run(begin + 10.05)
     beats = [frame for frame in skin.frames if frame.frame == Frame(0x720, b'\x05')]
@@ -175,7 +184,7 @@ def test_a_device_without_supply_leaves_its_sweep_unsent():
     sent = len(skin.frames)
     skin.devices[0].power_off()
     skin.segment.run(skin.segment.now + 1.0)
-    assert 1 < sent < 33 and len(skin.frames) <= sent + 1  # the one under way
+    assert 1 < sent < 33 and len(skin.frames) <= sent + 1  # The frame under way is still counted.
 
 
 def test_jitter_delays_each_answer_and_a_seed_repeats_it():
@@ -191,7 +200,7 @@ def test_jitter_delays_each_answer_and_a_seed_repeats_it():
 
 
 def test_load_counts_every_frame_and_its_busiest_window():
-    """Busy for one millisecond in each two, and all of the second window."""
+    """The wire is busy for one millisecond in every two, and for the whole of the second window."""
     record = WireRecord(10.0)
     for k in range(500):
         is_peak = PEAK_WINDOW <= k * 0.002 < 2 * PEAK_WINDOW - 1e-9
@@ -235,7 +244,7 @@ def test_a_queue_without_room_skips_whole_sweeps_and_takes_the_next():
 
 
 def test_behind_a_gateway_several_hosts_arbitrate():
-    """A host that has much to send does not hold up the SYNC of another."""
+    """With priorities, a host with many frames does not delay the SYNC of another host."""
     for by_priority, place in ((True, 1), (False, 50)):
         wire = Wire()
         gateway = wire.join(by_priority=by_priority)

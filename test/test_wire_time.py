@@ -1,5 +1,6 @@
-"""`tactile simulate --pty` in real time, read by a bare client: what it sends is what a wire would have carried, and
-none of it before.
+"""`tactile simulate --pty` in real time, read by a bare client.
+
+The client receives the frames that a wire would have carried, and none of them earlier.
 """
 
 import json
@@ -16,20 +17,23 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 NODES = (32, 64)
-#: of each node, in the order in which it sends them
+#: COB-IDs of each node, in the order in which the node sends them.
 COB_IDS = [[base + node_id + i for base in bases for i in range(4)]
            for node_id, bases in zip(NODES, ((0x180, 0x280, 0x380, 0x480), (0x380, 0x480, 0x180, 0x280)))]
-#: the lowest of the two that are next goes: what node 64 has behind 0x4C0 must wait for it
+#: Of the next frames of both nodes, the lower COB-ID is sent first. The frames of node 64 after 0x4C0 must wait for it.
 IN_ORDER = [base + i for base in (0x1A0, 0x2A0, 0x3A0, 0x3C0, 0x4A0, 0x4C0, 0x1C0, 0x2C0) for i in range(4)]
-BITRATE, TIMEOUT = 250_000, 60.0  # s, for a busy machine
-EIGHT, NONE = 135 / BITRATE, 55 / BITRATE  # s that a frame of so many bytes takes, with the most stuff bits
-DELAY = 0.002  # s
+BITRATE = 250_000
+TIMEOUT = 60.0  # Time limit on a busy machine [s].
+# Time that a frame of 8 bytes and one without data take with the most stuff bits [s].
+EIGHT = 135 / BITRATE
+NONE = 55 / BITRATE
+DELAY = 0.002  # Delay in seconds.
 
 pytestmark = pytest.mark.bus
 
 
 class Client:
-    """A program that opens the port, and the skin's process behind it."""
+    """A program that opens the port, with the process of the skin behind it."""
 
     def __init__(self, folder: Path, *options: str):
         self._report = folder / 'wire.jsonl'
@@ -46,7 +50,7 @@ class Client:
         os.write(self._port, line.encode() + b'\r')
 
     def take(self, count: int) -> list[int]:
-        """COB-IDs of the next frames."""
+        """Return the COB-IDs of the next ``count`` frames."""
         read, found = b'', []
         while not read.endswith(b'\r') or len(found) < count:
             assert select.select([self._port], [], [], TIMEOUT)[0], read
@@ -56,13 +60,13 @@ class Client:
         return found
 
     def start(self) -> None:
-        """Enable all TPDOs, then NMT start; an SDO behind that shows that it was carried."""
+        """Enable all TPDOs and send NMT start. The answer to an SDO request shows that the start was carried."""
         for node_id, can_ids in zip(NODES, COB_IDS):
             for number, can_id in enumerate(can_ids):
                 self.send(f't{0x600 + node_id:03X}823{number:02X}1801{can_id & 0xFF:02X}{can_id >> 8:02X}0000')
                 assert self.take(1) == [0x580 + node_id]
         self.send('t00020100')
-        self.send('t6208' + '4000180000000000')  # read 0x1800 sub 0
+        self.send('t6208' + '4000180000000000')  # Read 0x1800 sub 0.
         assert self.take(1) == [0x5A0]
 
     def report(self) -> dict:
@@ -83,7 +87,7 @@ class Client:
 
 
 def _can_ids(read: bytes) -> list[int]:
-    """Of the lines that are frames, but boot-ups."""
+    """Return the COB-IDs of the lines that are frames, without boot-up messages."""
     return [int(line[1:4], 16) for line in read.split(b'\r') if line[:1] == b't' and line[1:2] != b'7']
 
 
@@ -110,7 +114,7 @@ def test_sweeps_come_in_the_order_of_arbitration_and_never_before_their_time(cli
 
 
 def test_wire_time_can_be_switched_off(tmp_path):
-    """Then each device sends its sweep at once, one after another, and no wire is reported."""
+    """Without the wire, each device sends its whole sweep at once, one after another. No wire is reported."""
     client = Client(tmp_path, '--no-wire')
     try:
         client.start()
