@@ -69,13 +69,14 @@ def test_a_touch_without_a_fit_or_of_another_shape_has_no_right_size(verdicts):
     assert '2 of 3 touches recognised, 2 of them' in score(verdicts)
 
 
-@pytest.mark.parametrize('latency, frames, skin_late, is_slow', [
-    (100 * [0.02], 100, 0.002, False),
-    (100 * [0.5], 100, 0.002, False),  # The package is slow here, not the machine.
-    (60 * [0.02], 100, 0.002, False),  # The package has lost frames; the machine is fast enough.
-    (100 * [0.02], 100, 0.2, True)])  # The simulated skin did not get processor time soon enough.
-def test_a_machine_that_is_too_slow_is_named(latency, frames, skin_late, is_slow):
-    text = speed(Performance(latency, frames, skin_late))
+@pytest.mark.parametrize('latency, frames, skin_late, waited, is_slow', [
+    (100 * [0.02], 100, 0.002, 0.1, False),
+    (100 * [0.5], 100, 0.002, 0.1, False),  # The package is slow here, not the machine.
+    (60 * [0.02], 100, 0.002, 0.1, False),  # The package has lost frames; the machine is fast enough.
+    (60 * [0.02], 100, 0.002, 0.9, True),  # The nodes did not get a processor.
+    (100 * [0.02], 100, 0.2, 0.1, True)])  # The simulated skin did not get processor time soon enough.
+def test_a_machine_that_is_too_slow_is_named(latency, frames, skin_late, waited, is_slow):
+    text = speed(Performance(latency, frames, skin_late, waited))
     assert ('too slow or too busy' in text) is is_slow
     assert f'median {1e3 * latency[0]:.0f} ms' in text and f'{len(latency)}% of the taxel frames' in text
 

@@ -10,18 +10,21 @@ from tactile_node.simulator.touches import SimulatedTouch
 
 SIZE_TOLERANCE = 0.25  #: allowed error of a length [pitches]
 MOST_SKIN_LATE = 0.01  #: lateness (99 %) of the simulated skin's CAN frames above which the machine is too slow [s]
+#: Share of the time for which the nodes may wait for a processor. Above it, the machine is too busy.
+MOST_WAITED = 0.5
 
 
 class Performance(NamedTuple):
     """Speed at which shapes were received, and the speed of the machine.
 
-    The simulated skin needs little processor time and waits for nothing else. Its lateness is therefore that of the
-    machine.
+    Neither the lateness of the simulated skin nor the time for which the nodes wait for a processor depends on how fast
+    the nodes are. Both therefore measure the machine.
     """
 
     latency: Sequence[float]  #: time from SYNC to the arrival of each shape [s]
     frames: int               #: number of frames that all pads acquired meanwhile
     skin_late: float          #: lateness that 99 % of the skin's CAN frames did not exceed [s]
+    waited: float = 0.0       #: share of the time for which a thread of the nodes waited for a processor
 
     @property
     def answered(self) -> float:
@@ -30,7 +33,7 @@ class Performance(NamedTuple):
 
     @property
     def is_machine_too_slow(self) -> bool:
-        return self.skin_late > MOST_SKIN_LATE
+        return self.skin_late > MOST_SKIN_LATE or self.waited > MOST_WAITED
 
 
 class SeenFit(NamedTuple):

@@ -45,7 +45,8 @@ def speed(performance: Performance) -> str:
     if performance.is_machine_too_slow:
         late = 1e3 * performance.skin_late
         text += ('\nThis machine was too slow or too busy to judge the latency. The simulated skin alone, '
-                 f'which needs a tenth of a core,\nsent 1 % of its CAN frames {late:.0f} ms late or later. '
+                 f'which needs a tenth of a core,\nsent 1 % of its CAN frames {late:.0f} ms late or later, and the '
+                 f'nodes waited for a processor for {performance.waited:.0%} of the time.\n'
                  'Try again when two cores are idle.')
     return text
 

@@ -60,6 +60,14 @@ class Part:
             raise TactileError(self._module, expected='a process that runs to the end of the demo',
                                got=f'exit code {self._process.returncode}', remedy='See the reason printed above.')
 
+    def waited(self) -> float:
+        """Return how long the threads of the process have waited for a processor, in sum [s]; 0 where unknown.
+
+        The second number in schedstat (proc(5)) is the time on a run queue [ns].
+        """
+        tasks = Path(f'/proc/{self._process.pid}/task').glob('*/schedstat')
+        return sum(int(task.read_text().split()[1]) for task in tasks) / 1e9
+
     def end(self) -> str:
         """Close the input of the process, which ends it, and return the rest of its output."""
         if self._process.stdin is None or self._process.stdin.closed:
@@ -119,7 +127,8 @@ class DemoSession:
         self._skin.write_line(repr(self._begin))
         end = max(touches[-1].end for touches in self._touches.values()) + GAP
         middles = [(touch.begin + touch.end) / 2 for touch in self._touches[PADS[0]]]
-        give_up = time.monotonic() + LEAD + end + PATIENCE
+        began, waited = time.monotonic(), self._nodes.waited()
+        give_up = began + LEAD + end + PATIENCE
         while (now := self.watcher.reached) < end and time.monotonic() < give_up:
             self._check()
             views = self.watcher.views()
@@ -130,11 +139,12 @@ class DemoSession:
                 middles.pop(0)
                 print(*side_by_side(views, False), '', sep='\n', flush=True)
             time.sleep(DRAW_PERIOD)
+        waited = (self._nodes.waited() - waited) / (time.monotonic() - began)
         self._nodes.end()
         report = json.loads(self._skin.end())
         self.recorded = int(self._recorder.end())
         self.performance = Performance(tuple(self.watcher.latency), frames=round(len(PADS) * end / SYNC_PERIOD),
-                                       skin_late=report['late_p99'])
+                                       skin_late=report['late_p99'], waited=waited)
 
     def verdicts(self) -> list[Verdict]:
         """Return the verdict about each touch."""
