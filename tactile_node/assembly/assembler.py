@@ -11,23 +11,23 @@ Rules, for each node of the pad separately
  2. If the rank of a TPDO is not above the last rank, the TPDO begins the next run, and the previous run is lost. The
     reason is LATE if the previous run was suspect or already held that rank, otherwise OUT_OF_ORDER. An immediate
     repetition of a TPDO with equal bytes is a DUPLICATE and changes nothing.
- 3. A run is *suspect* while its node may be behind, because the run may then belong to an earlier period. If the period
-    before ended within a sweep, the missing ranks may still arrive as a delayed tail. If the period before was silent,
-    any ranks may arrive late.
-    - If a complete run follows before the next SYNC, the suspect run belongs to the period before and is returned to
-      it. If the suspect run can only be the tail of a sweep, it is returned as soon as the next run begins, because a
-      sender keeps its order. This early return is disabled for ORDER_MEMORY periods after a change of order was seen
-      (OUT_OF_ORDER).
+ 3. A run is *suspect* while its node may be behind, because the run may then belong to an earlier period. If the
+    previous period ended within a sweep, the missing ranks may still arrive as a delayed tail. If the previous period
+    was silent, any ranks may arrive late.
+    - If a complete run follows before the next SYNC, the suspect run belongs to the previous period and is moved back
+      to it. If the suspect run can only be the tail of a sweep, it is moved back as soon as the next run begins,
+      because a sender keeps its order. This shortcut is disabled for ORDER_MEMORY periods after a change of order was
+      seen (OUT_OF_ORDER).
     - If no complete run follows, the suspect run is lost (LATE), because nothing proves that it belongs to this period.
-    - After n silent periods, n runs are therefore lost if they arrive within one period. If they arrive later, all runs
-      are lost until a free bus proves that nothing is late (rule 8).
+    - After n silent periods, n runs are therefore lost if they arrive within one period. If they arrive over several
+      periods, all runs are lost until a free bus proves that nothing is late (rule 8).
     - A node that was just started (``start``) is not behind.
  4. When the runs of all nodes are complete, the frame is emitted immediately. Further TPDOs in that period are SURPLUS.
  5. In an incomplete frame, the taxels that no run holds are NaN and STALE. The frame is emitted, or withheld
     (``drop_incomplete``), as soon as none of its missing TPDOs can arrive any more: at the next SYNC, when the next run
     begins, or one SYNC later.
- 6. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC then belongs to the period
-    before, or is LATE. A driver that lags behind its bus therefore never publishes taxels under a later stamp.
+ 6. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC then belongs to the
+    previous period, or is LATE. A driver that lags behind its bus therefore never publishes taxels under a later stamp.
  7. If a pad has several nodes and one that is not suspect begins another run within a period, a SYNC was lost. The
     period is discarded: all TPDOs of all nodes are LATE until the next SYNC.
  8. While the bus is free, a node that has to answer a SYNC begins within half a period. If the bus was free for longer
@@ -41,7 +41,7 @@ Rules, for each node of the pad separately
 Limits
   - A frame mixes two periods only in two cases. In the first, a SYNC, the end of one sweep and the beginning of the
     next sweep are all lost within two periods. In the second, the bus or an adapter changes the order of a sender for
-    the first time, and the end of the sweep before is lost.
+    the first time, and the end of the previous sweep is lost.
   - After a skipped sweep, the assembler cannot detect a node that answers on a free bus only after the next SYNC, nor
     an adapter that holds back frames for that long between others. The taxels are then stamped as late as the node
     answers: one period, or more if it answers after further SYNCs.
@@ -262,9 +262,9 @@ class FrameAssembler(PadAssembler):
         period.payload.fresh[rank] = True
 
     def _resolve_aside(self, period: SweepPeriod) -> Frames:
-        """Return the runs set aside to the period before, because this period is complete.
+        """Move the runs that were set aside back to the previous period, because this period is complete.
 
-        If the period before was emitted already, the runs belong to an even earlier period and are LATE.
+        If the previous period was emitted already, the runs belong to an even earlier period and are LATE.
         """
         if self._before is None:
             return self._lose(LossReason.LATE, sum(run.lose_aside() for run in period.runs))

@@ -29,7 +29,7 @@ BUS_LOSSES: tuple[Counter[BusStatistics], ...] = (
     Counter('sync_overruns', 'SYNCs not sent because this process was too slow', lambda bus: bus.sync_overruns),
     Counter('sync_pauses', 'SYNCs skipped on purpose, so that the idle bus shows which SYNC a node is answering',
             lambda bus: bus.sync_pauses),
-    Counter('poll_overruns', 'polls of a DOMAIN skipped because the poll before took longer than sync_period',
+    Counter('poll_overruns', 'polls of a DOMAIN skipped because the previous poll took longer than sync_period',
             lambda bus: bus.poll_overruns),
     Counter('consumer_errors', 'taxel frames that could not be published; the log gives the reason',
             lambda bus: bus.consumer_errors),

@@ -6,7 +6,7 @@
       | may be behind                      |  '----'
       v                                    |
     SUSPECT -------------------------------'
-      |   next run: the sender is one run less behind; this run is returned to the period before, or is lost (LATE)
+      |   next run: the sender is one run less behind; this run is moved to the previous period, or is lost (LATE)
       |   (the state stays SUSPECT if the sender was behind by more than one run)
       '-- SYNC: this run is lost (LATE), because nothing proves that it belongs to this period
 
@@ -14,13 +14,13 @@ After a free bus (settle), SUSPECT becomes CURRENT at SYNC: no run was late, bec
 
 Number of runs that the sender is behind when a period begins:
 
-    period before            adds   the late run may have
+    previous period          adds   the late run may have
     ended with the last rank 0      -
     ended early              1      ranks above its end
     was silent               1      any ranks
     its sender was started   none   - (and all earlier runs are forgotten)
 
-If the period before ended SUSPECT or was silent, the runs by which the sender was behind in it are carried over.
+If the previous period ended SUSPECT or was silent, the runs by which the sender was behind in it are carried over.
 """
 
 from typing import NamedTuple
@@ -51,7 +51,7 @@ class SenderRun:
     payload : Payload
         TPDOs of the period, shared by all senders of the pad.
     before : SenderRun or None
-        Run of the same sender in the period before; None if no TPDO of an earlier period can arrive.
+        Run of the same sender in the previous period; None if no TPDO of an earlier period can arrive.
     """
 
     def __init__(self, own: np.ndarray, payload: Payload, before: 'SenderRun | None'):
@@ -62,7 +62,7 @@ class SenderRun:
         self.last = -1  #: rank received last
         self._last_data = b''
         self._aside: dict[int, bytes] = {}  # a suspect run, set aside when the sender began the next run
-        #: True if the run set aside is the tail of a sweep, so it belongs to the period before
+        #: True if the run set aside is the tail of a sweep, so it belongs to the previous period
         self.is_aside_proved = False
         self.received: list[int] = []  #: ranks in the order of reception; at most one more than a sweep has
         self.is_seen = False  #: True if any TPDO was received
@@ -71,7 +71,7 @@ class SenderRun:
         self._is_doubted = False  # a whole period has passed without showing whether the sender is behind
         self._was_started = False
         self.is_settled = False  #: True if a free bus has proved that the sender is not behind
-        self._was_silent = False  # no TPDO was received in the period before
+        self._was_silent = False  # no TPDO was received in the previous period
         self._expect_late(0)
         if before is not None:
             self.carry_over(before)
@@ -82,7 +82,7 @@ class SenderRun:
         Parameters
         ----------
         before : SenderRun
-            Run of the same sender in the period before.
+            Run of the same sender in the previous period.
         """
         self._was_silent = not before.is_seen
         is_behind = before._behind > 0 and (before._ended_suspect or not before.is_seen)
@@ -118,7 +118,7 @@ class SenderRun:
 
     @property
     def is_undecided(self) -> bool:
-        """True if the TPDOs received so far, or the next ones, may belong to the period before."""
+        """True if the TPDOs received so far, or the next ones, may belong to the previous period."""
         return not self.is_seen or self._is_suspect or bool(self._aside)
 
     @property
@@ -220,7 +220,7 @@ class SenderRun:
         return lost
 
     def return_aside(self, before: Payload) -> None:
-        """Return the run set aside to the payload of the period before."""
+        """Move the run that was set aside back to the payload of the previous period."""
         for rank, word in self._aside.items():
             before.words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * (rank + 1)] = word
             before.fresh[rank] = True
@@ -230,7 +230,7 @@ class SenderRun:
         """Note that the sender may be behind by ``behind`` runs.
 
         If it is behind by one run, that run has only ranks above ``above``. With ``is_of_before``, that run can only
-        belong to the period before.
+        belong to the previous period.
         """
         self._behind = behind
         self._late_above = above

@@ -5,7 +5,7 @@ Ages are therefore never negative, and stamps rise although TPDOs are sent at di
 acquired at stamp - age.
 
 Rules
- 1. A snapshot is given as soon as every TPDO has been received since the snapshot before. TPDOs whose values are
+ 1. A snapshot is given as soon as every TPDO has been received since the previous snapshot. TPDOs whose values are
     already too old are not waited for.
  2. A snapshot is also given before a TPDO would replace values that are in no snapshot yet. No value is lost, and the
     fastest TPDO sets the pace. A snapshot is also given before a TPDO that arrives more than SNAPSHOT_WAIT after the

@@ -18,7 +18,7 @@ class SweepPeriod:
     ranks_of_senders : list of np.ndarray
         Ranks of each sender of the pad, ascending.
     before : SweepPeriod or None
-        Period before; None if none of its TPDOs can arrive any more.
+        Previous period; None if none of its TPDOs can arrive any more.
     """
 
     def __init__(self, sequence: int, stamp: float, ranks_of_senders: list[np.ndarray],
@@ -55,14 +55,14 @@ class SweepPeriod:
             run.is_undecided and earlier.may_be_continued for run, earlier in zip(self.runs, before.runs))
 
     def return_aside(self, before: 'SweepPeriod', only_proved: bool = False) -> None:
-        """Return the runs set aside to the period before.
+        """Move the runs that were set aside back to the previous period.
 
         Parameters
         ----------
         before : SweepPeriod
             Period before.
         only_proved : bool
-            True to return only the runs with ``SenderRun.is_aside_proved``.
+            True to move only the runs with ``SenderRun.is_aside_proved``.
         """
         for run in self.runs:
             if run.is_aside_proved or not only_proved:

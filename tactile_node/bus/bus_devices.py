@@ -221,7 +221,7 @@ class BusDevices:
         node : CanopenNode
             Node that was started.
         since : float
-            Only heartbeats received after this time of the monotonic clock count [s].
+            Time of the monotonic clock [s]. Earlier heartbeats do not count.
 
         Raises
         ------

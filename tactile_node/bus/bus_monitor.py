@@ -79,11 +79,11 @@ class BusMonitor:
             watched(can_id, data)
 
     def feed_own(self, size: int) -> None:
-        """Count a frame of ``size`` data bytes that this driver sends, for the bus load."""
+        """Add a frame that this driver sends to the bus load. The frame has ``size`` data bytes."""
         self.bits += load_bits(size)
 
     def feed_other(self, message: can.Message) -> None:
-        """Count a remote frame, or a frame with a 29-bit identifier, for the bus load. The driver ignores its data."""
+        """Add a remote frame or a frame with a 29-bit identifier to the bus load. The driver ignores its data."""
         self.bits += load_bits(message.dlc, message.is_extended_id, message.is_remote_frame)
 
     def feed_error(self, message: can.Message) -> bool:

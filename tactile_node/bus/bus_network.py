@@ -147,8 +147,8 @@ class BusNetwork(Network):
         remote : bool
             True for a remote frame.
         announce : callable
-            Returns the time of the frame for the recording [s]. It is called before the frame is on the bus. Calls
-            happen in the order of the recording, and no other thread sends meanwhile.
+            Returns the time of the frame for the recording [s]. It is called before the frame is on the bus, and while
+            no other thread sends. The order of the calls is the order of the recording.
 
         Raises
         ------

@@ -22,7 +22,7 @@ from tactile_node.skin.pads import CanopenNode
 
 logger = logging.getLogger(__name__)
 
-#: Sub-indices of a communication record that determine when a TPDO is sent: number of bytes and name.
+#: Number of bytes and name of the sub-indices in a communication record that determine when a TPDO is sent.
 SENDING_TIMES = {objects.TRANSMISSION_TYPE: (1, 'transmission type'), objects.INHIBIT_TIME: (2, 'inhibit time'),
                  objects.EVENT_TIMER: (2, 'event timer')}
 
@@ -185,7 +185,7 @@ class DeviceSetup:
         return now
 
     def _disable_rivals(self) -> None:
-        """Disable TPDOs that are not in the layout but use a COB-ID of it: their data would be read as taxels.
+        """Disable TPDOs that are not in the layout but use one of its COB-IDs: their data would be read as taxels.
 
         A device has such TPDOs if it was configured for another layout before.
         """
@@ -292,7 +292,7 @@ class DeviceSetup:
         return None
 
     def _write(self, index: int, sub: int, value: int, size: int, was: int | None) -> None:
-        """Write an unsigned number. The previous value ``was`` is noted for ``_restore`` unless it is None."""
+        """Write an unsigned number, and note the previous value ``was`` for ``_restore`` if it is known."""
         with explain_refusal(self._where(index, sub), f'be set to 0x{value:X}'):
             self._download(index, sub, value.to_bytes(size, 'little'))
         if was is not None:

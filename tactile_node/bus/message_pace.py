@@ -45,7 +45,7 @@ STATE_PERIOD = 1.0  #: Longest time between two publications of the state [s] (R
 MOST_STATES = 20  #: Largest number of publications within any STATE_PERIOD.
 #: Longest time from a decision to its publication [s]. The limit MOST_STATES holds for a reader because of this margin.
 STATE_MARGIN = 0.05
-#: A call this much before the end of STATE_PERIOD publishes the state already [s], because the next call may be late.
+#: The state is already published if STATE_PERIOD ends within this time [s]. The next call might come after its end.
 EARLY_ROUND = 0.02
 
 

@@ -38,7 +38,7 @@ class ClassifierNode(StageNode):
     Parameters
     ----------
     hand_over : HandOver or None
-        Hand-over from and to the nodes of this process; None for a node alone.
+        Hand-over from and to the nodes of this process; None if the node runs alone in its process.
     **options
         Options for rclpy's ``Node``.
 

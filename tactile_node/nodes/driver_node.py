@@ -50,7 +50,7 @@ class DriverNode(LifecycleNode):
     Parameters
     ----------
     hand_over : HandOver or None
-        Hand-over to the nodes of this process; None for a node alone.
+        Hand-over to the nodes of this process; None if the node runs alone in its process.
     **options
         Options for rclpy's ``LifecycleNode``.
     """

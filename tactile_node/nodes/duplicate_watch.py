@@ -17,7 +17,7 @@ from unique_identifier_msgs.msg import UUID
 from tactile_node.ros.rosout_handler import of_node
 
 HEARTBEAT_PERIOD = 0.2  #: Time between two heartbeats [s].
-#: Time without a heartbeat after which another process counts as ended [s]. Five heartbeats are missing then.
+#: Time without a heartbeat after which another process counts as ended [s]. It is the time of five heartbeats.
 HOLD_TIME = 1.0
 #: Time for which a process listens before it may close the gripper [s]. Discovery takes up to 2.8 s (docs/closing.md).
 LISTEN_TIME = 5.0

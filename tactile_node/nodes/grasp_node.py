@@ -43,7 +43,7 @@ class GraspNode(StageNode):
     Parameters
     ----------
     hand_over : HandOver or None
-        Hand-over from the nodes of this process; None for a node alone.
+        Hand-over from the nodes of this process; None if the node runs alone in its process.
     steady : callable
         Steady clock for ages and timeouts [s].
     **options
@@ -112,7 +112,7 @@ class GraspNode(StageNode):
             self._await_next(side)
 
     def _now(self) -> float:
-        """Return the present time [s]: of the stamps in a lossless replay, else of the steady clock."""
+        """Return the present time [s]: the latest stamp in a lossless replay, otherwise the steady clock."""
         return self._stamp if self._settings.lossless else self._steady()
 
     def _await_next(self, side: str) -> None:

@@ -263,7 +263,7 @@ class GripperNode(Node):
     def _is_cancel_due(self, run: _Run) -> bool:
         """Return True if only a cancel can stop the gripper.
 
-        This is so if the latest command opened the gripper and has ended, or if it was not answered.
+        A goal to hold cannot help if the latest command opened the gripper and has ended, or if it was not answered.
         """
         return self._client.is_silent or (run.opens and self._client.result is not None)
 

@@ -26,7 +26,8 @@ logger = logging.getLogger(__name__)
 # A gap in the sequence counts as skipped frames up to the larger of two limits. A larger gap means that the sender has
 # started to count again.
 MOST_SKIPPED = 10_000  #: First limit [frames].
-FASTEST = 1000.0  #: Second limit, for the time between the stamps [frames/s]: a link may be down for hours.
+#: Second limit, as a rate over the time between both stamps [frames/s]. It allows for a link that is down for hours.
+FASTEST = 1000.0
 
 
 FrameKey: TypeAlias = tuple[int, int, int]  #: Sequence number and stamp of a frame.

@@ -34,7 +34,8 @@ from tactile_node.ros.settings import NodeSettings, ReceiverSettings
 
 #: Time between two checks for other publishers [s]. Discovery takes about as long.
 LISTENING_PERIOD = 0.1
-#: Time after which a thread that waits for answers wakes the executor again [s], because it may have started since.
+#: Time after which a thread that waits for answers wakes the executor again [s]. The executor may have been started
+#: only after the first attempt.
 WAKING_PERIOD = 0.2
 
 

@@ -19,7 +19,8 @@ from tactile_node.ros.settings import GraspNodeSettings
 logger = logging.getLogger(__name__)
 
 TRANSFORM_PERIOD = 0.05  #: Time between two publications [s], as in robot_state_publisher.
-SAME_MEASUREMENT = 1e-4  #: Measurements of the opening that differ by less than this time are the same one [s].
+#: Two measurements of the opening count as the same one if their times differ by less than this [s].
+SAME_MEASUREMENT = 1e-4
 
 
 class PadTransforms:

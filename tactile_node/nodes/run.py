@@ -144,7 +144,7 @@ def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> I
             rclpy.init(args=['--ros-args', *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
             system = System(nodes)
         stack.callback(system.destroy)
-        for node in system.nodes:  # for a driver, this does nothing, because its constructor has already done it
+        for node in system.nodes:  # the driver already does this in its constructor, and a second call is harmless
             forward_logs_to(node)
             stack.callback(stop_forwarding_to, node)
         yield system, stack.enter_context(spinning(system.nodes))
