@@ -8,8 +8,8 @@ from math import ceil, inf
 
 from tactile_node.cia301.frame_bits import Frame, worst_case_bits
 
-#: Time for which the bus must be free [s]. It is longer than adapters hold frames back (2 ms), and longer than a busy
-#: device pauses between two TPDOs.
+#: Time for which the bus must be free [s]. Adapters hold frames back for a shorter time (2 ms), and the pause of a busy
+#: device between two TPDOs is shorter, too.
 FREE_TIME = 0.006
 #: Bit rate assumed for a log [bit/s]. A log does not tell for how long its frames kept the bus busy.
 SLOW_BITRATE = 125_000

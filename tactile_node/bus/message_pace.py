@@ -43,7 +43,8 @@ class Reminder:
 
 STATE_PERIOD = 1.0  #: Longest time between two publications of the state [s] (REP-107).
 MOST_STATES = 20  #: Largest number of publications within any STATE_PERIOD.
-#: Longest time from a decision to its publication [s]. The limit MOST_STATES holds for a reader because of this margin.
+#: Longest time from a decision to its publication [s]. It is added to STATE_PERIOD, so that a reader never receives
+#: more than MOST_STATES publications in a period.
 STATE_MARGIN = 0.05
 #: The state is already published if STATE_PERIOD ends within this time [s]. The next call might come after its end.
 EARLY_ROUND = 0.02

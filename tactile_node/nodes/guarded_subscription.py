@@ -169,8 +169,8 @@ class GuardedSubscription(Generic[Message]):
     def _is_usable(self, message: Any, acquired: float | None = None) -> bool:
         """Check a message and note it. Returns True if it can be used; otherwise it is counted as dropped.
 
-        ``acquired`` is given for a result that was handed over in this process; its content needs no check. It is the
-        time of the steady clock at which the taxels were acquired [s].
+        If a result was handed over in this process, ``acquired`` is the time when its taxels were acquired, by the
+        steady clock [s]. The content of such a result needs no check.
         """
         self._received += 1
         try:

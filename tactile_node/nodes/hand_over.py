@@ -117,7 +117,7 @@ class HandOver:
         self.wake()
 
     def wait_until_answered(self) -> None:
-        """Return when no result waits and no stage is working, so that a log is not faster than its consumers.
+        """Return when no result waits and no stage is working. This keeps a log from being played too fast.
 
         Between `release` and `hold`, the method returns immediately: the thread of the log must not wait for the
         executor while the executor waits for the end of that thread.
@@ -297,7 +297,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._work_on([each for each in news if self._is_usable(each)], self._callback)
 
     def _listen(self) -> None:
-        """Subscribe to the topic while any node publishes it except the stage of this process that hands over."""
+        """Subscribe to the topic, unless a stage of this process is its only publisher."""
         self._listened = self._steady()
         self._count_publishers()
         others = self._publishers - self._is_fed

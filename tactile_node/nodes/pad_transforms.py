@@ -27,7 +27,7 @@ class PadTransforms:
     """Publishes the transforms from the frame of the gripper to both pads while its opening is known.
 
     If the opening is a parameter, the transforms are static. If the opening is measured, they are published on /tf with
-    the time of the measurement. If the opening is not known, nothing is published, because the node does not guess.
+    the time of the measurement. If the opening is not known, nothing is published, because a guess could be wrong.
 
     Parameters
     ----------
