@@ -86,7 +86,7 @@ def short_timeout(tmp_path):
     (['--interface', 'virtual', '--pads', 'left,right', '--node-id', '32,64', '--gap', '40'],
      "'gap': expected opening of the gripper with gap_source parameter [m]"),
     (['--interface', 'virtual', '--pads', 'left,left', '--node-id', '32,64'], 'a different name for each'),
-    (['--replay', LOG, '--record', '/nowhere.log'], 'a log that is played is not recorded'),
+    (['--replay', LOG, '--record', '/nowhere.log'], 'a replay cannot be recorded'),
     (['--replay', LOG, '--side', 'bus'], 'all nodes of the bus in one process'),
     (['--use-sim-time', 'maybe'], 'true or false'),
     (['--interface', 'virtual', '--publish-clock', 'true'], 'publish_clock'),

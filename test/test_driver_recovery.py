@@ -348,7 +348,7 @@ def refusal_of(answer):
 def test_a_tare_of_unreasonably_many_frames_is_refused_at_once(chain):
     chain.node.autostart()
     answer = chain.answer(Tare, 'tare', Tare.Request(frames=10_000))
-    assert refusal_of(answer) == Tare.Response.REFUSAL_TOO_MANY_FRAMES and 'in 60 s at most' in answer.message
+    assert refusal_of(answer) == Tare.Response.REFUSAL_TOO_MANY_FRAMES and 'takes at most 60 s' in answer.message
 
 
 def test_the_driver_continues_while_a_tare_waits_for_frames(chain):
@@ -360,7 +360,7 @@ def test_the_driver_continues_while_a_tare_waits_for_frames(chain):
     first, before = chain.call(Tare, 'tare', Tare.Request(frames=100)), len(chain.reports)
     chain.until(lambda: len(chain.reports) > before + 2, 'no diagnostics meanwhile')
     second = chain.answer(Tare, 'tare', Tare.Request(frames=5))
-    assert refusal_of(second) == Tare.Response.REFUSAL_BUSY and 'one request after another' in second.message
+    assert refusal_of(second) == Tare.Response.REFUSAL_BUSY and 'one request at a time' in second.message
     assert not first.done()
     chain.node.trigger_deactivate()
     chain.until(first.done, 'no answer')

@@ -1,1 +1,1 @@
-"""CAN frames -> taxel frames."""
+"""Assemble CAN frames into taxel frames, and describe the health of bus and nodes."""

@@ -1,47 +1,50 @@
-"""Assembles the TPDOs between two SYNCs into one taxel frame. A pure state machine: no bus, no clock.
+"""Assemble the TPDOs that answer one SYNC into one taxel frame. A pure state machine: no bus, no clock.
 
 Terms
-    rank      a TPDO's place in the layout; a node sends its TPDOs in ascending rank, each once a SYNC
-    sweep     the TPDOs that the pad's nodes send for one SYNC
-    period    the time between two SYNCs
-    run       TPDOs of one node in ascending rank; CAN keeps the order of one sender, so a sweep is one run
+    rank      place of a TPDO in the layout; a node sends its TPDOs in ascending rank, each once per SYNC
+    sweep     all TPDOs that the nodes of the pad send for one SYNC
+    period    time between two SYNCs
+    run       TPDOs of one node in ascending rank; CAN keeps the order of one sender, so a node sends a sweep as one run
 
 Rules, for each node of the pad separately
- 1. A taxel frame is made of one run of each node.
- 2. A rank that is not above the last one begins the next run. The run before is lost: LATE where it was suspect or
-    already held that rank, else OUT_OF_ORDER. Only an immediate repetition with equal bytes is a DUPLICATE and
-    changes nothing.
- 3. A run is *suspect* while its node may be behind. After a period that ended early, only ranks above its end may be
-    its delayed tail; after a silent period, any rank may.
-    - If a complete run follows before the next SYNC, the suspect run is of the period before, and goes back to it.
-      Where it can only be the tail of a run, it does so when the next run begins: a sender keeps its order. That does
-      not hold for ORDER_MEMORY periods after the order was seen to be changed (OUT_OF_ORDER).
-    - Otherwise it is lost (LATE): nothing proves that it is of this period.
-    - After n silent periods, n runs are therefore lost when they come within one period; otherwise all runs until a
-      free bus proves that nothing is late (rule 8).
+ 1. A taxel frame consists of one run of each node.
+ 2. If the rank of a TPDO is not above the last rank, the TPDO begins the next run, and the previous run is lost. The
+    reason is LATE if the previous run was suspect or already held that rank, otherwise OUT_OF_ORDER. An immediate
+    repetition of a TPDO with equal bytes is a DUPLICATE and changes nothing.
+ 3. A run is *suspect* while its node may be behind, because the run may then belong to an earlier period. If the
+    previous period ended within a sweep, the missing ranks may still arrive as a delayed tail. If the previous period
+    was silent, any ranks may arrive late.
+    - If a complete run follows before the next SYNC, the suspect run belongs to the previous period and is moved back
+      to it. If the suspect run can only be the tail of a sweep, it is moved back as soon as the next run begins,
+      because a sender keeps its order. This shortcut is disabled for ORDER_MEMORY periods after a change of order was
+      seen (OUT_OF_ORDER).
+    - If no complete run follows, the suspect run is lost (LATE), because nothing proves that it belongs to this period.
+    - After n silent periods, n runs are therefore lost if they arrive within one period. If they arrive over several
+      periods, all runs are lost until a free bus proves that nothing is late (rule 8).
     - A node that was just started (``start``) is not behind.
- 4. When the runs of all nodes are complete, the frame is emitted at once. TPDOs that follow in that period are SURPLUS.
- 5. An incomplete frame has NaN and STALE for the taxels that are in no run. It is emitted, or withheld
-    (``drop_incomplete``), as soon as nothing more of it can come: at the next SYNC, when the next run begins, or one
-    SYNC later.
- 6. With ``one_clock``, TPDOs and SYNC are stamped by one clock. A TPDO stamped before the SYNC is then of the period
-    before, or LATE: a driver that lags behind its bus never publishes taxels under a later stamp.
- 7. With several nodes, a next run of a node that is not suspect proves that a SYNC was lost. The period is discarded:
-    all TPDOs of all nodes are LATE until the next SYNC.
- 8. A node that has an answer to a SYNC to send begins within half a period while the bus is free. A bus that was free
-    for longer, after TPDOs of that period, therefore proves that no run of it comes any more (``FreeBus``, ``settle``).
-    The next run is of the period in which it comes, unless another follows in it: then an adapter was held up. While
-    it is not known how far a node is (``is_in_doubt``), the SYNC producer leaves out SYNCs, so that the bus is free.
- 9. A SYNC that may have been on the bus more than MOST_LATE after its stamp begins a period like any other, but the
-    taxels of that period are not given: they are LATE.
+ 4. When the runs of all nodes are complete, the frame is emitted immediately. Further TPDOs in that period are SURPLUS.
+ 5. In an incomplete frame, the taxels that no run holds are NaN and STALE. The frame is emitted, or withheld
+    (``drop_incomplete``), as soon as none of its missing TPDOs can arrive any more: at the next SYNC, when the next run
+    begins, or one SYNC later.
+ 6. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC then belongs to the
+    previous period, or is LATE. A driver that lags behind its bus therefore never publishes taxels under a later stamp.
+ 7. If a pad has several nodes and one that is not suspect begins another run within a period, a SYNC was lost. The
+    period is discarded: all TPDOs of all nodes are LATE until the next SYNC.
+ 8. While the bus is free, a node that has to answer a SYNC begins within half a period. If the bus was free for longer
+    after TPDOs of a period, no further run of that period can arrive (``FreeBus``, ``settle``). The next run then
+    belongs to the period in which it arrives. If a second run arrives in that period, this conclusion was wrong,
+    because an adapter had held frames back. While it is not known which SYNC a node is answering (``is_in_doubt``), the
+    SYNC producer skips SYNCs, so that the bus becomes free.
+ 9. A SYNC that may have been on the bus more than MOST_LATE after its stamp begins a period as usual, but the taxels of
+    that period are not published: they are LATE.
 
 Limits
-  - A frame mixes two periods only if a SYNC, the end of one sweep and the beginning of the next one are lost within
-    two periods, or where bus or adapter change the order of a sender for the first time, and the end of the sweep
-    before is lost.
-  - A node that answers on a free bus after the next SYNC, or an adapter that holds frames back for that long in the
-    midst of them, is not detected once a sweep was left out. Its taxels are then stamped as late as it answers: one
-    period, or more if it answers after further SYNCs.
+  - A frame mixes two periods only in two cases. In the first, a SYNC, the end of one sweep and the beginning of the
+    next sweep are all lost within two periods. In the second, the bus or an adapter changes the order of a sender for
+    the first time, and the end of the previous sweep is lost.
+  - After a skipped sweep, the assembler cannot detect a node that answers on a free bus only after the next SYNC, nor
+    an adapter that holds back frames for that long between others. The taxels are then stamped as late as the node
+    answers: one period, or more if it answers after further SYNCs.
 """
 
 from collections.abc import Sequence
@@ -55,12 +58,24 @@ from tactile_node.assembly.sweep_period import SweepPeriod
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
 
-ORDER_MEMORY = 100  #: periods after a change of order; a lost SYNC can look like one
-MOST_LATE = 0.02  #: s by which a SYNC may follow its stamp; serial adapters take up to 16 ms to say that it was sent
+#: Number of periods for which a change of order is remembered. A lost SYNC can look like a change of order.
+ORDER_MEMORY = 100
+#: Longest time by which a SYNC may follow its stamp [s]. Serial adapters take up to 16 ms to confirm that it was sent.
+MOST_LATE = 0.02
 
 
 class FrameAssembler(PadAssembler):
-    """The state machine of one pad whose TPDOs answer SYNC."""
+    """The state machine of one pad whose TPDOs answer SYNC.
+
+    Parameters
+    ----------
+    layout : SkinLayout
+        Layout of the pad.
+    node_ids : sequence of int
+        Node-IDs of the pad, one for each node of the layout.
+    one_clock : bool
+        True if one clock stamps both TPDOs and SYNC.
+    """
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True):
         super().__init__(layout, node_ids)
@@ -71,37 +86,53 @@ class FrameAssembler(PadAssembler):
                                for node in range(len(node_ids))]
         self._ranks_of_nodes = [np.array(ranks) for ranks in self._layout_orders]
         self._names = [tpdo.name for tpdo in layout.tpdos]  # by rank
-        self._orders = list(self._layout_orders)  # in which the TPDOs of each node came
+        self._orders = list(self._layout_orders)  # by node, the order in which its TPDOs arrive
         self._syncs = 0
         self._distinct = [0] * len(layout.tpdos)  # by rank
         self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
-        self._before: SweepPeriod | None = None  # not yet emitted: its end may still come
+        self._before: SweepPeriod | None = None  # not yet emitted, because its end may still arrive
         self._period: SweepPeriod | None = None
         self.restart()
 
     @property
     def is_in_doubt(self) -> bool:
-        """Whether a bus without SYNC has to show how far a node is. From any thread."""
+        """True if the bus must stay without SYNC until the progress of each node is known. Any thread may read this."""
         period = self._period
         return period is not None and any(run.is_in_doubt for run in period.runs)
 
     def restart(self) -> None:
         super().restart()
         self._is_after_outage = False
-        self._changed_order = -ORDER_MEMORY - 1  # sequence number at which bus or adapter last did
+        self._changed_order = -ORDER_MEMORY - 1  # sequence number of the last change of order
 
     def resume(self, lost_periods: int) -> None:
-        """How far the nodes are is not known after an outage, except of those that ``start`` names."""
+        """Continue after an outage and skip ``lost_periods`` sequence numbers.
+
+        The nodes may be behind, except those for which ``start`` is called.
+        """
         super().resume(lost_periods)
         self._is_after_outage = True
 
     def start(self, node_id: int) -> None:
-        """This node, which did not send, was started: no TPDO of an earlier period can come from it."""
+        """Note that a silent node was started, so none of its next TPDOs belongs to an earlier period."""
         if self._period is not None and node_id in self._node_ids:
             self._period.runs[self._node_ids.index(node_id)].start()
 
     def sync(self, timestamp: float, late: float = 0.0) -> Frames:
-        """A SYNC was on the bus: end the period and begin the next one; the frames to which nothing more can come."""
+        """End the period and begin the next one, because a SYNC was on the bus.
+
+        Parameters
+        ----------
+        timestamp : float
+            Stamp of the SYNC [s].
+        late : float
+            Longest time by which the SYNC followed its stamp [s].
+
+        Returns
+        -------
+        tuple of TaxelFrame
+            Frames whose missing TPDOs can no longer arrive.
+        """
         frames, period = self._close_before(), self._period
         self._note_orders()
         if period is not None and not period.is_emitted:
@@ -121,7 +152,7 @@ class FrameAssembler(PadAssembler):
         return frames
 
     def settle(self) -> None:
-        """A free bus has proved that no answer to an earlier SYNC is to come (``FreeBus``)."""
+        """Note that a free bus has proved that no answer to an earlier SYNC can arrive (``FreeBus``)."""
         for run in () if self._period is None else self._period.runs:
             run.settle()
 
@@ -139,7 +170,7 @@ class FrameAssembler(PadAssembler):
             distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in own) for own in self._ranks_of_nodes),
             orders=tuple(map(self._order, self._node_ids, self._orders, self._layout_orders)),
             fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
-            syncs=self._syncs)  # after what they have caused, for another thread counts on meanwhile
+            syncs=self._syncs)  # read last, because another thread may count meanwhile
 
     def _order(self, node_id: int, sent: list[int], layout: list[int]) -> TpdoOrder | None:
         if sent == layout:
@@ -147,11 +178,11 @@ class FrameAssembler(PadAssembler):
         return TpdoOrder(node_id, *(tuple(self._names[rank] for rank in ranks) for ranks in (sent, layout)))
 
     def _note_orders(self) -> None:
-        """Note in which order the TPDOs of each node came, if each came once in this period.
+        """Note the order in which the TPDOs of each node arrived, if each arrived once in this period.
 
-        The end of a late sweep followed by the beginning of the next one looks like another order. So the assembler
-        takes another order for one only if no sweep can be late: after OUT_OF_ORDER or, with several nodes, in a
-        discarded period. As long as a node keeps that order, the assembler takes no sweep for a late one.
+        The end of a late sweep and the beginning of the next one look like a changed order. The assembler therefore
+        accepts a changed order only if no sweep can be late: after OUT_OF_ORDER or, with several nodes, in a discarded
+        period. As long as a node keeps that order, the assembler treats none of its sweeps as late.
         """
         period = self._period
         if period is None:
@@ -188,9 +219,9 @@ class FrameAssembler(PadAssembler):
         return sum(period.pending for period in (self._before, self._period) if period is not None)
 
     def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Frames:
-        """A TPDO that was on the bus before the last SYNC."""
+        """Take a TPDO that was on the bus before the last SYNC."""
         before, run = self._before, period.runs[self._nodes[rank]]
-        if run.is_seen:  # the order of one sender does not allow it
+        if run.is_seen:  # one sender cannot send it after a TPDO of this period
             return self._lose(LossReason.LATE)
         if before is None:
             run.note_late(rank)
@@ -211,7 +242,7 @@ class FrameAssembler(PadAssembler):
             self._lose(LossReason.DUPLICATE)
             return
         if len(period.runs) > 1 and not period.is_emitted and run.begins_next_sweep(rank):
-            period.is_discarded = True  # a SYNC was lost within it: of no TPDO is known to which period it belongs
+            period.is_discarded = True  # a SYNC was lost, so it is not known to which period each TPDO belongs
             self._lose(LossReason.LATE, sum(run.lose() for run in period.runs))
         if period.is_discarded:
             self._lose(LossReason.LATE)
@@ -231,7 +262,10 @@ class FrameAssembler(PadAssembler):
         period.payload.fresh[rank] = True
 
     def _resolve_aside(self, period: SweepPeriod) -> Frames:
-        """The period is complete: the runs that it has set aside are of the one before, or of an older one."""
+        """Move the runs that were set aside back to the previous period, because this period is complete.
+
+        If the previous period was emitted already, the runs belong to an even earlier period and are LATE.
+        """
         if self._before is None:
             return self._lose(LossReason.LATE, sum(run.lose_aside() for run in period.runs))
         period.return_aside(self._before)

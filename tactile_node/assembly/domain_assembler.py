@@ -1,7 +1,7 @@
-"""Makes one taxel frame of each SDO upload of a pad's DOMAIN, as ``assembler`` does of TPDOs.
+"""Assemble each SDO upload of a pad's DOMAIN into one taxel frame. A pure state machine: no bus, no clock.
 
-A period begins with the request of an upload, by any client, and ends with the next one. An upload that did not
-succeed gives, at that next one, a frame whose taxels are all NaN and STALE, or none (``drop_incomplete``).
+A period begins when any client requests an upload, and ends at the next request. If the upload has not succeeded by
+then, the assembler emits a frame whose taxels are all NaN and STALE, or no frame with ``drop_incomplete``.
 """
 
 import numpy as np
@@ -14,7 +14,17 @@ from tactile_node.skin.layout import DomainLayout, SkinLayout
 
 
 class DomainAssembler(PadAssembler):
-    """The state machine of one polled pad; counts are of uploads where those of the others are of TPDOs."""
+    """The state machine of one polled pad. It counts uploads where other assemblers count TPDOs.
+
+    Parameters
+    ----------
+    layout : SkinLayout
+        Layout of the pad.
+    domain : DomainLayout
+        Object to poll.
+    node_id : int
+        Node-ID of the device.
+    """
 
     service = 'sdo'
 
@@ -23,7 +33,7 @@ class DomainAssembler(PadAssembler):
         self._upload = SdoUpload(domain.index, domain.subindex)
         self._response_id = SDO_RESPONSE + node_id
         self.can_ids = frozenset((SDO_REQUEST + node_id, self._response_id))
-        self._stamp: float | None = None  # begin of the period under way
+        self._stamp: float | None = None  # start of the present period
         self.restart()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Frames:
@@ -38,7 +48,7 @@ class DomainAssembler(PadAssembler):
         return frames
 
     def end_period(self) -> Frames:
-        """End the upload under way; the frame without values, if it has not succeeded."""
+        """End the present upload. If it has not succeeded, return a frame without values."""
         return self._end(bytes(self._codec.payload_bytes), is_fresh=False)
 
     def _forget(self) -> None:

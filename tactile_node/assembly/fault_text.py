@@ -1,4 +1,4 @@
-"""Makes the sentences of logs, /diagnostics and status messages from the facts of ``health``."""
+"""Turn the facts of ``health`` into sentences for logs, /diagnostics and status messages."""
 
 from tactile_node.assembly.health import (
     BusFault,
@@ -14,10 +14,10 @@ from tactile_node.cia301.objects import command_name, state_name
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError, TactileError
 
 _REACTIONS = {
-    NodeFault.SILENT: 'It is configured and started as soon as it answers.',
-    NodeFault.NO_SYNC: 'Start that device, or set produce_sync.',
-    NodeFault.TPDO_MISSING: 'Its configuration is checked while it sends.',
-    NodeFault.TWO_SENDERS: 'None of its values is given until one of them is gone.'}
+    NodeFault.SILENT: 'The driver configures and starts it as soon as it answers.',
+    NodeFault.NO_SYNC: 'Start the SYNC producer, or set produce_sync.',
+    NodeFault.TPDO_MISSING: 'The driver checks its configuration while it sends.',
+    NodeFault.TWO_SENDERS: 'The driver publishes none of its values until one of the devices is gone.'}
 
 _FAULTS: tuple[tuple[type[TactileError], BusFault], ...] = (
     (BusError, BusFault.NOT_OPENED), (LogError, BusFault.LOG_UNUSABLE),
@@ -26,15 +26,20 @@ _FAULTS: tuple[tuple[type[TactileError], BusFault], ...] = (
 
 
 def failure_of(error: Exception) -> Failure:
-    """Return the fault behind ``error`` with the error's own text; of one that is not ours, INTERNAL_ERROR."""
+    """Return the bus fault that an error stands for, with the text of the error.
+
+    Errors that are not a `TactileError` become INTERNAL_ERROR.
+    """
     if not isinstance(error, TactileError):
         return Failure(BusFault.INTERNAL_ERROR, f'{type(error).__name__}: {error}')
     return Failure(next((fault for kind, fault in _FAULTS if isinstance(error, kind)), BusFault.NOT_KNOWN), str(error))
 
 
 def failure_text(failure: Failure | NodeFault | None) -> str:
-    """Empty without a failure; without a full stop, so that it fits into a sentence.
+    """Return the text for a failure, without a full stop, so that it fits into a sentence; '' for None.
 
+    Examples
+    --------
     >>> failure_text(Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
     'the CAN bus cannot send: Transmit buffer full'
     """
@@ -46,8 +51,17 @@ def failure_text(failure: Failure | NodeFault | None) -> str:
 
 
 def node_text(pad: str, node: NodeHealth) -> str:
-    """The fault of one of ``pad``'s nodes, empty without one.
+    """Return a sentence about the fault of a node; '' if it has no fault.
 
+    Parameters
+    ----------
+    pad : str
+        Name of the pad.
+    node : NodeHealth
+        State of one node of the pad.
+
+    Examples
+    --------
     >>> node_text('left', NodeHealth(32, 0x05, False, 0.62, NodeFault.SILENT))
     "Node 32 (pad 'left'): it sends neither heartbeat nor taxels (last heartbeat 0.6 s ago: OPERATIONAL)."
     """
@@ -63,20 +77,20 @@ def node_text(pad: str, node: NodeHealth) -> str:
 
 
 def _details(node: NodeHealth) -> str:
-    """What else is known of the fault."""
+    """Return further facts about the fault, beginning with ': '; '' if there are none."""
     if node.fault in (NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS):
         facts = [_tpdos(node.missing_tpdos)] if node.missing_tpdos else []
         facts += [order_text(node.tpdo_order)] if node.tpdo_order is not None else []
         return f': {"; ".join(facts)}' if facts else ''
     if node.fault is NodeFault.TWO_SENDERS and node.surplus_tpdos:
-        return f': more than SYNC asks for of {_tpdos(node.surplus_tpdos)}'
+        return f': received more than once per SYNC: {_tpdos(node.surplus_tpdos)}'
     if node.fault is NodeFault.NOT_OPERATIONAL and node.device_errors is not None:
         return f': {node.device_errors}'
     return ''
 
 
 def _tpdos(tpdos: tuple[SentTpdo, ...]) -> str:
-    """Name each once; several frames may be one multiplexed TPDO.
+    """Name each TPDO once; several frames may belong to one multiplexed TPDO.
 
     >>> _tpdos((SentTpdo(1, 0x1A0), SentTpdo(1, 0x1A0), SentTpdo(3, 0x3A0)))
     'TPDO 1 (COB-ID 0x1A0), TPDO 3 (COB-ID 0x3A0)'
@@ -85,8 +99,10 @@ def _tpdos(tpdos: tuple[SentTpdo, ...]) -> str:
 
 
 def order_text(order: TpdoOrder) -> str:
-    """Without a full stop.
+    """Return the text for a node that sends its TPDOs in another order than the layout, without a full stop.
 
+    Examples
+    --------
     >>> order_text(TpdoOrder(32, ('1', '2', '3'), ('3', '1', '2')))
     'it sends its TPDOs in the order 1, 2, 3, and the layout has 3, 1, 2'
     """
@@ -94,11 +110,13 @@ def order_text(order: TpdoOrder) -> str:
 
 
 def sync_text(sync: SyncState) -> str:
-    """What is wrong with SYNC, empty where nothing is; without a full stop.
+    """Return the text for a fault of SYNC, without a full stop; '' if there is none.
 
+    Examples
+    --------
     >>> from tactile_node.assembly.health import SyncFault
     >>> sync_text(SyncState(SyncFault.OTHER_PERIOD, period=0.04))
-    'SYNC comes with another period than sync_period: 40.0 ms'
+    'the period of SYNC differs from sync_period: 40.0 ms'
     """
     if not sync.fault.is_fault:
         return ''
@@ -107,8 +125,17 @@ def sync_text(sync: SyncState) -> str:
 
 
 def load_text(load: float, pads: int) -> str:
-    """That ``pads`` take the share ``load`` of a bus's time, and whether it can carry them; without a full stop.
+    """Return the text for the planned load of a bus, without a full stop.
 
+    Parameters
+    ----------
+    load : float
+        Share of time for which the bus would be busy.
+    pads : int
+        Number of pads on the bus.
+
+    Examples
+    --------
     >>> load_text(1.3015, 3)
     'the bus would be busy for 130 % of the time with 3 pads, more than it can carry'
     """
@@ -117,17 +144,20 @@ def load_text(load: float, pads: int) -> str:
 
 
 def reaction_text(fault: NodeFault) -> str:
-    """What the driver does about it."""
-    return _REACTIONS.get(fault, 'It is configured and started again.')
+    """Return a sentence about the reaction of the driver to a fault, or about the remedy."""
+    return _REACTIONS.get(fault, 'The driver configures and starts it again.')
 
 
 def emergency_text(pad: str, node: NodeHealth) -> str:
+    """Return a sentence about the last EMCY message of a node of ``pad``."""
     return f'{node_label(pad, node.node_id)} sends {node.last_emergency}; {node.emergencies} EMCY in all.'
 
 
 def command_text(command: ForeignCommand | None) -> str:
-    """Empty without a command.
+    """Return the text for an NMT command of another master; '' for None.
 
+    Examples
+    --------
     >>> command_text(ForeignCommand(0x81, 32)), command_text(ForeignCommand(0x02, 0))
     ('reset node to node 32', 'stop to all nodes')
     """
@@ -138,4 +168,5 @@ def command_text(command: ForeignCommand | None) -> str:
 
 
 def node_label(pad: str, node_id: int) -> str:
+    """Return the name of a node for the beginning of a message."""
     return f'Node {node_id} (pad {pad!r})'

@@ -1,22 +1,35 @@
-"""How a bus that is free of SYNC shows how far a node is: when it was free, and which SYNCs are left out for that."""
+"""Use a free bus as a proof that no node is behind.
+
+`FreeBus` measures for how long the bus was free. `SyncPause` decides which SYNCs are skipped, so that the bus is free
+for long enough.
+"""
 
 from math import ceil, inf
 
 from tactile_node.cia301.frame_bits import Frame, worst_case_bits
 
-#: s that the bus was free for: more than adapters hold frames back (2 ms), or a busy device pauses between two TPDOs
+#: Time for which the bus must be free [s]. Adapters hold frames back for a shorter time (2 ms), and the pause of a busy
+#: device between two TPDOs is shorter, too.
 FREE_TIME = 0.006
-SLOW_BITRATE = 125_000  #: bit/s, of a log, which does not say how long its frames have kept the bus busy
-PAUSE_SPACING = 4  #: SYNCs that are sent between two pauses
+#: Bit rate assumed for a log [bit/s]. A log does not tell for how long its frames kept the bus busy.
+SLOW_BITRATE = 125_000
+PAUSE_SPACING = 4  #: Number of SYNCs sent between two pauses.
 
 
 class FreeBus:
-    """For how long the bus was free, by stamps [s], when the answer to a SYNC was due and no TPDO came any more.
+    """Measures for how long the bus was free when the answers to a SYNC were due. All times are stamps [s].
 
-    A node answers a SYNC within half a period while the bus is free. One that then sends nothing has nothing to send.
-    Frames that are no TPDOs may go first, and take their time at ``bitrate`` [bit/s]. A period without any TPDO proves
-    nothing: an adapter may hold them back.
+    While the bus is free, a node answers a SYNC within half a period. A node that sends nothing in that time therefore
+    has nothing to send. Other frames may take the bus first; the time that they need at the bit rate does not count as
+    free. A period without any TPDO proves nothing, because an adapter may hold the TPDOs back.
 
+    Parameters
+    ----------
+    bitrate : int
+        Bit rate [bit/s].
+
+    Examples
+    --------
     >>> bus = FreeBus(1_000_000)
     >>> bus.sync(0.00); bus.sync(0.02); bus.take(0.021); bus.sync(0.04)
     >>> bus.proves(until=0.032), bus.proves(until=0.041)
@@ -28,25 +41,41 @@ class FreeBus:
         self.restart()
 
     def restart(self) -> None:
-        """SYNC was off."""
+        """Forget all SYNCs, because SYNC was off."""
         self._synced = inf
-        self._due = self._due_before = inf  # the answer to the last SYNC, and to the one before
-        self._since = self._since_before = inf  # the bus is free, and they did not come
+        self._due = self._due_before = inf  # latest answer to the last SYNC, and to the SYNC before
+        self._since = self._since_before = inf  # the bus has been free since, with that answer missing
 
     def sync(self, stamp: float, late: float = 0.0) -> None:
-        """A SYNC, which may follow its stamp by ``late`` [s]."""
+        """Note a SYNC.
+
+        Parameters
+        ----------
+        stamp : float
+            Stamp of the SYNC [s].
+        late : float
+            Longest time by which the SYNC followed its stamp [s].
+        """
         self._due_before, self._since_before = self._due, self._since
         self._due = inf if self._synced == inf else stamp + late + (stamp + late - self._synced) / 2
         self._since = inf
         self._synced = stamp
 
     def take(self, stamp: float) -> None:
-        """A TPDO was received, and another may follow."""
+        """Note that a TPDO was received at ``stamp`` [s], so another may follow."""
         self._since_before = max(self._due_before, stamp)
         self._since = max(self._due, stamp)
 
     def occupy(self, stamp: float, seconds: float | None = None) -> None:
-        """Until this stamp the bus may have carried something else for so long, or a frame that is no TPDO."""
+        """Note that other traffic may have occupied the bus before a stamp.
+
+        Parameters
+        ----------
+        stamp : float
+            End of the other traffic [s].
+        seconds : float or None
+            Duration of the other traffic [s]; None for a single frame.
+        """
         seconds = self._frame_time if seconds is None else seconds
         if stamp > self._since_before:
             self._since_before += seconds
@@ -54,31 +83,55 @@ class FreeBus:
             self._since += seconds
 
     def proves(self, until: float) -> bool:
-        """Whether no answer to the SYNC before the last one is to come, if no TPDO came until this stamp."""
-        return until - self._since_before >= FREE_TIME + self._frame_time  # which may be under way
+        """Return True if no further answer to the SYNC before the last one can arrive.
+
+        Parameters
+        ----------
+        until : float
+            Stamp until which no further TPDO was received [s].
+        """
+        return until - self._since_before >= FREE_TIME + self._frame_time  # a frame may be on the bus just now
 
 
 class SyncPause:
-    """``period``: of SYNC [s].
+    """Decides which SYNCs are skipped while it is in doubt whether a node is behind.
 
+    Parameters
+    ----------
+    period : float
+        Time between two SYNCs [s].
+
+    Attributes
+    ----------
+    count : int
+        Number of SYNCs skipped.
+
+    Examples
+    --------
     >>> pause = SyncPause(period=0.02)
     >>> [pause.is_due(doubt) for doubt in (False, True, True, True, True, False, False, True)]
     [False, True, True, True, False, False, False, False]
     """
 
     def __init__(self, period: float):
-        # SYNCs: two periods for the sweeps that wait; and the driver sees a free bus 2 ms too short
+        # Two periods for the waiting sweeps, and the free time. The driver sees a free bus as up to 2 ms too short.
         self._length = 2 + ceil((FREE_TIME + 2e-3) / period)
-        self.count = 0  #: SYNCs left out
+        self.count = 0
         self.restart()
 
     def restart(self) -> None:
-        """SYNC was off."""
+        """Forget the last pause, because SYNC was off."""
         self._since = PAUSE_SPACING  # SYNCs sent since the last pause
-        self._left = 0  # SYNCs to be left out
+        self._left = 0  # SYNCs still to skip
 
     def is_due(self, is_in_doubt: bool) -> bool:
-        """Whether to leave out the SYNC that is due, where it is in doubt how far a node is."""
+        """Return True if the SYNC that is due now is to be skipped.
+
+        Parameters
+        ----------
+        is_in_doubt : bool
+            True while it is not known which SYNC a node is answering.
+        """
         if not is_in_doubt:
             self._left = 0
         elif not self._left and self._since >= PAUSE_SPACING:

@@ -1,4 +1,4 @@
-"""The state of a bus and its nodes at one moment, as facts; ``fault_text`` makes sentences of them."""
+"""The state of a bus and its nodes at one moment, as facts. ``fault_text`` turns them into sentences."""
 
 from dataclasses import dataclass
 from enum import unique
@@ -9,16 +9,17 @@ from tactile_node.code_names import PhrasedCode
 
 
 class Fault(PhrasedCode):
-    """A fault; the first two codes are not known and none."""
+    """A fault. Code 0 means not known, code 1 means no fault."""
 
     @property
     def is_fault(self) -> bool:
+        """True for every code except not known and none."""
         return self.value not in (0, 1)
 
 
 @unique
 class NodeFault(Fault):
-    """The fault of a CANopen node; the codes are those of NodeStatus.msg."""
+    """The fault of a CANopen node. The codes are those of NodeStatus.msg."""
 
     NOT_KNOWN = 0, 'its state is not known yet'
     NONE = 1, 'no fault'
@@ -27,17 +28,17 @@ class NodeFault(Fault):
     SILENT = 4, 'it sends neither heartbeat nor taxels'
     NO_HEARTBEAT = 5, 'it sends taxels but no heartbeat'
     NOT_OPERATIONAL = 6, 'it is not OPERATIONAL'
-    NO_SYNC = 7, 'it waits for SYNC, which no other device sends'
+    NO_SYNC = 7, 'it waits for SYNC, but no device sends SYNC'
     NO_TAXELS = 8, 'it is OPERATIONAL but sends no usable taxels'
     AWAITING_TAXELS = 9, 'its taxels are not back yet'
     RECONFIGURED = 10, 'another CANopen master has changed its TPDOs'
     TPDO_MISSING = 11, 'some of its TPDOs bring no taxels'
-    TWO_SENDERS = 12, 'two devices send under its node-ID or its COB-IDs'
+    TWO_SENDERS = 12, 'two devices send with its node-ID or its COB-IDs'
 
 
 @unique
 class BusFault(Fault):
-    """Why a bus or a log gives no taxels; the codes are those of SkinStatus.msg."""
+    """Reason why a bus or a log gives no taxels. The codes are those of SkinStatus.msg."""
 
     NOT_KNOWN = 0, 'the fault is not known'
     NONE = 1, 'no fault'
@@ -54,17 +55,17 @@ class BusFault(Fault):
 
 @unique
 class SyncFault(Fault):
-    """What is wrong with SYNC on the bus; the codes are those of SkinStatus.msg."""
+    """The fault of SYNC on the bus. The codes are those of SkinStatus.msg."""
 
     NOT_KNOWN = 0, 'SYNC is not evaluated yet'
     NONE = 1, 'no fault'
     SECOND_PRODUCER = 2, 'another device sends SYNC, too'
-    OTHER_PERIOD = 3, 'SYNC comes with another period than sync_period'
+    OTHER_PERIOD = 3, 'the period of SYNC differs from sync_period'
 
 
 @unique
 class Overload(Fault):
-    """Why this process is too slow; the codes are those of SkinStatus.msg."""
+    """Reason why this process is too slow. The codes are those of SkinStatus.msg."""
 
     NOT_KNOWN = 0, 'it is not evaluated yet'
     NONE = 1, 'it keeps up'
@@ -77,96 +78,101 @@ class SyncState(NamedTuple):
     """SYNC as it is received."""
 
     fault: SyncFault = SyncFault.NOT_KNOWN
-    foreign: int = 0              #: SYNCs of other devices while this driver produces SYNC
-    period: float | None = None   #: measured, where another device produces SYNC [s]
+    foreign: int = 0  #: SYNCs of other devices while this driver produces SYNC
+    period: float | None = None  #: measured period if another device produces SYNC [s], else None
 
 
 class SentTpdo(NamedTuple):
-    """A TPDO of a node as it is on the bus."""
+    """A TPDO of a node as it appears on the bus."""
 
-    number: int  #: 1 is that of 0x1800
-    can_id: int
+    number: int  #: number of the TPDO; TPDO 1 has the communication record 0x1800
+    can_id: int  #: COB-ID
 
 
 class TpdoOrder(NamedTuple):
-    """A node sends its TPDOs in another order than the layout says. TPDOs by name: see ``TpdoLayout.name``."""
+    """The TPDOs of a node that sends them in another order than the layout lists, by `TpdoLayout.name`."""
 
     node_id: int
-    sent: tuple[str, ...]
-    layout: tuple[str, ...]
+    sent: tuple[str, ...]  #: in the order in which the node sends them
+    layout: tuple[str, ...]  #: in the order of the layout
 
 
 class Failure(NamedTuple):
-    """The fault of a bus or a log, and what the adapter, device or system reported."""
+    """The fault of a bus or a log."""
 
     fault: BusFault
-    detail: str = ''
+    detail: str = ''  #: text reported by the adapter, the device or the operating system
 
 
-#: What causes an outage: a bus has a failure; a node has a fault, or its bus has a failure
+#: Cause of an outage. For a bus it is a failure; for a node it is a fault of the node or a failure of its bus.
 Cause = TypeVar('Cause', bound=Failure | NodeFault)
 
 
 @dataclass(frozen=True)
 class Outages(Generic[Cause]):
-    """Times without taxels since construction, the one under way included."""
+    """Outages since construction, that is, times without taxels. They include an outage that still lasts."""
 
     count: int = 0
-    seconds: float = 0.0
-    cause: Cause | None = None  #: what began the last one
-    current: Cause | None = None  #: why the one under way lasts; None: none is under way
+    seconds: float = 0.0  #: total duration [s]
+    cause: Cause | None = None  #: cause that began the last outage
+    current: Cause | None = None  #: present cause of an outage that still lasts; None without one
 
 
 class NodeHealth(NamedTuple):
-    """One of a pad's nodes."""
+    """State of one node of a pad."""
 
     node_id: int
-    state: int | None  #: NMT state as last received; None: never heard
-    is_operational: bool  #: by a heartbeat that is not older than the timeout
-    heartbeat_age: float | None  #: [s], None: none was received
+    state: int | None  #: NMT state last received; None if none was received
+    is_operational: bool  #: True if a heartbeat within the timeout reports OPERATIONAL
+    heartbeat_age: float | None  #: time since the last heartbeat [s]; None if none was received
     fault: NodeFault = NodeFault.NONE
     boots: int = 0  #: boot-up messages received
-    emergencies: int = 0
-    last_emergency: Emergency | None = None
+    emergencies: int = 0  #: EMCY messages received
+    last_emergency: Emergency | None = None  #: last EMCY message
     outages: Outages[Failure | NodeFault] = Outages()
-    distrusted: int = 0  #: taxel frames given without values, because the node was not configured
-    active_emergency: Emergency | None = None  #: the last error that it has not reset
-    missing_tpdos: tuple[SentTpdo, ...] = ()  #: that bring no taxels, while others do
-    surplus_tpdos: tuple[SentTpdo, ...] = ()  #: that are received more often than SYNC
-    tpdo_order: TpdoOrder | None = None  #: where it is another one than the layout's
-    device_errors: DeviceErrors | None = None  #: that it listed when it refused to become OPERATIONAL
+    distrusted: int = 0  #: taxel frames given without values because the node was not configured
+    active_emergency: Emergency | None = None  #: last error that the device has not reset
+    missing_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that bring no taxels while others do
+    surplus_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that are received more often than SYNC
+    tpdo_order: TpdoOrder | None = None  #: order of the TPDOs if it differs from the layout, else None
+    device_errors: DeviceErrors | None = None  #: errors that the device reported when it did not become OPERATIONAL
 
 
 class ErrorCounters(NamedTuple):
-    """Counters of the CAN controller (ISO 11898-1) in its last error frame: 96 warns, above 127 it is error-passive."""
+    """Error counters of the CAN controller in its last error frame (ISO 11898-1).
 
-    tx: int = 0
-    rx: int = 0
+    The controller warns at 96. Above 127 it is error-passive.
+    """
+
+    tx: int = 0  #: transmit error counter
+    rx: int = 0  #: receive error counter
 
 
 class ForeignCommand(NamedTuple):
     """An NMT command (CiA 301) of another master."""
 
-    command: int
-    node_id: int  #: 0: all nodes
+    command: int  #: command specifier
+    node_id: int  #: addressed node; 0 for all nodes
 
 
 class BusHealth(NamedTuple):
-    """``failure``: why nothing can be received, None while it can; ``nodes`` of each pad by name, none for a log."""
+    """State of a bus or a log."""
 
-    failure: Failure | None = None
-    is_active: bool = True  #: SYNC on, nodes are to be OPERATIONAL
-    nodes: dict[str, tuple[NodeHealth, ...]] = {}  #: read only
+    failure: Failure | None = None  #: reason why nothing can be received, or None
+    is_active: bool = True  #: True if SYNC is on and the nodes should be OPERATIONAL
+    nodes: dict[str, tuple[NodeHealth, ...]] = {}  #: nodes of each pad, by its name; empty for a log; read only
     outages: Outages[Failure] = Outages()
-    load: float = 0.0  #: part of the bus's time in use, bit stuffing at its worst, over the last second
+    load: float = 0.0  #: bus load over the last second, as a share of time, with worst-case bit stuffing
     is_error_passive: bool = False
     error_counters: ErrorCounters = ErrorCounters()
-    foreign_commands: int = 0
-    last_command: ForeignCommand | None = None  #: sent by another master
+    foreign_commands: int = 0  #: NMT commands of another master to our nodes
+    last_command: ForeignCommand | None = None  #: last NMT command of another master
     sync: SyncState = SyncState()
-    overload: Overload = Overload.NOT_KNOWN  #: what seems to be missing may only not be processed yet
-    stalls: int = 0  #: times this process did not run for long
+    #: overload of this process; while it lasts, frames that seem to be missing may only be waiting to be processed
+    overload: Overload = Overload.NOT_KNOWN
+    stalls: int = 0  #: number of times that this process did not run for a while
 
     @property
     def fault(self) -> BusFault:
+        """Fault of the bus; NONE without a failure."""
         return BusFault.NONE if self.failure is None else self.failure.fault

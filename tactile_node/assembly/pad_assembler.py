@@ -1,4 +1,4 @@
-"""What the assemblers of pads have in common: which TPDO a CAN frame is, the counts, and how a taxel frame is given."""
+"""Base class of the assemblers: it finds the TPDO of a CAN frame, keeps the counts and makes the taxel frames."""
 
 import logging
 from collections.abc import Sequence
@@ -14,18 +14,25 @@ from tactile_node.taxel_frame import TaxelFrame, TpdoAges
 
 logger = logging.getLogger(__name__)
 
-#: What comes of a CAN frame or a SYNC: the taxel frames that are finished, in order; often none
+#: Taxel frames that a CAN frame or a SYNC finishes, in their order; often empty.
 Frames = tuple[TaxelFrame, ...]
 
 
 class PadAssembler:
-    """A pure state machine of one pad: no bus, no clock. Its methods return what is finished, and count what is lost.
+    """A pure state machine of one pad: no bus, no clock. Its methods return finished frames and count lost TPDOs.
 
-    ``node_ids``: those of the pad's nodes, as many as the layout has. A TPDO's rank is its place in the layout; a
-    DOMAIN counts as one TPDO. Counts are from construction on; see ``PadStatistics``.
+    The rank of a TPDO is its place in the layout. A DOMAIN counts as one TPDO. Counts start at construction; see
+    `PadStatistics`.
+
+    Parameters
+    ----------
+    layout : SkinLayout
+        Layout of the pad.
+    node_ids : sequence of int
+        Node-IDs of the pad, one for each node of the layout.
     """
 
-    service = 'tpdo'  #: under which its CAN frames are counted
+    service = 'tpdo'  #: service under which its CAN frames are counted
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int]):
         self.drop_incomplete = False  #: withhold taxel frames that lack TPDOs
@@ -45,24 +52,39 @@ class PadAssembler:
         self._complete = self._incomplete = self._withheld = self._missing = self._received = 0
 
     def restart(self) -> None:
-        """Forget what is under way; the next taxel frame is number 0."""
+        """Discard unfinished frames. The next taxel frame has sequence number 0."""
         self._forget()
         self._sequence = -1
 
     def resume(self, lost_periods: int) -> None:
-        """After an outage: forget what is under way, leave out ``lost_periods`` sequence numbers."""
+        """Continue after an outage: discard unfinished frames and skip ``lost_periods`` sequence numbers."""
         self._forget()
         self._sequence += lost_periods
 
     def start(self, node_id: int) -> None:
-        """This node, which did not send, was started."""
+        """Note that a silent node was started."""
 
     def sync(self, timestamp: float, late: float = 0.0) -> Frames:
-        """A SYNC was on the bus, at most ``late`` [s] after its timestamp."""
+        """Note that a SYNC was on the bus, at most ``late`` [s] after its timestamp, and return finished frames."""
         return ()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Frames:
-        """One CAN frame of this pad: the taxel frames that it completes or ends, or none (more to come)."""
+        """Take a CAN frame of this pad.
+
+        Parameters
+        ----------
+        can_id : int
+            COB-ID of the frame.
+        data : bytes
+            Data of the frame.
+        timestamp : float
+            Stamp of the frame [s].
+
+        Returns
+        -------
+        tuple of TaxelFrame
+            Taxel frames that this CAN frame finishes.
+        """
         self._received += 1
         length = self._prefix_lengths[can_id]
         rank = self._ranks[can_id].get(data[:length])
@@ -75,10 +97,11 @@ class PadAssembler:
         return self._feed_tpdo(rank, data, timestamp)
 
     def end_period(self) -> Frames:
-        """End what is under way, since nothing follows (end of a log); the taxel frames not yet given."""
+        """End the present period at the end of a log, and return the taxel frames not given yet."""
         raise NotImplementedError
 
     def statistics(self) -> PadStatistics:
+        """Return the counts since construction."""
         pending, used = self._pending(), int(self._used.sum())
         return PadStatistics(
             complete=self._complete, incomplete=self._incomplete,
@@ -93,36 +116,36 @@ class PadAssembler:
         raise NotImplementedError
 
     def _pending(self) -> int:
-        """TPDOs that may still be used or lost."""
+        """Return the number of TPDOs that may still be used or lost."""
         return 0
 
     def _note_padded(self, tpdo: SentTpdo, size: int, mapped: int) -> None:
-        """Count a TPDO of ``size`` bytes, of which the layout maps the first ones (CiA 301), and report the first."""
+        """Count a TPDO that is longer than mapped (CiA 301 allows that), and log the first such TPDO."""
         if not self._padded:
-            logger.warning('TPDO %d (COB-ID 0x%03X) has %d bytes, and the layout maps %d: the first %d are used. If '
-                           'others hold the taxels, correct the layout.', *tpdo, size, mapped, mapped,
+            logger.warning('TPDO %d (COB-ID 0x%03X) has %d bytes, but the layout maps only %d. The first %d bytes are '
+                           'used. If other bytes hold the taxels, correct the layout.', *tpdo, size, mapped, mapped,
                            extra={'fact': tpdo})
         self._padded += 1
 
     def _wrong_length(self, rank: int, data: bytes) -> LossReason | None:
-        """Why these bytes are not those of the TPDO ``rank``; None if they are. Padding is off already."""
+        """Return the reason why data, without padding, do not have the length of their TPDO, or None if they do."""
         wanted = self._lengths[rank]
         if len(data) == wanted:
             return None
         return LossReason.SHORT if len(data) < wanted else LossReason.OVER_LONG
 
     def _lose(self, reason: LossReason, can_frames: int = 1) -> Frames:
-        """So many TPDOs are lost: nothing comes of them."""
+        """Count lost TPDOs. Returns an empty tuple, because no taxel frame results."""
         self._losses[reason] += can_frames
         return ()
 
     def _count_withheld(self, missing: int) -> None:
-        """A taxel frame was withheld, because so many TPDOs are missing in it."""
+        """Count a withheld taxel frame in which ``missing`` TPDOs are missing."""
         self._withheld += 1
         self._missing += missing
 
     def _give(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray) -> Frames:
-        """Give the taxel frame of the TPDOs that are ``fresh``, bool by rank; or withhold it and lose them."""
+        """Give the taxel frame of the ``fresh`` TPDOs (bool by rank), or withhold it and count these TPDOs as lost."""
         missing = int((~fresh).sum())
         if missing and self.drop_incomplete:
             self._count_withheld(missing)
@@ -131,7 +154,10 @@ class PadAssembler:
 
     def _give_frame(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray, used: np.ndarray,
                     missing: int, ages: TpdoAges | None = None) -> Frames:
-        """Give it although so many TPDOs are ``missing``; it is the first with the TPDOs ``used``, bool by rank."""
+        """Give a taxel frame in which ``missing`` TPDOs are missing.
+
+        ``used`` (bool by rank) marks the TPDOs that are in no earlier frame; they are counted as used.
+        """
         self._used += np.bincount(self._senders[used], minlength=len(self._used))
         self._complete += not missing
         self._incomplete += bool(missing)

@@ -1,4 +1,4 @@
-"""Routes each CAN frame of a bus or a log to the pad that it belongs to, and counts all others by service."""
+"""Route each CAN frame of a bus or a log to the pad that it belongs to, and count all frames by service."""
 
 import logging
 from collections import Counter
@@ -20,12 +20,25 @@ logger = logging.getLogger(__name__)
 
 
 class Router:
-    """Routes CAN frames in order and calls ``on_frame(pad name, TaxelFrame)``. Not thread-safe: one thread feeds it.
+    """Routes CAN frames in their order, and calls ``on_frame`` with each taxel frame.
 
-    Exceptions of ``on_frame`` are counted and logged; reception continues.
+    A router is not thread-safe: only one thread may feed it. Exceptions of ``on_frame`` are counted and logged, and the
+    reception continues.
 
-    With ``foreign_sync`` the SYNCs on the bus separate the periods; else only calls of ``sync`` do. ``one_clock``:
-    the stamps given to ``sync`` and ``feed`` are of one clock. ``bitrate`` [bit/s].
+    Parameters
+    ----------
+    pads : tuple of PadSettings
+        Pads on the bus.
+    on_frame : callable
+        Called with the name of the pad and each taxel frame.
+    foreign_sync : bool
+        True if SYNCs received from the bus separate the periods; False if only calls of ``sync`` do.
+    one_clock : bool
+        True if one clock gives the stamps for both ``sync`` and ``feed``.
+    drop_incomplete : bool
+        True to withhold incomplete taxel frames.
+    bitrate : int
+        Bit rate [bit/s].
     """
 
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
@@ -36,7 +49,7 @@ class Router:
                         for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
         self.can_ids = frozenset(self._owners)  #: COB-IDs of the pads' taxels
-        self.bus = FreeBus(bitrate)  #: occupied also by what is not fed
+        self.bus = FreeBus(bitrate)  #: the caller must also report traffic that it does not feed to the router
         self.is_running = True  #: see ``pause``
         self._foreign_sync = foreign_sync
         self._sync_id = pads[0].layout.sync_cob_id
@@ -46,44 +59,65 @@ class Router:
 
     @property
     def is_in_doubt(self) -> bool:
-        """Whether a bus without SYNC has to show how far a node is. From any thread."""
+        """True if the bus must stay without SYNC until the progress of each node is known. Any thread may read this."""
         return any(assembler.is_in_doubt for assembler in self._synchronous)
 
     def restart(self) -> None:
+        """Discard unfinished frames. The next taxel frame of each pad has sequence number 0."""
         self.is_running = True
         self.bus.restart()
         for assembler in self._assemblers.values():
             assembler.restart()
 
     def resume(self, lost_periods: int) -> None:
-        """After an outage: forget the period under way and leave out ``lost_periods`` sequence numbers."""
+        """Continue after an outage: discard unfinished frames and skip ``lost_periods`` sequence numbers."""
         self.is_running = True
         self.bus.restart()
         for assembler in self._assemblers.values():
             assembler.resume(lost_periods)
 
     def start(self, node_id: int) -> None:
-        """A node that did not send was started."""
+        """Note that a silent node was started."""
         for assembler in self._assemblers.values():
             assembler.start(node_id)
 
     def pause(self) -> None:
-        """Ignore SYNCs of other devices from now on, so that there are no frames."""
+        """Ignore SYNCs of other devices, and the data of pads without SYNC, from now on. No frames are given."""
         self.is_running = False
 
     def drop_incomplete(self, is_wanted: bool) -> None:
-        """From now on withhold incomplete taxel frames, or give them."""
+        """Withhold incomplete taxel frames from now on if ``is_wanted`` is True, else give them."""
         for assembler in self._assemblers.values():
             assembler.drop_incomplete = is_wanted
 
     def sync(self, stamp: float, late: float = 0.0) -> None:
-        """A SYNC, own or foreign, at most ``late`` [s] after ``stamp``: every pad's period ends and the next begins."""
+        """End the period of every pad and begin the next, because this driver or another device sent a SYNC.
+
+        Parameters
+        ----------
+        stamp : float
+            Stamp of the SYNC [s].
+        late : float
+            Longest time by which the SYNC followed its stamp [s].
+        """
         self.bus.sync(stamp, late)
         for name, assembler in self._assemblers.items():
             self._deliver(name, assembler.sync(stamp, late))
 
     def feed(self, can_id: int, data: bytes, stamp: float, after: float | None = None) -> None:
-        """A data frame with an 11-bit identifier. It came ``after`` this stamp, where its own does not say when."""
+        """Take a data frame with an 11-bit identifier.
+
+        Parameters
+        ----------
+        can_id : int
+            Identifier of the frame.
+        data : bytes
+            Data of the frame.
+        stamp : float
+            Stamp of the frame [s].
+        after : float or None
+            Earliest time at which the frame may have arrived [s]; None if it arrived at its stamp.
+        """
         if self.bus.proves(stamp if after is None else after):
             for synchronous in self._synchronous:
                 synchronous.settle()
@@ -95,7 +129,7 @@ class Router:
         if owner is not None:
             name, assembler, has_sync = owner
             self._counts[assembler.service] += 1
-            if self.is_running or has_sync:  # without SYNC, what comes while not active is no sample
+            if self.is_running or has_sync:  # pads without SYNC also send while the driver is inactive
                 self._deliver(name, assembler.feed(can_id, data, stamp))
         elif can_id == self._sync_id:
             self._counts['sync'] += 1
@@ -105,7 +139,7 @@ class Router:
             self._counts[service_of(can_id)] += 1
 
     def feed_message(self, message: can.Message) -> None:
-        """Any python-can message; one that is no 11-bit data frame is only counted."""
+        """Take any python-can message. A message that is not a data frame with an 11-bit identifier is only counted."""
         kind = non_data_kind(message)
         if kind is None:
             self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
@@ -114,11 +148,12 @@ class Router:
             self.bus.occupy(message.timestamp, inf if message.is_error_frame else None)
 
     def end(self) -> None:
-        """End the last period, since no more CAN frames will come."""
+        """End the last period of each pad, because no CAN frames follow."""
         for name, assembler in self._assemblers.items():
             self._deliver(name, assembler.end_period())
 
     def statistics(self) -> BusStatistics:
+        """Return the counts since construction."""
         pads = {name: assembler.statistics() for name, assembler in self._assemblers.items()}
         return BusStatistics(pads, dict(self._counts), consumer_errors=self._consumer_errors)
 
@@ -140,7 +175,10 @@ def _assembler(pad: PadSettings, one_clock: bool) -> PadAssembler:
 
 
 def non_data_kind(message: can.Message) -> str | None:
-    """Name the kind of a message that is no CANopen data frame: 'error', 'remote' or 'foreign'; None for one."""
+    """Return the kind of a message that is not a CANopen data frame: 'error', 'remote' or 'foreign'.
+
+    Returns None for a CANopen data frame. Frames with a 29-bit identifier and CAN FD frames are 'foreign'.
+    """
     if message.is_error_frame:
         return 'error'
     if message.is_remote_frame:

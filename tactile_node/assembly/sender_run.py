@@ -1,26 +1,26 @@
-"""How far one sender (a CANopen node of a pad) is in the sweep of one period. ``assembler`` states the rules.
+"""Follow one sender (a CANopen node of a pad) through the sweep of one period. ``assembler`` states the rules.
 
                   not behind
     EMPTY ----------------------------> CURRENT ---.
-      |                                    ^  ^    |  next run: this one is lost
+      |                                    ^  ^    |  next run: this run is lost
       | may be behind                      |  '----'
       v                                    |
     SUSPECT -------------------------------'
-      |   next run: one run less behind; this one goes back to the period before, or is lost (LATE)
-      |   (still SUSPECT where the sender was behind by more than one)
-      '-- SYNC: lost (LATE), since nothing proves that it is of this period
+      |   next run: the sender is one run less behind; this run is moved to the previous period, or is lost (LATE)
+      |   (the state stays SUSPECT if the sender was behind by more than one run)
+      '-- SYNC: this run is lost (LATE), because nothing proves that it belongs to this period
 
-    After a free bus (settle) SUSPECT becomes CURRENT at SYNC: no run was late, and none followed to show the contrary.
+After a free bus (settle), SUSPECT becomes CURRENT at SYNC: no run was late, because no second run followed.
 
-How many runs the sender is behind when a period begins:
+Number of runs that the sender is behind when a period begins:
 
-    the period before        adds   which may consist of
-    ended with its last rank 0      -
+    previous period          adds   the late run may have
+    ended with the last rank 0      -
     ended early              1      ranks above its end
     was silent               1      any ranks
-    its sender was started   none   - (and all runs before it are forgotten)
+    its sender was started   none   - (and all earlier runs are forgotten)
 
-Runs that the period before was behind are carried over, while it ended SUSPECT or was silent.
+If the previous period ended SUSPECT or was silent, the runs by which the sender was behind in it are carried over.
 """
 
 from typing import NamedTuple
@@ -34,43 +34,56 @@ from tactile_node.cia301.objects import MAX_PDO_BYTES
 class Payload(NamedTuple):
     """The TPDOs of one period, by rank."""
 
-    words: bytearray  #: MAX_PDO_BYTES bytes each
-    fresh: np.ndarray  #: bool, which of them belong to the period
+    words: bytearray  #: MAX_PDO_BYTES bytes for each TPDO
+    fresh: np.ndarray  #: bool, True for each TPDO that belongs to the period
 
 
-Lost = tuple[LossReason, int]  # why, and how many TPDOs
+Lost = tuple[LossReason, int]  #: Reason for a loss and number of lost TPDOs.
 
 
 class SenderRun:
-    """The ascending run of one sender's ranks in one period.
+    """The TPDOs of one sender in one period.
 
-    ``own``: the sender's ranks, ascending. ``before``: its run of the period before; None where nothing of an
-    earlier period can come.
+    Parameters
+    ----------
+    own : np.ndarray
+        Ranks of the sender, ascending.
+    payload : Payload
+        TPDOs of the period, shared by all senders of the pad.
+    before : SenderRun or None
+        Run of the same sender in the previous period; None if no TPDO of an earlier period can arrive.
     """
 
     def __init__(self, own: np.ndarray, payload: Payload, before: 'SenderRun | None'):
         self._own = own
         self._payload = payload
         self._top = int(own[-1])
-        self._ranks: set[int] = set()  # received in the run under way
+        self._ranks: set[int] = set()  # ranks received in the present run
         self.last = -1  #: rank received last
         self._last_data = b''
-        self._aside: dict[int, bytes] = {}  # a suspect run, after the sender has begun the next one
-        self.is_aside_proved = False  #: the sender has begun its next run: what is aside is of the period before
-        self.received: list[int] = []  #: ranks, in the order in which they came; at most one more than a sweep has
-        self.is_seen = False  # anything was received
+        self._aside: dict[int, bytes] = {}  # a suspect run, set aside when the sender began the next run
+        #: True if the run set aside is the tail of a sweep, so it belongs to the previous period
+        self.is_aside_proved = False
+        self.received: list[int] = []  #: ranks in the order of reception; at most one more than a sweep has
+        self.is_seen = False  #: True if any TPDO was received
         self._is_suspect = False
         self._ended_suspect = False
-        self._is_doubted = False  # a period has passed that could have shown whether the sender is behind
+        self._is_doubted = False  # a whole period has passed without showing whether the sender is behind
         self._was_started = False
-        self.is_settled = False  #: a free bus has proved that the sender is not behind
-        self._was_silent = False  # in the period before
+        self.is_settled = False  #: True if a free bus has proved that the sender is not behind
+        self._was_silent = False  # no TPDO was received in the previous period
         self._expect_late(0)
         if before is not None:
             self.carry_over(before)
 
     def carry_over(self, before: 'SenderRun') -> None:
-        """Count the runs that may still come before this period's own."""
+        """Compute the number of late runs that may arrive before the run of this period.
+
+        Parameters
+        ----------
+        before : SenderRun
+            Run of the same sender in the previous period.
+        """
         self._was_silent = not before.is_seen
         is_behind = before._behind > 0 and (before._ended_suspect or not before.is_seen)
         self._is_doubted = is_behind and (before._ended_suspect or before._is_doubted)
@@ -85,55 +98,60 @@ class SenderRun:
 
     @property
     def is_complete(self) -> bool:
+        """True if all TPDOs of the sender were received and the run is not suspect."""
         return len(self._ranks) == len(self._own) and not self._is_suspect
 
     @property
     def is_position_unknown(self) -> bool:
-        """After its period: whether it is unknown in which sweep the sender was."""
+        """After the period: True if it is not known which sweep the sender was sending."""
         return self._ended_suspect if self.is_seen else self._behind > 0
 
     @property
     def may_be_continued(self) -> bool:
-        """Whether the next period may bring what this one lacks, without doubt to which of both it belongs."""
+        """True if missing TPDOs may arrive in the next period and are then known to belong to this one."""
         return not self.is_position_unknown and self.last < self._top
 
     @property
     def is_in_doubt(self) -> bool:
-        """Whether the sender sends and may still be behind, though a period has passed that could have shown it."""
+        """True if the sender sends, and a whole period has passed without showing whether it is behind."""
         return self._is_doubted and not self._was_silent
 
     @property
     def is_undecided(self) -> bool:
-        """Whether TPDOs received so far, or the next ones, may still be of the period before."""
+        """True if the TPDOs received so far, or the next ones, may belong to the previous period."""
         return not self.is_seen or self._is_suspect or bool(self._aside)
 
     @property
     def used(self) -> int:
-        """Number of TPDOs that a frame would be made of now."""
+        """Number of TPDOs of the sender that a frame would contain now."""
         return int(self._payload.fresh[self._own].sum())
 
     @property
     def pending(self) -> int:
+        """Number of TPDOs that may still be used or lost."""
         return self.used + len(self._aside)
 
     def start(self) -> None:
-        """The sender, which did not send, was started: it is not behind."""
+        """Note that the silent sender was started, so it is not behind."""
         self._was_started = True
         if not self.is_seen:
             self._expect_late(0)
 
     def settle(self) -> None:
-        """No run of an earlier period begins any more. The tail of one needs no such proof: it has its own."""
+        """Note that no run of an earlier period can begin any more.
+
+        This does not concern a delayed tail, because the beginning of the next run proves where the tail belongs.
+        """
         if not self.is_seen and self._late_above < 0:
             self.is_settled = True
             self._is_doubted = False
 
     def assume_behind(self) -> None:
-        """It is not known what the sender has sent so far, so its first run may be an old one."""
+        """Treat the first run as possibly late, because it is not known what the sender has sent so far."""
         self._expect_late(1)
 
     def note_late(self, rank: int) -> None:
-        """A TPDO of an earlier period was received, too late to be used; it only shows where its sender is."""
+        """Note a TPDO of an earlier period that is too late to be used. It only shows the progress of the sender."""
         if self.is_seen:
             if rank <= self.last:
                 self._expect_late(max(self._behind - 1, 0))
@@ -144,18 +162,29 @@ class SenderRun:
             self._expect_late(self._behind - 1)
 
     def repeats(self, rank: int, data: bytes) -> bool:
-        """Whether this is the TPDO received last, byte for byte."""
+        """Return True if a TPDO equals the one received last, byte for byte."""
         return self.is_seen and rank == self.last and data == self._last_data
 
     def begins_next_sweep(self, rank: int) -> bool:
-        """Whether ``rank`` begins another sweep though the run before is not suspect."""
+        """Return True if ``rank`` begins another sweep although the present run is not suspect."""
         return self.is_seen and rank <= self.last and not self._is_suspect
 
     def add(self, rank: int) -> Lost | None:
-        """Continue the run with ``rank``, or begin the next one; what that loses of the run before."""
+        """Add a TPDO to the present run, or begin the next run with it.
+
+        Parameters
+        ----------
+        rank : int
+            Rank of the TPDO.
+
+        Returns
+        -------
+        tuple or None
+            Reason and number of TPDOs of the present run that are lost; None if none is lost.
+        """
         lost = None
         if not self.is_seen:
-            if self._behind == 1 and rank <= self._late_above:  # the delayed tail cannot come any more
+            if self._behind == 1 and rank <= self._late_above:  # the delayed tail cannot arrive any more
                 self._expect_late(0)
             self._is_suspect = self._behind > 0
         elif rank <= self.last:
@@ -164,43 +193,44 @@ class SenderRun:
         return lost
 
     def note_received(self, rank: int, data: bytes) -> None:
-        """This TPDO was received, used or not."""
+        """Note that a TPDO was received, whether it is used or not."""
         self.last = rank
-        if len(self.received) <= len(self._own):  # without SYNC a period never ends: the list must not grow with it
+        if len(self.received) <= len(self._own):  # without SYNC a period never ends, but the list must stay short
             self.received.append(rank)
         self._last_data = bytes(data)
         self.is_seen = True
 
     def end(self) -> int:
-        """End the period and lose what is not proved to be of any period; the number of TPDOs lost."""
+        """End the period, and discard TPDOs that are not proved to belong to a period. Returns their number."""
         if self.is_settled:
             self._is_suspect = False
         self._ended_suspect = self._is_suspect
         return self.lose() if self._is_suspect else self.lose_aside()
 
     def lose(self) -> int:
-        """Lose all TPDOs of the period so far; their number."""
+        """Discard all TPDOs of the period so far, and return their number."""
         lost = self.used + self.lose_aside()
         self._clear()
         return lost
 
     def lose_aside(self) -> int:
-        """Lose the run that was set aside; the number of its TPDOs."""
+        """Discard the run set aside, and return the number of its TPDOs."""
         lost = len(self._aside)
         self._aside.clear()
         return lost
 
     def return_aside(self, before: Payload) -> None:
-        """Give the run that was set aside to the period before."""
+        """Move the run that was set aside back to the payload of the previous period."""
         for rank, word in self._aside.items():
             before.words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * (rank + 1)] = word
             before.fresh[rank] = True
         self._aside.clear()
 
     def _expect_late(self, behind: int, above: int = -1, is_of_before: bool = False) -> None:
-        """The sender may be ``behind`` by so many runs.
+        """Note that the sender may be behind by ``behind`` runs.
 
-        If it is only one, that has only ranks ``above``; and ``is_of_before``: it can only be of the period before.
+        If it is behind by one run, that run has only ranks above ``above``. With ``is_of_before``, that run can only
+        belong to the previous period.
         """
         self._behind = behind
         self._late_above = above
@@ -210,13 +240,13 @@ class SenderRun:
         lost = None
         if self._is_suspect and self._is_of_before:
             self._set_aside()
-            self.is_aside_proved = self._late_above >= 0  # a tail; a whole sweep may be of another period
+            self.is_aside_proved = self._late_above >= 0  # True for a tail; a whole sweep may belong to another period
         else:
             is_late = self._is_suspect or bool(self._aside) or rank in self._ranks
             lost = LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose()
         self._expect_late(max(self._behind - 1, 0))
         self._is_suspect = self._behind > 0
-        self.is_settled = False  # two runs in one period: the bus only seemed free
+        self.is_settled = False  # with two runs in one period, the bus only seemed to be free
         return lost
 
     def _set_aside(self) -> None:

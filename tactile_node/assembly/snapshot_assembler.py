@@ -1,21 +1,24 @@
-"""Makes snapshots of a skin whose TPDOs come each at its own time. A pure state machine: no bus, no clock.
+"""Assemble snapshots of a skin whose TPDOs are sent independently. A pure state machine: no bus, no clock.
 
-A snapshot holds the latest values of each TPDO and their ages. Its stamp is that of the newest TPDO in it, so ages are
-never below 0, and stamps rise although TPDOs come at different rates. What a TPDO claims was acquired at stamp - age.
+A snapshot holds the latest values of each TPDO and their ages. The stamp of a snapshot is the stamp of its newest TPDO.
+Ages are therefore never negative, and stamps rise although TPDOs are sent at different rates. The values of a TPDO were
+acquired at stamp - age.
 
 Rules
- 1. A snapshot is given as soon as every TPDO has come since the one before; those whose values are already too old are
-    not waited for.
- 2. It is given before a TPDO is taken that would replace values in no snapshot yet, so that none is lost and the
-    fastest TPDO sets the pace; and before one that comes more than SNAPSHOT_WAIT after the first new one.
- 3. Taxels of a TPDO that is older than ``max_age``, or has not come yet, are NaN and STALE. A device repeats what has
-    not changed after its event timer, so silence beyond ``max_age`` is a fault and never "unchanged".
- 4. An immediate repetition with equal bytes, sooner than half the event timer, is a DUPLICATE and renews no age.
- 5. With ``drop_incomplete`` a snapshot with STALE TPDOs is withheld. Its new TPDOs are lost (INCOMPLETE) unless the
-    next one given still holds them.
- 6. All values are forgotten when a stamp is more than ``max_age`` from the newest one: the pad was silent, or the clock
-    was set. The next snapshot then waits for every TPDO, as the first one does.
- 7. Of a node that was started the values are forgotten: it did not send, and may now send something else.
+ 1. A snapshot is given as soon as every TPDO has been received since the previous snapshot. TPDOs whose values are
+    already too old are not waited for.
+ 2. A snapshot is also given before a TPDO would replace values that are in no snapshot yet. No value is lost, and the
+    fastest TPDO sets the pace. A snapshot is also given before a TPDO that arrives more than SNAPSHOT_WAIT after the
+    first new TPDO.
+ 3. If a TPDO is older than ``max_age`` or was never received, its taxels are NaN and STALE. A device repeats unchanged
+    values after its event timer, so silence beyond ``max_age`` is a fault and never means "unchanged".
+ 4. An immediate repetition with equal bytes, sooner than half the event timer, is a DUPLICATE and does not renew the
+    age.
+ 5. With ``drop_incomplete``, a snapshot with STALE TPDOs is withheld. Its new TPDOs are lost (INCOMPLETE) unless the
+    next given snapshot still holds them.
+ 6. If a stamp differs from the newest stamp by more than ``max_age``, all values are forgotten: the pad was silent, or
+    the clock was set. The next snapshot then waits for every TPDO, as the first one does.
+ 7. When a node is started, its values are forgotten. The node did not send, and may send other values now.
 """
 
 from collections.abc import Sequence
@@ -28,11 +31,21 @@ from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout
 from tactile_node.taxel_frame import TpdoAges, read_only
 
-SNAPSHOT_WAIT = 0.02  #: s; the usual time between two sweeps with SYNC
+SNAPSHOT_WAIT = 0.02  #: Longest wait for further TPDOs [s]. It is the usual time between two sweeps with SYNC.
 
 
 class SnapshotAssembler(PadAssembler):
-    """The state machine of one pad that sends as ``event`` says."""
+    """The state machine of one pad that sends each TPDO on its own.
+
+    Parameters
+    ----------
+    layout : SkinLayout
+        Layout of the pad.
+    event : EventDriven
+        Times at which the pad sends.
+    node_ids : sequence of int
+        Node-IDs of the pad, one for each node of the layout.
+    """
 
     def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int]):
         super().__init__(layout, node_ids)
@@ -41,11 +54,11 @@ class SnapshotAssembler(PadAssembler):
         self._taxel_tpdos = _taxel_tpdos(layout)
         size = len(layout.tpdos)
         self._words = bytearray(MAX_PDO_BYTES * size)
-        self._unused = np.zeros(size, bool)  # in no frame given so far
+        self._unused = np.zeros(size, bool)  # by rank, True for values that are in no given frame
         self.restart()
 
     def start(self, node_id: int) -> None:
-        """The node's values are forgotten when the next TPDO comes."""
+        """Note that a node was started. Its values are forgotten when the next TPDO arrives."""
         self._started.add(node_id)
 
     def end_period(self) -> Frames:
@@ -73,15 +86,15 @@ class SnapshotAssembler(PadAssembler):
         self._lose(LossReason.UNFINISHED, self._pending())
         size = len(self._unused)
         self._unused = np.zeros(size, bool)
-        self._is_new = np.zeros(size, bool)  # not in the snapshot before
+        self._is_new = np.zeros(size, bool)  # by rank, True for values that are not in the last snapshot
         self._is_known = np.zeros(size, bool)
-        self._stamps = np.full(size, np.nan)  # when the last TPDO of each rank came, or since when it may
+        self._stamps = np.full(size, np.nan)  # by rank, time of the last TPDO, or time since when it may arrive
         self._newest = self._first_new = np.inf
-        self._last = -1, b''  # rank and bytes received last
+        self._last = -1, b''  # rank and bytes of the last TPDO
         self._started: set[int] = set()  # node-IDs
 
     def _forget_invalid(self, stamp: float) -> Frames:
-        """What was received before does not hold for what is stamped now."""
+        """Forget values that are no longer valid at ``stamp``, and return the snapshot that holds them."""
         frames: Frames = ()
         is_first = not self._is_known.any()
         if not is_first and abs(stamp - self._newest) > self._event.max_age:
@@ -114,11 +127,11 @@ class SnapshotAssembler(PadAssembler):
         self._first_new = min(self._first_new, stamp)
 
     def _is_too_old(self) -> np.ndarray:
-        """Whether the TPDO of each rank has not come for too long."""
+        """Return for each rank True if its last TPDO is older than ``max_age``."""
         return np.greater(self._newest - self._stamps, self._event.max_age)
 
     def _give_new(self) -> Frames:
-        """Give a snapshot, if anything is new."""
+        """Return a snapshot if any value is new."""
         if not self._is_new.any():
             return ()
         fresh = self._is_known & ~self._is_too_old()
@@ -136,7 +149,7 @@ class SnapshotAssembler(PadAssembler):
 
 
 def _taxel_tpdos(layout: SkinLayout) -> np.ndarray:
-    """Return the rank of the TPDO of each taxel, uint16 (rows, cols), 0 where there is none."""
+    """Return the rank of the TPDO that carries each taxel, uint16 (rows, cols); 0 for a taxel without a TPDO."""
     ranks = np.zeros((layout.rows, layout.cols), np.uint16)
     for rank, tpdo in enumerate(layout.tpdos):
         for field in tpdo.taxels:

@@ -1,24 +1,26 @@
-"""Recognises the sweeps of a skin that sends without SYNC. A pure state machine: no bus, no clock.
+"""Recognise the sweeps of a skin that sends without SYNC. A pure state machine: no bus, no clock.
 
-The device sends all TPDOs of one scan together, in ascending rank, and begins the next sweep a ``period`` later or
-more. CAN keeps the order of one sender.
+The device sends all TPDOs of one scan together, in ascending rank. The next sweep begins at least one ``period`` later.
+CAN keeps the order of one sender.
 
 Rules
- 1. A taxel frame is made of one run: TPDOs in ascending rank, stamped within ``sweep_time`` of the first of them.
- 2. A TPDO whose rank is not above the last one, or which is stamped later or earlier, begins the next run. Only an
-    immediate repetition with equal bytes within that time is a DUPLICATE and changes nothing.
- 3. A run is given with its last rank, or when the next one begins. Taxels that are in none of its TPDOs are NaN and
-    STALE; with ``drop_incomplete`` the frame is withheld.
- 4. Its stamp is that of its first TPDO received: later than the scan by the time that the device takes to send it,
-    and by ``sweep_time`` at most where its first TPDOs are lost.
- 5. With an event timer, a pause is counted in ``sequence`` as the sweeps that should have come. After SILENCE of
-    them what comes may have waited in an adapter: it is LATE until a run begins more than ``sweep_time`` after the one
+ 1. A taxel frame consists of one run: TPDOs in ascending rank, stamped within ``sweep_time`` of the first of them.
+ 2. If the rank of a TPDO is not above the last rank, or its stamp is outside that time, the TPDO begins the next run.
+    An immediate repetition with equal bytes within that time is a DUPLICATE and changes nothing.
+ 3. A run is given when its last rank is received, or when the next run begins. Taxels that none of its TPDOs holds are
+    NaN and STALE. With ``drop_incomplete``, an incomplete frame is withheld.
+ 4. The stamp of a frame is the stamp of the first TPDO received. It is later than the scan by the time that the device
+    takes to send this TPDO. If the first TPDOs are lost, it is later by up to ``sweep_time``.
+ 5. If the device has an event timer, ``sequence`` also counts the sweeps missing in a pause. After SILENCE missing
+    sweeps, TPDOs may have waited in an adapter. They are LATE until a run begins more than ``sweep_time`` after the run
     before.
 
-Two sweeps are never mixed while each takes less than ``sweep_time`` from its beginning to its last stamp: the first
-TPDO received is then stamped at most ``sweep_time`` after the sweep began, the run ends ``sweep_time`` later, and twice
-that is less than the period (``SWEEP_SHARE``). Limit: stamps that are delayed by more, as by an adapter that hands over
-many frames at once, and at the same time the end of one sweep and the beginning of the next one lost.
+Two sweeps are never mixed if each takes less than ``sweep_time`` from its beginning to its last stamp. The first TPDO
+received is then stamped at most ``sweep_time`` after the beginning of the sweep, and the run ends ``sweep_time`` later.
+Together these times are shorter than the period (``SWEEP_SHARE``).
+
+Limit: two sweeps may be mixed if stamps are delayed by more than that, as by an adapter that hands over many frames at
+once, and the end of one sweep and the beginning of the next are lost at the same time.
 """
 
 from collections.abc import Sequence
@@ -30,25 +32,36 @@ from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout
 
-SILENCE = 5  #: event timers without a TPDO: of a working device more than lost ones
+#: Number of event timers without a TPDO that count as silence. Lost TPDOs of a working device cause shorter gaps.
+SILENCE = 5
 
 
 class SweepAssembler(PadAssembler):
-    """The state machine of one pad that sends as ``event`` says."""
+    """The state machine of one pad that sends whole sweeps without SYNC.
+
+    Parameters
+    ----------
+    layout : SkinLayout
+        Layout of the pad.
+    event : EventDriven
+        Times at which the pad sends.
+    node_ids : sequence of int
+        Node-IDs of the pad, one for each node of the layout.
+    """
 
     def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int]):
         super().__init__(layout, node_ids)
         self._event = event
         self._size = len(layout.tpdos)
-        self._first: float | None = None  # stamp of the run
+        self._first: float | None = None  # stamp of the first TPDO in the run
         self._words = bytearray()
         self._fresh = np.zeros(self._size, bool)
-        self._is_given = True  # or there is none
-        self._last = -1, b''  # rank and bytes received last
+        self._is_given = True  # the run was given, or there is none
+        self._last = -1, b''  # rank and bytes of the last TPDO
         self.restart()
 
     def start(self, node_id: int) -> None:
-        """What the node sends next begins a run."""
+        """Note that the node was started, so its next TPDO begins a run."""
         self._is_continued = False
 
     def end_period(self) -> Frames:
@@ -78,12 +91,12 @@ class SweepAssembler(PadAssembler):
         self._lose(LossReason.UNFINISHED, self._pending())
         self._first = None
         self._is_given = True
-        self._is_continued = False  # what comes may be of the run
+        self._is_continued = False  # the next TPDO may belong to the run
         self._is_held_back = False  # the run may have waited in an adapter
         self._last = -1, b''
 
     def _is_within(self, stamp: float) -> bool:
-        """Whether what is stamped so may be of the run under way."""
+        """Return True if a TPDO with this stamp may belong to the present run."""
         return (self._is_continued and self._first is not None
                 and 0 <= stamp - self._first <= self._event.sweep_time)
 
@@ -92,7 +105,7 @@ class SweepAssembler(PadAssembler):
         if timer and self._first is not None:
             pause = stamp - self._first
             steps = max(1, int(pause / timer + 0.5))
-            is_backlog = 0 <= pause <= self._event.sweep_time  # no device begins two sweeps so soon
+            is_backlog = 0 <= pause <= self._event.sweep_time  # no device begins a sweep so soon after another
             self._is_held_back = is_backlog if self._is_held_back else pause > SILENCE * timer
         self._sequence += steps
         self._first = stamp
@@ -101,7 +114,7 @@ class SweepAssembler(PadAssembler):
         self._is_continued, self._is_given = True, False
 
     def _end(self) -> Frames:
-        """Give the run under way, if there is one."""
+        """Return the frame of the present run, if there is one."""
         if self._is_given or self._first is None:
             return ()
         self._is_given = True

@@ -1,4 +1,4 @@
-"""What was received of one pad between two SYNCs. ``assembler`` states the rules."""
+"""The TPDOs of one pad received between two SYNCs. ``assembler`` states the rules."""
 
 import numpy as np
 
@@ -9,8 +9,16 @@ from tactile_node.cia301.objects import MAX_PDO_BYTES
 class SweepPeriod:
     """One period of a pad.
 
-    ``ranks_of_senders``: the ranks of each of its senders, ascending. ``before``: the period before; None where
-    nothing of it can come any more.
+    Parameters
+    ----------
+    sequence : int
+        Sequence number of the period.
+    stamp : float
+        Stamp of its SYNC [s].
+    ranks_of_senders : list of np.ndarray
+        Ranks of each sender of the pad, ascending.
+    before : SweepPeriod or None
+        Previous period; None if none of its TPDOs can arrive any more.
     """
 
     def __init__(self, sequence: int, stamp: float, ranks_of_senders: list[np.ndarray],
@@ -23,30 +31,39 @@ class SweepPeriod:
         self.runs: list[SenderRun] = [SenderRun(own, self.payload, run)
                                       for own, run in zip(ranks_of_senders, runs_before)]
         self.is_emitted = False
-        self.is_stamp_wrong = False  #: or may be, so nothing of it is given
-        self.is_discarded = False  #: a SYNC was lost in it, so nothing of it is used
+        self.is_stamp_wrong = False  #: True if the stamp may be wrong; the taxels are then not given
+        self.is_discarded = False  #: True if a SYNC was lost in this period; its TPDOs are then not used
 
     @property
     def is_complete(self) -> bool:
+        """True if all TPDOs were received and the frame was not emitted yet. A discarded period is never complete."""
         return not self.is_emitted and not self.is_discarded and all(run.is_complete for run in self.runs)
 
     @property
     def pending(self) -> int:
-        """TPDOs that may still be used or lost."""
+        """Number of TPDOs that may still be used or lost."""
         return 0 if self.is_emitted else sum(run.pending for run in self.runs)
 
     @property
     def may_be_continued(self) -> bool:
-        """Whether the next period may bring what this one lacks."""
+        """True if missing TPDOs of this period may arrive in the next one."""
         return not self.is_emitted and not self.is_discarded and any(run.may_be_continued for run in self.runs)
 
     def may_continue(self, before: 'SweepPeriod') -> bool:
-        """Whether this period may still bring what ``before`` lacks."""
+        """Return True if missing TPDOs of the period ``before`` may still arrive in this period."""
         return not self.is_discarded and not before.is_discarded and any(
             run.is_undecided and earlier.may_be_continued for run, earlier in zip(self.runs, before.runs))
 
     def return_aside(self, before: 'SweepPeriod', only_proved: bool = False) -> None:
-        """Give the runs that were set aside to the period before; ``only_proved``: see ``is_aside_proved``."""
+        """Move the runs that were set aside back to the previous period.
+
+        Parameters
+        ----------
+        before : SweepPeriod
+            Period before.
+        only_proved : bool
+            True to move only the runs with ``SenderRun.is_aside_proved``.
+        """
         for run in self.runs:
             if run.is_aside_proved or not only_proved:
                 run.return_aside(before.payload)

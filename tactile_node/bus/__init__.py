@@ -1,1 +1,1 @@
-"""One live CAN bus."""
+"""Operate one live CAN bus: configure its devices, send SYNC, receive and record its frames."""

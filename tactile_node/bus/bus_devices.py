@@ -1,4 +1,4 @@
-"""The CANopen devices of one bus, by NMT and SDO: configured, started, stopped, zeroed."""
+"""Configure, start, stop and zero the CANopen devices of one bus. It uses NMT commands and SDO requests."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -21,31 +21,63 @@ from tactile_node.skin.pads import CanopenNode
 
 
 def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
-    """Zero every channel that the EDS lists; how many.
+    """Zero every channel of a device that its EDS lists under the auto-zero object of CiA 404.
 
-    Raises DeviceError where nothing was zeroed, HalfZeroedError where some channels were, or where the device has not
-    answered.
+    Parameters
+    ----------
+    sdo : SdoClient
+        SDO client of the device.
+    dictionary : ObjectDictionary
+        Object dictionary of the device, from its EDS.
+    label : str
+        Name of the node in error messages.
+
+    Returns
+    -------
+    int
+        Number of channels zeroed.
+
+    Raises
+    ------
+    DeviceError
+        If no channel was zeroed.
+    HalfZeroedError
+        If some channels were zeroed before the device refused one, or if the device did not answer. In the second case
+        it is not known whether it has zeroed the channel.
     """
     where = f'{label}, object 0x{objects.AUTO_ZERO:04X}'
     entry = dictionary[objects.AUTO_ZERO] if objects.AUTO_ZERO in dictionary else None
     subs = [0] if isinstance(entry, ODVariable) else [sub for sub in entry or () if sub]
     if not subs:
         raise DeviceError(where, expected="the device's auto-zero (CiA 404) in its EDS", got='no such object',
-                          remedy='Tare without on_device: then the driver takes the zero off.')
+                          remedy='Tare without on_device; the driver then subtracts the zero itself.')
     for sub in subs:
         try:
             sdo.download(objects.AUTO_ZERO, sub, ZERO_SIGNATURE)
         except (SdoAbortedError, SdoCommunicationError, BusError) as error:
             done = subs.index(sub)
             kind = HalfZeroedError if done or not isinstance(error, SdoAbortedError) else DeviceError
-            raise kind(f'{where} sub {sub}', expected='that it takes "zero"', got=str(error),
+            raise kind(f'{where} sub {sub}', expected='a device that accepts the signature "zero"', got=str(error),
                        remedy=f'{done} of {len(subs)} channels are zeroed. See the manual of the device, or tare '
                               'without on_device.') from error
     return len(subs)
 
 
 def read_errors(sdo: SdoClient) -> DeviceErrors:
-    """Return them as far as the device answers, the newest four: a device may keep 254. Raises BusError."""
+    """Return the error register of a device and its newest four errors, as far as the device answers.
+
+    A device may store up to 254 errors, so only the newest four are read.
+
+    Parameters
+    ----------
+    sdo : SdoClient
+        SDO client of the device.
+
+    Raises
+    ------
+    BusError
+        If a request cannot be sent.
+    """
     def read(index: int, sub: int) -> int | None:
         with suppress(SdoAbortedError):  # 0x1003 is optional
             return int.from_bytes(sdo.upload(index, sub), 'little')
@@ -59,11 +91,23 @@ def read_errors(sdo: SdoClient) -> DeviceErrors:
     return DeviceErrors(register, tuple(field))
 
 
-START_PERIOD = 1.3  # s between two NMT starts of a node that does not become OPERATIONAL
+START_PERIOD = 1.3  #: Time between two NMT start commands to a node that does not become OPERATIONAL [s].
 
 
 class BusDevices:
-    """The devices of ``nodes``; ``network()`` is the open bus, or raises BusError."""
+    """The CANopen devices of one bus.
+
+    Parameters
+    ----------
+    settings : BusSettings
+        Timeouts, retries and heartbeat time.
+    nodes : sequence of CanopenNode
+        Nodes of all pads on the bus.
+    monitor : BusMonitor
+        Monitor that receives the heartbeats of the nodes.
+    network : callable
+        Returns the open bus. It raises BusError if the bus is not open.
+    """
 
     def __init__(self, settings: BusSettings, nodes: Sequence[CanopenNode], monitor: BusMonitor,
                  network: Callable[[], BusNetwork]):
@@ -74,15 +118,40 @@ class BusDevices:
         self._interrupts = 0
 
     def sdo_client(self, node: CanopenNode) -> AbstractContextManager[OwnSdoClient]:
+        """Return a context manager that gives the SDO client of ``node``."""
         return self._network().sdo_client(node.node_id, node.dictionary, self._settings.sdo_timeout)
 
     def command(self, command: objects.NmtCommand, node: CanopenNode) -> None:
+        """Send an NMT command to one node. Raises BusError."""
         self._network().send_message(objects.NMT, bytes([command, node.node_id]))
 
     def configure(self, node: CanopenNode, boot_timeout: float, pause: bool) -> DeviceAsSet:
-        """Configure one, found within ``boot_timeout`` [s]; without ``pause`` while it sends.
+        """Configure one device.
 
-        Raises DeviceError, BusError; TwoDevicesError where two devices answer as this node.
+        Parameters
+        ----------
+        node : CanopenNode
+            Node of the device.
+        boot_timeout : float
+            Time allowed for the first answer of the device [s].
+        pause : bool
+            True to set the device to PRE-OPERATIONAL first, so that it sends no TPDOs while it is configured.
+
+        Returns
+        -------
+        DeviceAsSet
+            Settings that the device has after the configuration.
+
+        Raises
+        ------
+        DeviceError
+            If the device is absent, is another one, or refuses a request.
+        TwoDevicesError
+            If two devices answer under this node-ID.
+        BusError
+            If the bus cannot be used.
+        InterruptedSetupError
+            If ``interrupt`` was called meanwhile.
         """
         interrupts = self._interrupts
         foreign_requests = self._monitor.foreign_requests[node.node_id]
@@ -92,7 +161,7 @@ class BusDevices:
             setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries,
                                 is_interrupted=lambda: self._interrupts != interrupts)
             as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
-            is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests  # no other client is answered
+            is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests  # no answers to another client
             if is_alone and 2 * sdo.doubled > sdo.requests:
                 raise TwoDevicesError(node.label, expected='one device with this node-ID', remedy='Switch one of them '
                                       'off, and set another node-ID on it.',
@@ -100,16 +169,34 @@ class BusDevices:
         return as_set
 
     def interrupt(self) -> None:
-        """End the configurations under way; from any thread, returns at once."""
+        """Interrupt every configuration that is running. Any thread may call this; it returns immediately."""
         self._interrupts += 1
 
     def read_errors(self, node: CanopenNode) -> DeviceErrors:
-        """Read what a device lists as its errors. Raises BusError."""
+        """Return the error register and the newest errors of a device. Raises BusError."""
         with self.sdo_client(node) as sdo:
             return read_errors(sdo)
 
     def auto_zero(self, pad: str) -> int:
-        """Let the pad's devices zero themselves; how many channels. Raises DeviceError, BusError, HalfZeroedError."""
+        """Make all devices of a pad zero themselves (CiA 404).
+
+        Parameters
+        ----------
+        pad : str
+            Name of the pad.
+
+        Returns
+        -------
+        int
+            Number of channels zeroed.
+
+        Raises
+        ------
+        DeviceError, BusError
+            If no channel was zeroed.
+        HalfZeroedError
+            If some channels were zeroed, or if a device did not answer.
+        """
         zeroed = 0
         for node in self._nodes:
             if node.pad == pad:
@@ -124,9 +211,24 @@ class BusDevices:
         return zeroed
 
     def confirm_operational(self, node: CanopenNode, since: float) -> None:
-        """Wait for it as long as for its first answer; NMT start is sent again and again, for it may be lost.
+        """Wait until a started node reports OPERATIONAL.
 
-        Raises DeviceError with what the device lists as its errors, BusError.
+        The timeout is ``boot_timeout``, but at least START_PERIOD, plus three heartbeat times. NMT start is repeated
+        every START_PERIOD, because the first command may be lost.
+
+        Parameters
+        ----------
+        node : CanopenNode
+            Node that was started.
+        since : float
+            Time of the monotonic clock [s]. Earlier heartbeats do not count.
+
+        Raises
+        ------
+        DeviceError
+            If the node does not become OPERATIONAL in time. The message gives the errors that the device reports.
+        BusError
+            If a command or request cannot be sent.
         """
         end = time.monotonic() + max(self._settings.boot_timeout, START_PERIOD) + 3e-3 * self._settings.heartbeat_ms
         while time.monotonic() < end:

@@ -1,4 +1,7 @@
-"""What is received beside taxels: heartbeats, EMCY, other masters' NMT commands, error frames; the bits of all."""
+"""Monitor the traffic of a bus beside the taxels, and count the bits of all frames for the bus load.
+
+The monitor observes heartbeats, EMCY messages, error frames, and the NMT commands and SDO requests of other masters.
+"""
 
 from collections.abc import Callable, Iterable
 
@@ -11,19 +14,32 @@ from tactile_node.cia301.frame_bits import load_bits
 from tactile_node.cia301.heartbeat import Heartbeats, nmt_state
 from tactile_node.cia301.sdo import written_object
 
-#: linux/can/error.h: bits of an error frame's identifier; of byte 1 when the controller reports
-BUS_OFF, CONTROLLER, RESTARTED, COUNTERS = 0x040, 0x004, 0x100, 0x200
-PASSIVE, ACTIVE = 0x30, 0x40
+# Bits in the identifier of an error frame (linux/can/error.h)
+CONTROLLER = 0x004
+BUS_OFF = 0x040
+RESTARTED = 0x100
+COUNTERS = 0x200
+# Bits in byte 1 of an error frame with the bit CONTROLLER (linux/can/error.h)
+PASSIVE = 0x30
+ACTIVE = 0x40
 
-#: objects that decide what TPDOs a node sends, and when
+#: Objects that determine which TPDOs a node sends, and when.
 DECIDES_TPDOS = frozenset((objects.COB_ID_SYNC, *objects.COMMUNICATION_RECORDS, *objects.MAPPING_RECORDS))
 
 
 class BusMonitor:
-    """Fed on the thread of the reception, read from any; lasts while the bus is closed and opened again.
+    """State of the nodes and of the CAN controller, as received on one bus.
 
-    ``on_news()`` is called when a node's state changes or another master sends a command or changes what a node sends;
-    it must return at once.
+    The reception thread feeds the monitor; any thread may read it. The monitor and its counts persist while the bus is
+    closed and opened again.
+
+    Parameters
+    ----------
+    node_ids : iterable of int
+        Node-IDs of the pads on the bus.
+    on_news : callable
+        Called when the state of a node changes, when another master sends an NMT command to one of the nodes, or when
+        it changes the TPDOs of one. The callback must return immediately.
     """
 
     def __init__(self, node_ids: Iterable[int], on_news: Callable[[], None] = lambda: None):
@@ -33,10 +49,12 @@ class BusMonitor:
         self.can_frames = 0
         self.bits = 0
         self.foreign_commands = 0
-        self.last_command: ForeignCommand | None = None  #: sent by another master to one of our nodes
-        self.foreign_writes = dict.fromkeys(self.emergencies, 0)  #: by another master, to what decides a node's TPDOs
-        self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: by SDO, of another master
-        self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)  #: by another master, to a node's heartbeat time
+        self.last_command: ForeignCommand | None = None  #: last NMT command of another master to one of our nodes
+        #: by node-ID, writes of another master to the objects in DECIDES_TPDOS
+        self.foreign_writes = dict.fromkeys(self.emergencies, 0)
+        self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: by node-ID, SDO requests of another master
+        #: by node-ID, writes of another master to the heartbeat time
+        self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)
         self.is_error_passive = False
         self.error_counters = ErrorCounters()
         self._watched: dict[int, Callable[[int, bytes], object]] = {objects.NMT: self._command}
@@ -48,12 +66,12 @@ class BusMonitor:
             self._watched[objects.SDO_REQUEST + node_id] = self._request
 
     def restart(self) -> None:
-        """The bus was opened again."""
+        """Forget the states of nodes and controller, because the bus was opened again. The counts stay."""
         self.heartbeats.forget()
         self._reset_errors()
 
     def feed(self, can_id: int, data: bytes) -> None:
-        """A data frame of another node, with an 11-bit identifier."""
+        """Take a received data frame with an 11-bit identifier."""
         self.can_frames += 1
         self.bits += load_bits(len(data))
         watched = self._watched.get(can_id)
@@ -61,15 +79,15 @@ class BusMonitor:
             watched(can_id, data)
 
     def feed_own(self, size: int) -> None:
-        """A frame of ``size`` bytes that we sent; it counts for the load."""
+        """Add a frame that this driver sends to the bus load. The frame has ``size`` data bytes."""
         self.bits += load_bits(size)
 
     def feed_other(self, message: can.Message) -> None:
-        """Count a remote frame, or one with a 29-bit identifier, for the load: nothing else of it is used."""
+        """Add a remote frame or a frame with a 29-bit identifier to the bus load. The driver ignores its data."""
         self.bits += load_bits(message.dlc, message.is_extended_id, message.is_remote_frame)
 
     def feed_error(self, message: can.Message) -> bool:
-        """An error frame of the controller; True when it reports bus-off."""
+        """Take an error frame of the CAN controller. Returns True if the frame reports bus-off."""
         kind, data = message.arbitration_id, message.data
         if kind & CONTROLLER and len(data) > 1:
             self.is_error_passive = bool(data[1] & PASSIVE) and not data[1] & ACTIVE
@@ -90,7 +108,10 @@ class BusMonitor:
             self._on_news()
 
     def _request(self, can_id: int, data: bytes) -> None:
-        """Own requests are not received. What this one writes may not mean what the layout says."""
+        """Count an SDO request of another master, and its writes to the TPDOs or the heartbeat time of a node.
+
+        The driver does not receive its own requests. After a foreign write the TPDOs may no longer match the layout.
+        """
         self.foreign_requests[can_id - objects.SDO_REQUEST] += 1
         written = written_object(data)
         if written == objects.PRODUCER_HEARTBEAT_TIME:
@@ -100,7 +121,7 @@ class BusMonitor:
             self._on_news()
 
     def _command(self, _can_id: int, data: bytes) -> None:
-        """Own commands are not received, so this one is another master's."""
+        """Note an NMT command of another master; the driver does not receive its own commands."""
         if len(data) < 2 or data[1] and data[1] not in self.emergencies:
             return
         self.last_command = ForeignCommand(data[0], data[1])

@@ -1,4 +1,4 @@
-"""python-can's bus and canopen's network, joined so that nothing a subscriber does can stop the reception."""
+"""Connect a python-can bus to a canopen Network. An exception of a subscriber cannot stop the reception."""
 
 import errno
 import logging
@@ -22,30 +22,51 @@ from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.logs.log_writer import CanLogWriter
 
 logger = logging.getLogger(__name__)
-# The caller reports an SDO timeout; canopen's own log line adds nothing and names no node
+# The caller reports each SDO timeout with its node; the log line of canopen names no node.
 logging.getLogger('canopen.sdo').setLevel(logging.CRITICAL)
 
 OnFailure = Callable[[BusFault, Exception], None]
 
 _REMEDIES = {
-    'socketcan': 'Is it up? "ip link set {channel} up type can bitrate {bitrate}"; "ip link" lists them.',
-    'slcan': 'Check the device path, end what else has it open, and see that you may open it (group dialout).',
-    'kvaser': 'Use the interface socketcan with the Linux driver kvaser_usb: on Linux, python-can 4.6 opens no adapter '
-              'through CANlib (docs/adapters.md).',
+    'socketcan': 'Check that the interface is up: "ip link" lists all interfaces, "ip link set {channel} up type can '
+                 'bitrate {bitrate}" brings it up.',
+    'slcan': 'Check the device path, close other programs that use the port, and check that you have permission to '
+             'open it (group dialout).',
+    'kvaser': 'Use the interface socketcan with the Linux driver kvaser_usb. On Linux, python-can 4.6 cannot open an '
+              'adapter through CANlib (docs/adapters.md).',
     'pcan': 'Use the interface socketcan with the Linux driver peak_usb, or install PCAN-Basic (docs/adapters.md).'}
-#: interface -> library of the adapter's maker that python-can loads
+#: By interface, the library of the adapter's manufacturer that python-can loads.
 _LIBRARIES = {'kvaser': 'CANlib', 'pcan': 'PCAN-Basic'}
 
 
 def check_bit_rate(bitrate: int) -> None:
-    """Raise ConfigurationError for a bit rate that no CANopen device has."""
+    """Raise ConfigurationError if ``bitrate`` [bit/s] is not a bit rate of CANopen (CiA 301)."""
     if bitrate not in BIT_RATES:
         raise ConfigurationError('bitrate', expected=f'one of {", ".join(map(str, BIT_RATES))} bit/s', got=str(bitrate),
-                                 remedy='Give the bit rate that is set on the devices.')
+                                 remedy='Give the bit rate that the devices are set to.')
 
 
 def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.BusABC:
-    """Open a python-can bus. Raises BusError; ConfigurationError for an interface or bit rate that there is not."""
+    """Open a python-can bus.
+
+    Parameters
+    ----------
+    interface : str
+        Interface name of python-can, such as 'socketcan' or 'slcan'.
+    channel : str
+        Channel of that interface, such as 'can0' or '/dev/ttyACM0'.
+    bitrate : int
+        Bit rate of the devices [bit/s].
+    **options
+        Further options for python-can.
+
+    Raises
+    ------
+    ConfigurationError
+        If the interface or the bit rate does not exist.
+    BusError
+        If the bus cannot be opened.
+    """
     check_bit_rate(bitrate)
     if interface not in can.VALID_INTERFACES:
         close = get_close_matches(interface.lower(), can.VALID_INTERFACES, n=1)
@@ -57,7 +78,7 @@ def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.
             return BulkSlcanBus(channel, bitrate=bitrate, **options)
         return can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **options)
     except Exception as error:
-        # Each backend of python-can raises its own: CanError, OSError, ValueError, ImportError, NameError
+        # The exception depends on the backend of python-can: CanError, OSError, ValueError, ImportError or NameError.
         is_without_library = interface in _LIBRARIES and isinstance(error, (NameError, OSError))
         raise BusError(f'CAN bus {interface} {channel}', expected=f'a bus that opens at {bitrate} bit/s',
                        got=f'no library {_LIBRARIES[interface]} of its maker' if is_without_library
@@ -69,17 +90,32 @@ def _remedy(interface: str, channel: str, error: Exception) -> str:
     if isinstance(error, (can.CanInterfaceNotImplementedError, ImportError)):
         return 'Check the name, and install what this interface needs (slcan: pyserial).'
     if getattr(error, 'errno', None) == errno.EAFNOSUPPORT:
-        return 'This kernel has no SocketCAN: load its modules (modprobe can can_raw), or use another interface.'
+        return 'This kernel has no SocketCAN. Load its modules (modprobe -a can can_raw), or use another interface.'
     if interface == 'socketcan' and channel.startswith('vcan'):
-        return 'Is it there? "ip link add dev {channel} type vcan && ip link set {channel} up".'
+        return ('Check that the interface exists: "ip link add dev {channel} type vcan && ip link set {channel} up" '
+                'creates it.')
     return _REMEDIES.get(interface, 'Check interface and channel.')
 
 
 class BusNetwork(Network):
-    """A canopen Network with its own reception: every batch of messages first goes to ``on_batch``, then to canopen.
+    """A canopen Network with its own reception. Each batch of messages goes to ``on_batch`` first, then to canopen.
 
-    ``on_sent(COB-ID, data)`` is called before each own frame, and must return at once.
-    One object lasts from open to close.
+    An object serves one bus from open to close.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        Open bus.
+    on_batch : callable
+        Called with each `Batch`, on the reception thread.
+    on_failure : callable
+        Called with a `BusFault` and the exception when receiving fails, or when canopen cannot send an answer.
+    record : CanLogWriter or None
+        Recording of all received and sent frames.
+    name : str
+        Name of the bus in error messages.
+    on_sent : callable
+        Called with COB-ID and data before each frame that this network sends. The callback must return immediately.
     """
 
     def __init__(self, bus: can.BusABC, on_batch: Callable[[Batch], None],
@@ -94,16 +130,30 @@ class BusNetwork(Network):
         self._sdo_owed: defaultdict[int, Counter[bytes]] = defaultdict(Counter)  # see OwnSdoClient
         self._record = record
         self._name = name or str(bus.channel_info)
-        self._order = threading.Lock()  # held while frames are recorded and handed on: both in one order
+        self._order = threading.Lock()  # frames are recorded in the order in which they are handed on
         self._reception = Reception(bus, self._received,
                                     lambda error: on_failure(BusFault.RECEPTION_FAILED, error))
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False,
                      announce: Callable[[], float] = lambda: time.time()) -> None:
-        """Send a frame from any thread; BusError when that fails.
+        """Send a frame. Any thread may call this.
 
-        ``announce`` gives the time for the recording [s]. It is called before the frame is on the bus, in one order
-        with the recording, while no other thread sends.
+        Parameters
+        ----------
+        can_id : int
+            COB-ID of the frame.
+        data : bytes
+            Data of the frame.
+        remote : bool
+            True for a remote frame.
+        announce : callable
+            Returns the time of the frame for the recording [s]. It is called before the frame is on the bus, and while
+            no other thread sends. The order of the calls is the order of the recording.
+
+        Raises
+        ------
+        BusError
+            If the frame cannot be sent.
         """
         with self.send_lock:
             with self._order:
@@ -120,9 +170,18 @@ class BusNetwork(Network):
 
     @contextmanager
     def sdo_client(self, node_id: int, dictionary: ObjectDictionary, timeout: float) -> Iterator[OwnSdoClient]:
-        """SDO with one device, one at a time; each answer may take ``timeout`` [s].
+        """Give an SDO client for one device. Only one client for a device is active at a time; others wait.
 
-        Not canopen's RemoteNode: that also keeps every EMCY for ever.
+        canopen's RemoteNode is not used, because it stores every EMCY message without a limit.
+
+        Parameters
+        ----------
+        node_id : int
+            Node-ID of the device.
+        dictionary : ObjectDictionary
+            Object dictionary of the device.
+        timeout : float
+            Time allowed for each answer [s].
         """
         client = OwnSdoClient(node_id, dictionary, timeout, self._sdo_owed[node_id])
         client.network = self
@@ -134,11 +193,11 @@ class BusNetwork(Network):
                 self.unsubscribe(client.tx_cobid, client.on_response)
 
     def close(self) -> None:
-        """Stop receiving and close the bus; allowed on a dead bus. The recording stays open."""
+        """Stop receiving and close the bus. This also works if the adapter is gone. The recording stays open."""
         self._reception.stop()
         try:
             self._open_bus.shutdown()
-        except (can.CanError, OSError):  # an adapter that was pulled out cannot be closed
+        except (can.CanError, OSError):  # the adapter was unplugged
             pass
 
     def _received(self, batch: Batch) -> None:
@@ -156,7 +215,7 @@ class BusNetwork(Network):
         for callback in subscribers:
             try:
                 callback(message.arbitration_id, message.data, message.timestamp)
-            except BusError as error:  # the answer to it could not be sent
+            except BusError as error:  # canopen could not send its answer
                 self._on_failure(BusFault.SENDING_FAILED, error)
-            except Exception:  # canopen over a malformed frame; the reception must continue
+            except Exception:  # canopen raises on malformed frames; the reception must continue
                 logger.exception('CAN frame 0x%03X#%s', message.arbitration_id, message.data.hex())

@@ -1,27 +1,27 @@
-"""How a bus is reached and run."""
+"""Settings of a live CAN bus."""
 
 from dataclasses import dataclass
 
 DEFAULT_INTERFACE = 'socketcan'
 DEFAULT_CHANNEL = 'can0'
-DEFAULT_BITRATE = 1_000_000  #: [bit/s]
+DEFAULT_BITRATE = 1_000_000  #: Bit rate if the user gives none [bit/s].
 
 
 @dataclass(frozen=True)
 class BusSettings:
-    """How to reach the bus, and how its pads are read."""
+    """Settings for opening a bus, configuring its devices and reading its pads."""
 
-    interface: str
-    channel: str
-    bitrate: int = DEFAULT_BITRATE
-    sync_period: float = 0.02  #: [s]
-    produce_sync: bool = True  #: False: another device sends SYNC
-    boot_timeout: float = 5.0  #: how long each device may take to answer [s]
-    sdo_timeout: float = 0.3  #: how long each answer by SDO may take [s]
-    sdo_retries: int = 3  #: further requests where there is no answer
-    heartbeat_ms: int = 100  #: written to each device's 0x1017
-    allow_full_bus: bool = False  #: even where pads and ``sync_period`` keep it busy for more than FULL_LOAD
-    queue_limit: int = 20_000  #: CAN frames that may wait for the worker
-    drop_incomplete: bool = False  #: withhold and count a sweep that lacks TPDOs; else it is given with NaN
-    record: str = ''  #: log file for everything on the bus, own frames included
-    record_largest: int = 0  #: bytes from which on the recording's next file begins; 0: one file
+    interface: str  #: interface name of python-can
+    channel: str  #: channel of that interface
+    bitrate: int = DEFAULT_BITRATE  #: bit rate [bit/s]
+    sync_period: float = 0.02  #: time between two SYNCs, and between two polls of a DOMAIN [s]
+    produce_sync: bool = True  #: False if another device sends SYNC
+    boot_timeout: float = 5.0  #: time allowed for the first answer of each device [s]
+    sdo_timeout: float = 0.3  #: time allowed for each SDO answer [s]
+    sdo_retries: int = 3  #: number of times that an unanswered SDO request is repeated
+    heartbeat_ms: int = 100  #: heartbeat time written to object 0x1017 of each device [ms]
+    allow_full_bus: bool = False  #: True to accept a planned load above `load.FULL_LOAD`
+    queue_limit: int = 20_000  #: largest number of CAN frames that may wait for the assembler
+    drop_incomplete: bool = False  #: True to withhold and count sweeps that lack TPDOs; False to give them with NaN
+    record: str = ''  #: log file for all frames on the bus, including those of this driver; '' for no recording
+    record_largest: int = 0  #: size at which the recording continues in a new file [bytes]; 0 for a single file

@@ -1,4 +1,4 @@
-"""Finds, identifies and configures one CANopen device, up to NMT start (CiA 301, 302-2)."""
+"""Find, identify and configure one CANopen device, so that it is ready for NMT start (CiA 301, 302-2)."""
 
 import logging
 import time
@@ -22,26 +22,36 @@ from tactile_node.skin.pads import CanopenNode
 
 logger = logging.getLogger(__name__)
 
-#: bytes and name of the sub-indices of a communication record that say when a TPDO is sent
+#: Number of bytes and name of the sub-indices in a communication record that determine when a TPDO is sent.
 SENDING_TIMES = {objects.TRANSMISSION_TYPE: (1, 'transmission type'), objects.INHIBIT_TIME: (2, 'inhibit time'),
                  objects.EVENT_TIMER: (2, 'event timer')}
 
 Answer = TypeVar('Answer')
-MappingEntries = list[int] | None  # what a mapping record holds; None: an MPDO with source addressing
+MappingEntries = list[int] | None  # entries of a mapping record; None for an MPDO with source addressing
 
 
 class DeviceAsSet(NamedTuple):
-    """What a device has made of its configuration."""
+    """Settings that a device has after its configuration, as read back."""
 
-    by_block: bool = False  #: it uploads its DOMAIN by block
-    heartbeat_ms: int | None = None  #: its heartbeat time; 0: it sends none, None: not known
+    by_block: bool = False  #: True if the device sends its DOMAIN by block upload
+    heartbeat_ms: int | None = None  #: heartbeat time [ms]; 0 if the device sends no heartbeat, None if not known
 
 
 class DeviceSetup:
-    """The steps of one node's device; a request without an answer is repeated ``retries`` times.
+    """Configuration of the device of one node.
 
-    Each raises DeviceError when the device does not comply, DeviceAbsentError where it does not answer, BusError; and
-    InterruptedSetupError in place of the next request when ``is_interrupted()``.
+    Parameters
+    ----------
+    sdo : SdoClient
+        SDO client of the device.
+    node : CanopenNode
+        Node with its EDS and layout.
+    heartbeats : Heartbeats
+        Heartbeats received on the bus.
+    retries : int
+        Number of times that an unanswered request is repeated.
+    is_interrupted : callable
+        Asked before each request. If it returns True, the configuration ends with InterruptedSetupError.
     """
 
     def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats, retries: int,
@@ -52,10 +62,34 @@ class DeviceSetup:
         self._tries = 1 + retries
         self._is_interrupted = is_interrupted
         self._heartbeats = heartbeats
-        self._replaced: list[tuple[int, int, int, int]] = []  # index, sub-index, the value before, its bytes
+        self._replaced: list[tuple[int, int, int, int]] = []  # index, sub-index, previous value, number of bytes
 
     def run(self, boot_timeout: float, heartbeat_ms: int) -> DeviceAsSet:
-        """Find the device within ``boot_timeout`` [s], check and configure it; a failure leaves its TPDOs as before."""
+        """Find the device, check its identity and configure it. After a failure its previous TPDOs are restored.
+
+        Parameters
+        ----------
+        boot_timeout : float
+            Time allowed for the first answer [s].
+        heartbeat_ms : int
+            Heartbeat time to set [ms].
+
+        Returns
+        -------
+        DeviceAsSet
+            Settings that the device has now.
+
+        Raises
+        ------
+        DeviceAbsentError
+            If the device does not answer.
+        DeviceError
+            If the device is another one or does not accept the configuration.
+        BusError
+            If a request cannot be sent.
+        InterruptedSetupError
+            If the configuration was interrupted.
+        """
         try:
             return self._run(boot_timeout, heartbeat_ms)
         except (DeviceError, InterruptedSetupError):
@@ -70,7 +104,7 @@ class DeviceSetup:
         heartbeat = self._set_heartbeat(heartbeat_ms)
         if self._node.layout.domain is not None:
             return DeviceAsSet(check_domain(self._sdo, self._node.layout.domain, self._label), heartbeat)
-        tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}  # many frames may be one multiplexed TPDO
+        tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}  # a multiplexed TPDO appears several times
         self._disable_rivals()
         self._report_fixed_times(tpdos)
         written = sum(self._configure(tpdo) for tpdo in tpdos.values())
@@ -84,14 +118,14 @@ class DeviceSetup:
             try:
                 self._sdo.upload(objects.IDENTITY, 1)
                 return
-            except SdoAbortedError:  # it answers; the next step finds what it lacks
+            except SdoAbortedError:  # the device answers; the next step reports a missing object
                 return
             except SdoCommunicationError:
                 now = time.monotonic()
             absent = DeviceAbsentError(self._label, expected=f'an answer by SDO within {timeout:g} s',
                                        got=self._silence(),
-                                       remedy='Check power, wiring, termination, bit rate and node-ID: `tactile scan` '
-                                       'finds the nodes of a bus.')
+                                       remedy='Check power, wiring, termination, bit rate and node-ID. `tactile scan` '
+                                       'lists the nodes of a bus.')
             if now - begun >= timeout:
                 raise absent
             if reminder.is_due(self._label, now):
@@ -111,16 +145,20 @@ class DeviceSetup:
         if not ours.accepts(theirs):
             raise UnverifiedDeviceError(f'{self._label}, object 0x{objects.IDENTITY:04X}', got=str(theirs),
                                         expected=f'{ours} as in {self._node.eds}',
-                                        remedy='Check the node-ID, or give the EDS and layout of this device.')
+                                        remedy='Check the node-ID, or use the EDS and layout of this device.')
         if ours.not_given:
-            logger.warning('%s: its EDS %s gives no %s in object 0x%04X, so that any is accepted.', self._label,
+            logger.warning('%s: its EDS %s gives no %s in object 0x%04X, so any value is accepted.', self._label,
                            self._node.eds, ', '.join(ours.not_given), objects.IDENTITY)
-        logger.info('%s is there: %s.', self._label, theirs)
+        logger.info('%s was found: %s.', self._label, theirs)
 
     def _set_sync(self, wanted: int) -> None:
-        """Bits 30 and 31 are none of the COB-ID. A device that produces SYNC may go on; its COB-ID is fixed."""
+        """Set the COB-ID of SYNC, and keep bits 30 and 31 of the object, which are not part of the COB-ID.
+
+        If the device itself produces SYNC, its COB-ID cannot be changed, so a different COB-ID is an error.
+        """
         if objects.COB_ID_SYNC not in self._node.dictionary:
-            logger.info('%s: its EDS has no object 0x%04X, so its SYNC COB-ID stays.', self._label, objects.COB_ID_SYNC)
+            logger.info('%s: its EDS has no object 0x%04X, so its SYNC COB-ID is not changed.', self._label,
+                        objects.COB_ID_SYNC)
             return
         now = self._read_if_any(objects.COB_ID_SYNC, 0)
         if now is not None and now & objects.SYNC_ID_MASK == wanted:
@@ -129,25 +167,27 @@ class DeviceSetup:
             raise DeviceError(f'{self._label}, object 0x{objects.COB_ID_SYNC:04X}',
                               expected=f'SYNC COB-ID 0x{wanted:03X}',
                               got=f'0x{now & objects.SYNC_ID_MASK:03X}, on which this device itself produces SYNC',
-                              remedy='Give this one as sync_cob_id in the layout, or let the device produce none.')
+                              remedy='Set sync_cob_id in the layout to this COB-ID, or stop the device from producing '
+                              'SYNC.')
         self._write(objects.COB_ID_SYNC, 0, (now or 0) & ~objects.SYNC_ID_MASK | wanted, 4, was=now)
 
     def _set_heartbeat(self, wanted: int) -> int | None:
-        """Set the heartbeat time [ms]; the one that the device has now, if that is known."""
+        """Set the heartbeat time [ms]. Returns the time that the device has now, or None if it is not known."""
         now = self._read_if_any(objects.PRODUCER_HEARTBEAT_TIME, 0)
         if now != wanted and objects.PRODUCER_HEARTBEAT_TIME in self._node.dictionary:
             with suppress(SdoAbortedError):
                 self._download(objects.PRODUCER_HEARTBEAT_TIME, 0, wanted.to_bytes(2, 'little'))
             now = self._read_if_any(objects.PRODUCER_HEARTBEAT_TIME, 0)
         if now != wanted:
-            logger.info('%s: its heartbeat time cannot be set to %d ms; it keeps %s.', self._label, wanted,
-                        'its own, which cannot be read' if now is None else f'{now} ms' if now else 'none')
+            logger.info('%s: its heartbeat time cannot be set to %d ms; %s.', self._label, wanted,
+                        'the present one cannot be read' if now is None else
+                        f'it stays at {now} ms' if now else 'the device sends no heartbeat')
         return now
 
     def _disable_rivals(self) -> None:
-        """Disable TPDOs beside ours that send under a COB-ID of ours: their data would be taken for taxels.
+        """Disable TPDOs that are not in the layout but use one of its COB-IDs: their data would be read as taxels.
 
-        They remain where the device was set up for another layout.
+        A device has such TPDOs if it was configured for another layout before.
         """
         ours = {objects.TPDO_COMMUNICATION + tpdo.number - 1 for tpdo in self._node.layout.tpdos}
         cob_ids = {tpdo.cob_id.of(self._node.node_id) for tpdo in self._node.layout.tpdos}
@@ -162,11 +202,12 @@ class DeviceSetup:
             if not (now := self._read(index, 1)) & objects.DISABLED:
                 self._refuse_other_value(f'0x{index:04X} sub 1 (COB-ID of TPDO {number})',
                                          f'0x{current | objects.DISABLED:08X}', f'0x{now:08X}')
-            logger.warning('%s: TPDO %d, not in the layout, is disabled: it had COB-ID 0x%03X, as one that is.',
+            logger.warning('%s: TPDO %d is not in the layout and was disabled, because it used COB-ID 0x%03X of the '
+                           'layout.',
                            self._label, number, current & objects.ID_MASK)
 
     def _configure(self, tpdo: TpdoLayout) -> bool:
-        """Make the device send ``tpdo`` as the layout says; True when anything had to be written."""
+        """Make the device send ``tpdo`` as the layout specifies. Returns True if anything had to be written."""
         communication, mapping = objects.TPDO_COMMUNICATION + tpdo.number - 1, objects.TPDO_MAPPING + tpdo.number - 1
         entries = None if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
         transmission = self._transmission(tpdo, communication)
@@ -175,7 +216,7 @@ class DeviceSetup:
         times = {sub: self._read(communication, sub) for sub in transmission}
         if (current, mapped, times) == (wanted, entries, transmission):
             return False
-        disabled = current | objects.DISABLED  # CiA 301: no change while the PDO exists
+        disabled = current | objects.DISABLED  # CiA 301 allows changes only while the PDO is disabled
         try:
             self._write(communication, 1, disabled, 4, was=current)
             for sub, value in transmission.items():
@@ -192,7 +233,7 @@ class DeviceSetup:
         return True
 
     def _transmission(self, tpdo: TpdoLayout, index: int) -> dict[int, int]:
-        """The transmission type by its sub-index, and without SYNC the times that the EDS lists."""
+        """Return the values to write, by sub-index: the transmission type and, without SYNC, the times in the EDS."""
         event = self._node.layout.event_driven
         if event is None:
             return {objects.TRANSMISSION_TYPE: objects.MANUFACTURER_EVENT if tpdo.is_mpdo else objects.EVERY_SYNC}
@@ -204,13 +245,13 @@ class DeviceSetup:
         return not isinstance(record, ODVariable) and sub in record.subindices
 
     def _report_fixed_times(self, tpdos: Collection[int]) -> None:
-        """The times of ``tpdos`` that the layout gives and the device does not let be set."""
+        """Log the times that the layout gives but that the EDS does not list for ``tpdos``."""
         event = self._node.layout.event_driven
         for sub, value in () if event is None else event.times.items():
             fixed = [number for number in tpdos if not self._is_listed(objects.TPDO_COMMUNICATION + number - 1, sub)]
             if value and fixed:
-                logger.warning('%s: its EDS has no %s (sub-index %d) of TPDO %s, so it stays as it is.', self._label,
-                               SENDING_TIMES[sub][1], sub, ', '.join(map(str, fixed)))
+                logger.warning('%s: its EDS has no %s (sub-index %d) for TPDO %s, so this time is not set.',
+                               self._label, SENDING_TIMES[sub][1], sub, ', '.join(map(str, fixed)))
 
     def _mapping(self, index: int) -> MappingEntries:
         count = self._read(index, 0)
@@ -237,33 +278,33 @@ class DeviceSetup:
     def _refuse_other_value(self, what: str, expected: str, got: str) -> NoReturn:
         raise DeviceError(f'{self._label}, {what}', expected=f'{expected}, as just written',
                           got=f'{got} read back',
-                          remedy="Adapt the layout to the device's own mapping: it does not take another.")
+                          remedy='Adapt the layout to the device, because the device does not accept this value.')
 
     def _read(self, index: int, sub: int) -> int:
-        """Read an unsigned number."""
+        """Return the unsigned number of an object."""
         with explain_refusal(self._where(index, sub), 'be read'):
             return self._upload(index, sub)
 
     def _read_if_any(self, index: int, sub: int) -> int | None:
-        """Read an unsigned number; None where the device refuses it."""
+        """Return the unsigned number of an object, or None if the device aborts the request."""
         with suppress(SdoAbortedError):
             return self._upload(index, sub)
         return None
 
     def _write(self, index: int, sub: int, value: int, size: int, was: int | None) -> None:
-        """Write a number in place of ``was``; None where that is not known."""
+        """Write an unsigned number, and note the previous value ``was`` for ``_restore`` if it is known."""
         with explain_refusal(self._where(index, sub), f'be set to 0x{value:X}'):
             self._download(index, sub, value.to_bytes(size, 'little'))
         if was is not None:
             self._replaced.append((index, sub, was, size))
 
     def _restore(self) -> None:
-        """Write back what was replaced, the last first, so that each write meets the state that CiA 301 wants."""
+        """Write the previous values back in reverse order, so that each write is allowed by CiA 301."""
         for index, sub, value, size in reversed(self._replaced):
             try:
                 self._sdo.download(index, sub, value.to_bytes(size, 'little'))
             except (SdoAbortedError, SdoCommunicationError, BusError) as error:
-                logger.error('%s cannot be set back to 0x%X: %s. Cycle the power of the device.',
+                logger.error('%s cannot be restored to 0x%X: %s. Cycle the power of the device.',
                              self._where(index, sub), value, error, extra={'fact': (index, sub)})
                 return
 
@@ -274,7 +315,7 @@ class DeviceSetup:
         self._retried('write', index, sub, lambda: self._sdo.download(index, sub, data))
 
     def _retried(self, verb: str, index: int, sub: int, request: Callable[[], Answer]) -> Answer:
-        """What ``request`` returns; it is repeated when there is no answer. Raises DeviceAbsentError."""
+        """Make a request, and repeat it while the device does not answer. Raises DeviceAbsentError after the last."""
         silence: SdoCommunicationError | None = None
         for _ in range(self._tries):
             self._check_interrupt()
@@ -285,20 +326,20 @@ class DeviceSetup:
         timeout = self._tries * self._sdo.RESPONSE_TIMEOUT
         raise DeviceAbsentError(self._where(index, sub), got=str(silence),
                                 expected=f'an answer to a {verb} within {timeout:g} s',
-                                remedy='Check the wiring and whether the device is on; a slow one needs a larger '
+                                remedy='Check the wiring and the power of the device; a slow device needs a larger '
                                 'sdo_timeout.') from silence
 
     def _check_interrupt(self) -> None:
         if self._is_interrupted():
-            raise InterruptedSetupError(self._label, expected='that it is configured', got='a driver that stops',
-                                        remedy='Start the driver again.')
+            raise InterruptedSetupError(self._label, expected='to finish its configuration',
+                                        got='a request to stop the driver', remedy='Start the driver again.')
 
     def _where(self, index: int, sub: int) -> str:
         return f'{self._label}, object 0x{index:04X} sub {sub}'
 
 
 def _count(entries: MappingEntries) -> int:
-    """Return sub 0 of a mapping record."""
+    """Return sub-index 0 of a mapping record with these entries."""
     return objects.SAM_MPDO if entries is None else len(entries)
 
 

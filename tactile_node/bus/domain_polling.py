@@ -1,4 +1,7 @@
-"""Polls a pad's DOMAIN by SDO. The assembler takes the data from the frames on the bus."""
+"""Poll the DOMAIN of a pad by SDO.
+
+The polls only make the device send its data. The assembler reads the data from the frames on the bus.
+"""
 
 import logging
 import time
@@ -18,7 +21,26 @@ logger = logging.getLogger(__name__)
 
 
 def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
-    """Read the object. Raises BusError and canopen's SdoAbortedError and SdoCommunicationError."""
+    """Read a DOMAIN.
+
+    Parameters
+    ----------
+    sdo : SdoClient
+        SDO client of the device.
+    domain : DomainLayout
+        Index, sub-index and length of the object.
+    by_block : bool
+        True for a block upload, False for a segmented upload.
+
+    Raises
+    ------
+    BusError
+        If a request cannot be sent.
+    canopen.SdoAbortedError
+        If the device aborts the upload.
+    canopen.SdoCommunicationError
+        If the device does not answer, or if frames are missing or do not belong to the upload.
+    """
     try:
         if not by_block:
             return sdo.upload(domain.index, domain.subindex)
@@ -26,12 +48,33 @@ def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
             return stream.read()
     except (SdoAbortedError, SdoCommunicationError, BusError):
         raise
-    except Exception as error:  # canopen's streams over a lost last frame or a foreign one: AttributeError and others
+    # If the last frame is lost or a foreign frame comes in between, canopen raises AttributeError and others.
+    except Exception as error:
         raise SdoCommunicationError(f'Upload failed: {type(error).__name__}: {error}') from error
 
 
 def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
-    """Read the object once: whether the device sends it by block. Raises DeviceError when it cannot be used."""
+    """Read a DOMAIN once, to check its length and to find the kind of upload that the device supports.
+
+    Parameters
+    ----------
+    sdo : SdoClient
+        SDO client of the device.
+    domain : DomainLayout
+        Index, sub-index and length of the object.
+    label : str
+        Name of the node in messages.
+
+    Returns
+    -------
+    bool
+        True if the device sends the object by block upload, False for a segmented upload.
+
+    Raises
+    ------
+    DeviceError
+        If the object cannot be read or does not have the length that the layout gives.
+    """
     where = f'{label}, object 0x{domain.index:04X} sub {domain.subindex}'
     read, is_block = None, False
     for by_block in (True, False):
@@ -46,16 +89,28 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
     if len(read) != domain.length:
         raise DeviceError(where, expected=f'{domain.length} bytes, as in the layout', got=f'{len(read)} bytes',
                           remedy='Correct "bytes" in the layout, or use the layout of this device.')
-    logger.info('%s: its taxels are read by %s SDO upload, %d bytes a frame.',
+    logger.info('%s: its taxels are read by %s SDO upload, %d bytes per frame.',
                 label, 'block' if is_block else 'segmented', len(read))
     return is_block
 
 
 class DomainPolling(Pacer):
-    """Polls one node's DOMAIN every ``period`` [s] from ``start`` to ``stop``, on its own thread.
+    """Polls the DOMAIN of one node on its own thread, from ``start`` to ``stop``.
 
-    ``open_sdo()`` is a context manager that gives the node's SDO client. Failed polls are logged now and
-    then; the assembler counts the losses. A BusError goes to ``on_failure``.
+    Failed polls are logged at increasing intervals. The assembler counts the lost uploads.
+
+    Parameters
+    ----------
+    domain : DomainLayout
+        Object to poll.
+    label : str
+        Name of the node in log messages.
+    period : float
+        Time between two polls [s].
+    open_sdo : callable
+        Returns a context manager that gives the SDO client of the node.
+    on_failure : callable
+        Called with a `BusFault` and the exception if a request cannot be sent, or if the thread ends with an exception.
     """
 
     def __init__(self, domain: DomainLayout, label: str, period: float,
@@ -67,12 +122,12 @@ class DomainPolling(Pacer):
         self._open_sdo = open_sdo
         self._on_failure = on_failure
         self._reminder = Reminder()
-        self.by_block = True  #: whether the device sends it by block
+        self.by_block = True  #: True for block uploads, False for segmented uploads
 
     def _poll(self) -> None:
         try:
             with self._open_sdo() as sdo:
-                # s until a missing frame counts as lost: a poll must not outlast many periods
+                # Time after which a missing answer counts as lost [s]. A lost frame must not delay many further polls.
                 sdo.RESPONSE_TIMEOUT = 0.1
                 upload(sdo, self._domain, self.by_block)
         except (SdoAbortedError, SdoCommunicationError) as error:

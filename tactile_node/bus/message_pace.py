@@ -1,13 +1,18 @@
-"""How often a message is sent: one that repeats ever more rarely, a state when it changes."""
+"""Limit how often a message is sent.
+
+`Reminder` lets a repeated log message through at increasing intervals. `ChangePace` lets a state through when it
+changes, and otherwise once a period.
+"""
 
 from collections import deque
 from collections.abc import Hashable
 
-FIRST_REMINDER, LAST_REMINDER = 2.0, 60.0  # s between two messages of one kind
+FIRST_REMINDER = 2.0  #: Time from the first message of a kind to the second [s].
+LAST_REMINDER = 60.0  #: Longest time between two messages of one kind [s].
 
 
 class Reminder:
-    """Lets a message of a new kind through at once, of the same kind again ever more rarely."""
+    """Lets the first message of a kind through immediately, and repetitions at intervals that double each time."""
 
     def __init__(self) -> None:
         self._kind = ''
@@ -15,7 +20,15 @@ class Reminder:
         self._pause = FIRST_REMINDER
 
     def is_due(self, kind: str, now: float) -> bool:
-        """Whether to send the message now, and note that it is sent."""
+        """Return True if a message of this kind is to be sent now, and note that it is sent.
+
+        Parameters
+        ----------
+        kind : str
+            Kind of the message. A kind other than the last one is always due.
+        now : float
+            Present time of the steady clock [s].
+        """
         if kind == self._kind and now < self._due:
             return False
         self._pause = min(2 * self._pause, LAST_REMINDER) if kind == self._kind else FIRST_REMINDER
@@ -24,19 +37,24 @@ class Reminder:
         return True
 
     def reset(self) -> None:
+        """Forget the last message, so that the next one is due immediately."""
         self._kind = ''
 
 
-STATE_PERIOD = 1.0  #: s, at the latest after which the state is published again (REP-107)
-MOST_STATES = 20    #: published within any STATE_PERIOD
-STATE_MARGIN = 0.05  #: s from a decision to its publication, at most: no reader sees more than MOST_STATES in a period
-EARLY_ROUND = 0.02   #: s: a round that comes a little early is the last one before the period is over
+STATE_PERIOD = 1.0  #: Longest time between two publications of the state [s] (REP-107).
+MOST_STATES = 20  #: Largest number of publications within any STATE_PERIOD.
+#: Longest time from a decision to its publication [s]. It is added to STATE_PERIOD, so that a reader never receives
+#: more than MOST_STATES publications in a period.
+STATE_MARGIN = 0.05
+#: The state is already published if STATE_PERIOD ends within this time [s]. The next call might come after its end.
+EARLY_ROUND = 0.02
 
 
 class ChangePace:
-    """Lets a state through when it has changed, MOST_STATES times in a STATE_PERIOD at most, and after each.
+    """Lets a state through when it has changed, and at least once in each STATE_PERIOD.
 
-    A change that comes too soon is let through by a later call, unless the state has changed back.
+    At most MOST_STATES publications fall within any STATE_PERIOD. A change beyond that limit is let through by a later
+    call, unless the state has changed back by then.
     """
 
     def __init__(self) -> None:
@@ -44,7 +62,15 @@ class ChangePace:
         self._key: Hashable = None
 
     def is_due(self, key: Hashable, now: float) -> bool:
-        """Whether to publish the state ``key`` now, and note that it is published."""
+        """Return True if the state is to be published now, and note that it is published.
+
+        Parameters
+        ----------
+        key : hashable
+            Value that is equal for equal states.
+        now : float
+            Present time of the steady clock [s].
+        """
         is_over = not self._published or now - self._published[-1] >= STATE_PERIOD - EARLY_ROUND
         if key == self._key and not is_over:
             return False
@@ -54,6 +80,6 @@ class ChangePace:
         return True
 
     def note(self, key: Hashable, now: float) -> None:
-        """The state is published now."""
+        """Note that the state ``key`` is published at ``now`` [s], whether it was due or not."""
         self._published.append(now)
         self._key = key

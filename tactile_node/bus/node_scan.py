@@ -1,4 +1,7 @@
-"""Finds the CANopen nodes of a bus: listens to heartbeats, then reads a few objects of each by SDO. Writes nothing."""
+"""Find the CANopen nodes of a bus and the bit rate of an unknown bus.
+
+The scan listens to heartbeats and then reads a few objects of each node by SDO. It writes no object.
+"""
 
 import threading
 import time
@@ -18,36 +21,36 @@ from tactile_node.cia301.sdo import SDO_BYTES
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.skin.eds_rules import Identity
 
-ANSWER_TIMEOUT = 0.5  #: s for the first answer of a node
+ANSWER_TIMEOUT = 0.5  #: Time allowed for an SDO answer of a node [s].
 DEVICE_TYPE_REQUEST = bytes((REQUEST_UPLOAD, objects.DEVICE_TYPE & 0xFF, objects.DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))
 
 
 class FoundNode(NamedTuple):
-    """One node as it was heard; None for what it did not say."""
+    """One node as it was found. A field is None if the node did not report its value."""
 
     node_id: int
-    answers: bool             #: by SDO
-    state: int | None         #: NMT state, by its last heartbeat
-    heartbeat_period: float | None  #: between two heartbeats that were heard [s]
-    heartbeat_time: float | None    #: 0x1017, as it is set [s]; 0: it sends none
-    device_type: int | None
-    name: str | None
-    identity: Identity
+    answers: bool             #: True if the node answers SDO requests
+    state: int | None         #: NMT state in its last heartbeat
+    heartbeat_period: float | None  #: mean time between the heartbeats that were received [s]
+    heartbeat_time: float | None    #: heartbeat time set in object 0x1017 [s]; 0 if the node sends no heartbeat
+    device_type: int | None   #: object 0x1000
+    name: str | None          #: device name, object 0x1008
+    identity: Identity        #: object 0x1018
 
 
 class NodeScan:
-    """What was heard on a bus; ``received`` is called on the thread of the reception."""
+    """Collects the heartbeats and SDO answers received on a bus. The reception thread calls ``received``."""
 
     def __init__(self) -> None:
-        self.can_frames = 0
-        self.error_frames = 0  #: also one for each damaged line of an slcan adapter
-        self.answered: set[int] = set()
+        self.can_frames = 0  #: CANopen frames received
+        self.error_frames = 0  #: error frames received; each damaged line of an slcan adapter also counts as one
+        self.answered: set[int] = set()  #: node-IDs that have answered an SDO request
         self._states: dict[int, int] = {}
         self._heard: dict[int, list[float]] = {}
         self._lock = threading.Lock()
 
     def received(self, batch: Batch) -> None:
-        """Note heartbeats and answers to the first request."""
+        """Note the heartbeats and SDO answers in ``batch``."""
         with self._lock:
             self.error_frames += sum(message.is_error_frame for message in batch.messages)
             for message in (one for one in batch.messages if non_data_kind(one) is None):
@@ -61,14 +64,25 @@ class NodeScan:
                     self.answered.add(server)
 
     def ask(self, network: BusNetwork, node_ids: Iterable[int]) -> None:
-        """Ask for device types, and wait for the last answer. Raises BusError."""
+        """Request the device type of each node in ``node_ids``, then wait for ANSWER_TIMEOUT. Raises BusError."""
         for node_id in node_ids:
             network.send_message(objects.SDO_REQUEST + node_id, DEVICE_TYPE_REQUEST)
-            time.sleep(0.002)  # between two requests: a bus in use stays usable
+            time.sleep(0.002)  # a bus in use must remain usable
         time.sleep(ANSWER_TIMEOUT)
 
     def nodes(self, network: BusNetwork | None) -> list[FoundNode]:
-        """Return all that were heard, by node-ID; with a ``network``, what they say of themselves. Raises BusError."""
+        """Return the nodes found so far, in the order of their node-IDs.
+
+        Parameters
+        ----------
+        network : BusNetwork or None
+            Network through which the objects of each answering node are read; None to read no objects.
+
+        Raises
+        ------
+        BusError
+            If a request cannot be sent.
+        """
         with self._lock:
             node_ids = sorted(self.answered | self._states.keys())
         return [self._node(node_id, network if node_id in self.answered else None) for node_id in node_ids]
@@ -87,7 +101,7 @@ class NodeScan:
 
 
 def _read(network: BusNetwork, node_id: int) -> dict[tuple[int, int], bytes]:
-    """Return what can be read of these objects."""
+    """Return the data of the readable objects, by index and sub-index."""
     found = {}
     with network.sdo_client(node_id, ObjectDictionary(), ANSWER_TIMEOUT) as sdo:
         for index, sub in ((objects.DEVICE_TYPE, 0), (objects.DEVICE_NAME, 0), (objects.PRODUCER_HEARTBEAT_TIME, 0),
@@ -103,38 +117,61 @@ def _number(data: bytes | None) -> int | None:
     return None if data is None else int.from_bytes(data, 'little')
 
 
-#: bit/s, of CiA 301 (5.4): first those in use for skins
+#: Bit rates of CiA 301 (5.4) in the order in which they are tried [bit/s]: those common for skins come first.
 SCANNED_BIT_RATES = (1_000_000, 500_000, 250_000, 125_000, 800_000, 50_000, 20_000, 10_000)
-OPENING_TIME = 0.1  #: s after opening, of which frames do not count: lines cut by the change may come
-BY_IP_LINK = ('The bit rate is set by "ip link set {channel} down", then "ip link set {channel} up type can bitrate '
-              '500000 listen-only on", and so on; candump shows whether frames come.')
+#: Time after opening during which frames are ignored [s]: the change of bit rate may cut lines of the adapter.
+OPENING_TIME = 0.1
+BY_IP_LINK = ('Try one bit rate after another: "ip link set {channel} down", then "ip link set {channel} up type can '
+              'bitrate 500000 listen-only on". Use candump to see whether frames are received.')
 
 
 def find_bit_rate(interface: str, channel: str, listen: float) -> int:
-    """Return the bit rate [bit/s] at which sound frames and no others come within ``listen`` [s].
+    """Find the bit rate at which only valid frames are received.
 
-    Raises ConfigurationError for an interface that cannot do it, BusError where there is no such bit rate.
+    Parameters
+    ----------
+    interface : str
+        Interface name of python-can; only 'slcan' is supported.
+    channel : str
+        Serial port of the adapter.
+    listen : float
+        Time to listen at each bit rate [s].
+
+    Returns
+    -------
+    int
+        Bit rate [bit/s].
+
+    Raises
+    ------
+    ConfigurationError
+        If the interface cannot find the bit rate.
+    BusError
+        If no bit rate brings valid frames without error frames.
     """
     if interface != 'slcan':
-        by_hand = BY_IP_LINK if interface == 'socketcan' else 'Only these find it: slcan.'
+        by_hand = BY_IP_LINK if interface == 'socketcan' else 'Give the bit rate; only slcan can find it.'
         raise ConfigurationError('--bitrate', expected=f'a number, with interface {interface}', got='auto',
                                  remedy=by_hand.format(channel=channel))
     heard = []
     for bitrate in SCANNED_BIT_RATES:
         frames, error_frames = _listen_at(channel, bitrate, listen)
-        if frames and not error_frames:  # at another bit rate no CRC is right, and no frame sound
+        if frames and not error_frames:  # at a wrong bit rate every CRC is wrong
             return bitrate
         if error_frames:
             heard.append(f'{bitrate / 1000:g} kbit/s: {frames} ({error_frames} error frames)')
     raise BusError(f'CAN bus {interface} {channel}', got=', '.join(heard) or 'no frames',
-                   expected=f'sound frames and no error frames at one of {len(SCANNED_BIT_RATES)} bit rates',
-                   remedy='At least two other nodes have to be on the bus, and one of them has to send, such as a '
-                          'heartbeat. The adapter has to know the command L (listen only); CANable 2.0 as delivered '
-                          'does not. Otherwise give the bit rate.')
+                   expected=f'valid frames and no error frames at one of {len(SCANNED_BIT_RATES)} bit rates',
+                   remedy='Connect at least two other nodes, and let one of them send frames, such as a heartbeat. The '
+                          'adapter must support the command L (listen only); a CANable 2.0 as delivered does not. '
+                          'Otherwise give the bit rate.')
 
 
 def _listen_at(channel: str, bitrate: int, listen: float) -> tuple[int, int]:
-    """Return how many sound frames and error frames come, for as long as the bit rate may be right. Raises BusError."""
+    """Return the number of valid frames and of error frames at one bit rate. Raises BusError.
+
+    The function returns before ``listen`` [s] after ten valid frames or after an error frame.
+    """
     frames = error_frames = 0
     bus = open_bus('slcan', channel, bitrate, listen_only=True)
     try:

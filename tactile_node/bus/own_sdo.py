@@ -1,4 +1,4 @@
-"""An SDO client that takes only answers to its own requests: another master may use the same server."""
+"""An SDO client that accepts only answers to its own requests, because another master may use the same server."""
 
 import queue
 from collections import Counter
@@ -14,29 +14,38 @@ from tactile_node.errors import DeviceAbsentError, DeviceError
 
 
 def read_object(sdo: SdoClient, address: ObjectAddress) -> bytes:
-    """Return the bytes of one object. Raises DeviceError."""
+    """Return the bytes of one object. Raises DeviceError if the object cannot be read completely."""
     with _explain_failures(sdo, address, 'be read'):
         with sdo.open(address.index, address.sub, 'rb', buffering=0) as upload:
             announced, data = upload.size, bytes(upload.read())
     if announced is not None and announced != len(data):
         raise DeviceError(_where(sdo, address), expected=f'{announced} bytes, as the device announces',
-                          got=f'{len(data)} bytes', remedy='Read it again; another SDO client may have interfered.')
+                          got=f'{len(data)} bytes',
+                          remedy='Read the object again; another SDO client may have interfered.')
     return data
 
 
 def write_object(sdo: SdoClient, address: ObjectAddress, data: bytes) -> None:
-    """Write ``data``. Raises DeviceError where the device does not confirm it."""
+    """Write ``data`` to one object. Raises DeviceError if the device does not confirm the write."""
     with _explain_failures(sdo, address, f'be set to the bytes {data[:8].hex()}{"..." if len(data) > 8 else ""}'):
         sdo.download(address.index, address.sub, data)
 
 
 @contextmanager
 def explain_refusal(where: str, what: str) -> Iterator[None]:
-    """Raise the DeviceError of an abort in the block, in which ``what`` is to be done."""
+    """Turn an SDO abort inside the block into a DeviceError.
+
+    Parameters
+    ----------
+    where : str
+        Node and object in the message.
+    what : str
+        Operation in the passive, such as 'be read'.
+    """
     try:
         yield
     except SdoAbortedError as error:
-        raise DeviceError(where, expected=f'that it can {what}', got=f'SDO abort: {error}',
+        raise DeviceError(where, expected=f'an object that can {what}', got=f'SDO abort: {error}',
                           remedy="Compare layout and request with the device's manual and EDS.") from error
 
 
@@ -47,7 +56,7 @@ def _explain_failures(sdo: SdoClient, address: ObjectAddress, what: str) -> Iter
             yield
     except SdoCommunicationError as error:
         raise DeviceAbsentError(_where(sdo, address), expected=f'an answer by SDO within {sdo.RESPONSE_TIMEOUT:g} s',
-                                got=str(error), remedy='Check power, wiring, bit rate and node-ID; a slow device '
+                                got=str(error), remedy='Check power, wiring, bit rate and node-ID. A slow device '
                                 'needs a larger --timeout.') from error
 
 
@@ -55,33 +64,45 @@ def _where(sdo: SdoClient, address: ObjectAddress) -> str:
     return f'node {sdo.rx_cobid & 0x7F}, object {address}'
 
 
-#: What a server answers to a request that names an object, if it does not abort
+#: Command of the answer to each request that names an object, unless the server aborts.
 ANSWER_COMMANDS = {constants.REQUEST_DOWNLOAD: constants.RESPONSE_DOWNLOAD,
                    constants.REQUEST_UPLOAD: constants.RESPONSE_UPLOAD,
                    constants.REQUEST_BLOCK_UPLOAD: constants.RESPONSE_BLOCK_UPLOAD}
 
 
 class OwnSdoClient(SdoClient):
-    """canopen's client for ``node_id``, with its own timeout [s]; it leaves out answers to other requests.
+    """canopen's SDO client for one node. It ignores answers to other requests.
 
-    Others are of another client, or late answers to a request that was given up: about another object, or to a write
-    where this one reads. An answer about the same object counts, also if another client requested it. An abort that
-    names no object counts too: some servers send it. ``owed``: answers to all clients of this node by object, requests
-    sent less answers received; a device that was held up answers those of clients before.
+    The client ignores an answer if it names another object, or if it answers a write while this client reads. Such an
+    answer belongs to another client or is late. An answer about the requested object is accepted, even if another
+    client has requested it. An abort that names no object is also accepted, because some servers send it.
+    Segments name no object, so while this client waits for a segment, it accepts every answer.
+
+    Parameters
+    ----------
+    node_id : int
+        Node-ID of the device.
+    dictionary : ObjectDictionary
+        Object dictionary of the device.
+    timeout : float
+        Time allowed for each answer [s].
+    owed : Counter
+        Number of outstanding answers of the node, by object: requests sent minus answers received. All clients of the
+        node share this counter, because a device that was held up also answers requests of earlier clients.
     """
 
     def __init__(self, node_id: int, dictionary: ObjectDictionary, timeout: float, owed: Counter[bytes]):
         super().__init__(SDO_REQUEST + node_id, SDO_RESPONSE + node_id, dictionary)
         self.RESPONSE_TIMEOUT = timeout
-        self._object: bytes | None = None  # that the request under way is about; None: of a segment
-        self._answer = constants.RESPONSE_UPLOAD  # to it
+        self._object: bytes | None = None  # object of the pending request; None for a segment
+        self._answer = constants.RESPONSE_UPLOAD  # expected command of the answer
         self._owed = owed
-        self.requests = 0  #: that name an object
-        self.doubled = 0  #: answers about objects of these, beyond one for each request
-        self.others = 0  #: answers left out
+        self.requests = 0  #: requests sent that name an object
+        self.doubled = 0  #: answers about requested objects in excess of one for each request
+        self.others = 0  #: answers ignored
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Queue an answer that is ours; canopen stumbles over shorter ones."""
+        """Queue an answer to the pending request. Frames of a wrong length are dropped; canopen raises on them."""
         if len(data) != SDO_BYTES:
             return
         answered = bytes(data[1:4])
@@ -97,7 +118,7 @@ class OwnSdoClient(SdoClient):
             self.others += 1
 
     def send_request(self, request: bytes) -> None:
-        """Send a request; from now on only answers about its object count."""
+        """Send a request. From now on, only answers about its object are accepted."""
         initiates = request[0] & COMMAND in (constants.REQUEST_DOWNLOAD, constants.REQUEST_UPLOAD) \
             or request[0] & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST
         self._object = bytes(request[1:4]) if initiates else None
@@ -105,5 +126,5 @@ class OwnSdoClient(SdoClient):
             self._answer = ANSWER_COMMANDS[request[0] & COMMAND]
             self._owed[self._object] += 1
             self.requests += 1
-            self.responses = queue.Queue()  # what came until now is late
+            self.responses = queue.Queue()  # answers received before this request are late
         super().send_request(request)

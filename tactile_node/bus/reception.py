@@ -1,7 +1,7 @@
-"""Reads a CAN bus in batches.
+"""Read a CAN bus in batches.
 
-python-can's Notifier wakes up for each CAN frame. At a full bus (7,400 frames/s) waking up and handing over the
-interpreter costs more than all that is done with a frame.
+python-can's Notifier wakes up for each CAN frame. On a full bus (7,400 frames/s), waking up a thread and handing over
+the Python interpreter costs more time than processing the frame.
 """
 
 import threading
@@ -14,29 +14,38 @@ import can
 
 from tactile_node.threads import ReportedThread, call_guarded
 
-RECEIVE_TIMEOUT = 0.1  #: s that a read waits at most
-STOP_TIMEOUT = 1.0  #: s
-READ_PAUSE = 0.5e-3  #: s from one read to the next on a busy bus, at least: what it adds to the age of taxels, at most
-MOST_IN_BATCH = 256  #: CAN frames: less than a socket's buffer holds
-BUSY_FRAMES = 4  #: within 0.8 ms are taxels; a dialogue by SDO is not held up
+RECEIVE_TIMEOUT = 0.1  #: Longest time that a read waits for a message [s].
+STOP_TIMEOUT = 1.0  #: Time allowed for the reception thread to end [s].
+#: Shortest time between two reads on a busy bus [s]. The pause adds at most this time to the age of the taxels.
+READ_PAUSE = 0.5e-3
+#: Largest number of CAN frames in a batch. It is less than the buffer of a socket holds.
+MOST_IN_BATCH = 256
+#: This many frames within 0.8 ms carry taxels, so the bus counts as busy. An SDO dialogue is slower and is not delayed.
+BUSY_FRAMES = 4
 
 
 class Batch(NamedTuple):
-    """What was read at once.
+    """Messages that were read together."""
 
-    ``came``: where the messages' stamps do not say when they came, they all did between these times of the monotonic
-    clock [s].
-    """
-
-    messages: list[can.Message]
+    messages: list[can.Message]  #: in the order of reception
+    #: Interval of the monotonic clock in which all messages arrived [s]; None if the stamp of each message gives its
+    #: time of arrival.
     came: tuple[float, float] | None = None
 
 
 class Reception:
-    """Reads ``bus``, by its ``recv_all`` where it has one: BulkSlcanBus.
+    """Reads a bus on its own thread until it is stopped.
 
-    Calls ``on_batch(batch)``, never an empty one, and ``on_error(exception)``, on its own thread, until stopped.
-    An exception of ``on_batch`` is logged and costs this batch alone: it is no fault of the bus.
+    An exception of ``on_batch`` is logged and affects only this batch, because it is not a fault of the bus.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        Open bus. Its method ``recv_all`` is used if it has one, as `BulkSlcanBus` does.
+    on_batch : callable
+        Called with each `Batch` that has messages.
+    on_error : callable
+        Called with the exception when a read fails or the thread ends with an exception.
     """
 
     def __init__(self, bus: can.BusABC, on_batch: Callable[[Batch], None], on_error: Callable[[Exception], None]):
@@ -44,14 +53,14 @@ class Reception:
         self._recv_all: Callable[[float], Batch] | None = getattr(bus, 'recv_all', None)
         self._on_batch = on_batch
         self._on_error = on_error
-        self._recent: deque[float] = deque(maxlen=BUSY_FRAMES)  # when the last messages were read
-        self._error: Exception | None = None  # not yet reported
+        self._recent: deque[float] = deque(maxlen=BUSY_FRAMES)  # times at which the last messages were read
+        self._error: Exception | None = None  # to be reported after the messages received before it
         self._stopping = threading.Event()
         self._thread = ReportedThread(self._run, 'reception', on_death=on_error)
         self._thread.start()
 
     def stop(self) -> None:
-        """Read no more. Returns when that is so, or after STOP_TIMEOUT where a dead adapter holds the read up."""
+        """Stop reading. Returns when the thread has ended, or after STOP_TIMEOUT if a dead adapter blocks the read."""
         self._stopping.set()
         if self._thread is not threading.current_thread():
             self._thread.join(STOP_TIMEOUT)
@@ -66,10 +75,10 @@ class Reception:
                 call_guarded(self._on_batch, batch)
                 if self._is_busy(len(batch.messages), begun):
                     time.sleep(max(0.0, begun + READ_PAUSE - time.monotonic()))
-            except Exception as error:  # each backend of python-can raises its own
+            except Exception as error:  # the type depends on the backend of python-can
                 if not self._stopping.is_set():
                     self._on_error(error)
-                self._stopping.wait(RECEIVE_TIMEOUT)  # a dead adapter fails at once
+                self._stopping.wait(RECEIVE_TIMEOUT)  # a read from a dead adapter fails immediately
 
     def _is_busy(self, messages: int, now: float) -> bool:
         self._recent.extend([now] * min(messages, BUSY_FRAMES))
@@ -87,7 +96,7 @@ class Reception:
             messages.append(message)
             try:
                 message = self._bus.recv(0) if len(messages) < MOST_IN_BATCH else None
-            except Exception as error:  # after what came before it
+            except Exception as error:  # raised by the next read, after these messages were handed on
                 self._error = error
                 break
         return Batch(messages)

@@ -1,4 +1,4 @@
-"""A live CAN bus with the skin's pads on it: opened, configured, started, stopped, closed."""
+"""A live CAN bus with the pads of a skin: open, configure, start, stop and close it."""
 
 import logging
 import time
@@ -31,16 +31,34 @@ logger = logging.getLogger(__name__)
 
 
 class SkinBus:
-    """One CAN bus and its pads; FrameSource has the order of calls. A Supervisor recovers it.
+    """One CAN bus and its pads. `FrameSource` defines the order of calls; a `Supervisor` recovers the bus after faults.
 
-    Threads: the reception only puts frames into a queue (Traffic), whose thread assembles them and calls
-    ``on_frame``; the SYNC producer has its own. SDO runs on the caller's thread.
+    The reception thread puts frames into a queue (`Traffic`). The assembler thread takes them from the queue and calls
+    ``on_frame``. The SYNC producer has its own thread. SDO requests run on the thread of the caller.
+
+    Parameters
+    ----------
+    settings : BusSettings
+        Settings of the bus.
+    pads : tuple of LivePad
+        Pads on the bus.
+    on_frame : callable
+        Called with the name of the pad and each taxel frame.
+    monitor : BusMonitor or None
+        Monitor to feed; None for a new one.
+    on_failure : callable or None
+        Called with a `Failure` when the bus stops working; None to log the failure.
+
+    Raises
+    ------
+    ConfigurationError
+        If the pads conflict, the bit rate does not exist, or the planned load is too high.
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
                  monitor: BusMonitor | None = None, on_failure: Callable[[Failure], None] | None = None):
         check_pads(pads)
-        check_bit_rate(settings.bitrate)  # first: the load depends on it
+        check_bit_rate(settings.bitrate)  # before the load, which depends on it
         if not settings.allow_full_bus:
             refuse_full_bus((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._settings = settings
@@ -51,29 +69,37 @@ class SkinBus:
         self.devices = BusDevices(settings, self._nodes, self._monitor, self._opened)
         self._polls = {node.node_id: self._polling(node, node.layout.domain)
                        for node in self._nodes if node.layout.domain is not None}
-        is_stamped_on_arrival = settings.interface in ('socketcan', 'virtual')  # by the clock that stamps our own SYNC
+        is_stamped_on_arrival = settings.interface in ('socketcan', 'virtual')  # by the same clock as our SYNC
         self._router = Router(self._pads, on_frame, foreign_sync=not settings.produce_sync,
                               one_clock=not settings.produce_sync or is_stamped_on_arrival,
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
         self.traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
                                queue_limit=settings.queue_limit, sync_period=settings.sync_period,
-                               is_host_stamped=is_stamped_on_arrival or settings.interface == 'slcan')  # when read
+                               is_host_stamped=is_stamped_on_arrival or settings.interface == 'slcan')
         self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
         self._sync = Pacer(settings.sync_period, self._send_sync, 'sync',
                            lambda error: self._fail(BusFault.INTERNAL_ERROR, error))
         self._is_running = False
-        #: why the bus no longer receives, None while it does; only close() and open() recover it
+        #: reason why the bus no longer works, or None; only close() and open() recover the bus
         self.failure: Failure | None = None
 
     @property
     def recorded_to(self) -> Path | None:
-        """The log that is being written; another one than was asked for where that existed. None without one."""
+        """Log file being written, or None without a recording. If the requested file existed, this is another file."""
         return None if self._record is None else self._record.path
 
     def open(self) -> None:
-        """Open the bus and begin to receive. Raises BusError, LogError (``record``)."""
+        """Open the bus and start to receive.
+
+        Raises
+        ------
+        BusError
+            If the bus cannot be opened.
+        LogError
+            If the recording cannot be written.
+        """
         if self._network is not None:
             return
         settings = self._settings
@@ -92,15 +118,35 @@ class SkinBus:
         logger.info('CAN bus %s %s is open%s.', settings.interface, settings.channel, recorded)
 
     def configure(self) -> None:
-        """Find, identify and configure every pad's device. Raises DeviceError, BusError."""
+        """Find, identify and configure the devices of all pads. Raises DeviceError, BusError."""
         for node in self._nodes:
             self.configure_node(node, self._settings.boot_timeout)
 
     def configure_node(self, node: CanopenNode, boot_timeout: float, pause: bool = True) -> float | None:
-        """Configure one of a pad's nodes, found within ``boot_timeout`` [s]; without ``pause`` while it sends.
+        """Configure the device of one node.
 
-        Returns the heartbeat time that the device has [s]; 0: it sends none, None: not known. Raises TwoDevicesError
-        where two devices answer as this node.
+        Parameters
+        ----------
+        node : CanopenNode
+            Node of a pad.
+        boot_timeout : float
+            Time allowed for the first answer of the device [s].
+        pause : bool
+            True to set the device to PRE-OPERATIONAL first; False to configure it while it sends.
+
+        Returns
+        -------
+        float or None
+            Heartbeat time that the device has now [s]; 0 if the device sends no heartbeat, None if it is not known.
+
+        Raises
+        ------
+        DeviceError
+            If the device is absent or does not accept the configuration.
+        TwoDevicesError
+            If two devices answer under this node-ID.
+        BusError
+            If the bus cannot be used.
         """
         as_set = self.devices.configure(node, boot_timeout, pause)
         if node.node_id in self._polls:
@@ -108,9 +154,19 @@ class SkinBus:
         return None if as_set.heartbeat_ms is None else 1e-3 * as_set.heartbeat_ms
 
     def start(self, without: Collection[int] = ()) -> None:
-        """Start the devices and SYNC. Raises DeviceError when a device does not become OPERATIONAL.
+        """Start the devices and SYNC.
 
-        Nodes whose node-IDs are in ``without`` do not answer yet: they are neither started nor waited for.
+        Parameters
+        ----------
+        without : collection of int
+            Node-IDs of nodes that do not answer yet. They are neither started nor waited for.
+
+        Raises
+        ------
+        DeviceError
+            If a device does not become OPERATIONAL.
+        BusError
+            If a command cannot be sent.
         """
         self._opened()
         if self._is_running:
@@ -130,20 +186,33 @@ class SkinBus:
             raise
 
     def start_node(self, node: CanopenNode, was_silent: bool = True) -> None:
-        """NMT start of one device, which ``was_silent`` or still sends; BusError. Its heartbeats report the outcome."""
+        """Send NMT start to one device. The heartbeats of the device show whether it has started.
+
+        Parameters
+        ----------
+        node : CanopenNode
+            Node to start.
+        was_silent : bool
+            True if the device has not sent TPDOs. The assembler then knows that its next TPDOs are not late.
+
+        Raises
+        ------
+        BusError
+            If the command cannot be sent.
+        """
         if was_silent:
             self.traffic.put(self._router.start, node.node_id)
         self.devices.command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
-        """SYNC on again after an outage; sequence numbers continue after ``lost_periods``. Devices are not started."""
+        """Send SYNC again after an outage. Sequence numbers skip ``lost_periods``. The devices are not started."""
         self._opened()
         self.traffic.put(self._router.resume, lost_periods)
         self._is_running = True
         self._start_pacers()
 
     def stop(self) -> None:
-        """SYNC off, devices pre-operational; a bus that no longer works is left as it is."""
+        """Stop SYNC and set the devices to PRE-OPERATIONAL. After a failure of the bus, no command is sent."""
         if self._network is None or not self._is_running:
             return
         self._is_running = False
@@ -158,26 +227,26 @@ class SkinBus:
                 logger.error('%s could not be stopped: %s', node_label(node.pad, node.node_id), error)
 
     def close(self) -> None:
-        """Stop, give the bus back and end the recording."""
+        """Stop, close the bus and end the recording."""
         self.disconnect()
         if self._record is not None:
             self._record.close()
             self._record = None
 
     def disconnect(self) -> None:
-        """Stop and give the bus back; the next ``open`` continues the same recording."""
+        """Stop and close the bus. The next ``open`` continues the same recording."""
         self.stop()
         if self._network is not None:
             self._network.close()
             self._network = None
-            self.traffic.end(timeout=2.0)  # that an on_frame under way may take
+            self.traffic.end(timeout=2.0)  # a call of on_frame may still be running
 
     def drop_incomplete(self, is_wanted: bool) -> None:
-        """From now on withhold incomplete taxel frames, or give them."""
+        """Withhold incomplete taxel frames from now on if ``is_wanted`` is True, else give them."""
         self._router.drop_incomplete(is_wanted)
 
     def statistics(self) -> BusStatistics:
-        """Counts since construction."""
+        """Return the counts since construction."""
         counted, traffic = self._router.statistics(), self.traffic
         return counted._replace(can_frames=dict(Counter(counted.can_frames) + Counter(traffic.no_data_frames)),
                                 queue_overruns=traffic.overruns, sync_overruns=self._sync.overruns,
@@ -188,7 +257,7 @@ class SkinBus:
                                 stamps_ahead=traffic.clock.ahead)
 
     def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
-        """A log that cannot be written leaves no open bus behind."""
+        """Open the recording if one is wanted. If it cannot be written, close the bus before raising LogError."""
         try:
             if self._record is None and self._settings.record:
                 self._record = CanLogWriter(self._settings.record, self._settings.channel,

@@ -1,22 +1,43 @@
-"""One time line for stamps: Unix time that never goes back, whatever is done to the wall clock."""
+"""A clock for stamps: Unix time that never goes back, even if the wall clock is set back."""
 
 import threading
 import time
 from collections.abc import Callable
 
-CLOCK_JUMP = 0.1  # s between two looks: less may be slewing
-CLOCK_DRIFT = 1e-4  # relative: no adapter's crystal is further off
+#: Smallest change of wall clock minus steady clock that counts as a jump [s]. A smaller change may be slewing.
+CLOCK_JUMP = 0.1
+CLOCK_DRIFT = 1e-4  #: Largest relative error of an adapter's crystal.
 
 
 class StampClock:
-    """Stamps for what is sent (``now``) and received (``of``), in one epoch and never going back.
+    """Gives the stamps of sent messages (``now``) and received messages (``of``) in one epoch; they never go back.
 
-    The wall clock set forward is followed. Set back, it is not: stamps continue evenly, ``ahead`` [s] of the wall
-    clock, until it has caught up or ``restart``. Each such setting counts in ``jumps``.
+    If the wall clock is set forward, the stamps follow it. If it is set back, the stamps continue evenly and lead the
+    wall clock by ``ahead`` [s], until the wall clock has caught up or ``restart`` is called. Both kinds of jump count
+    in ``jumps``.
 
-    ``host_stamped``: messages carry this machine's wall clock (socketcan, virtual; slcan, when they are read). Else
-    they carry the adapter's own clock, of unknown epoch: the least time from stamp to arrival seen so far, let grow by
-    ``CLOCK_DRIFT``, is taken for its offset, so a stamp is late by the quickest way through it.
+    Parameters
+    ----------
+    host_stamped : bool
+        True if messages carry the wall clock of this host: socketcan and virtual stamp on arrival, slcan stamps when
+        the message is read. False if messages carry the clock of the adapter, whose epoch is not known.
+    wall : callable or None
+        Wall clock [s]; None for ``time.time``.
+    steady : callable
+        Steady clock [s].
+
+    Attributes
+    ----------
+    ahead : float
+        Time by which the stamps lead the wall clock [s].
+    jumps : int
+        Number of times that the wall clock was set.
+
+    Notes
+    -----
+    The offset of an adapter's clock is the smallest time from stamp to arrival so far. It grows by CLOCK_DRIFT, so that
+    it follows the drift of the clock. The stamps of received messages are therefore late by the shortest time that a
+    message takes through the adapter.
     """
 
     def __init__(self, host_stamped: bool = True, wall: Callable[[], float] | None = None,
@@ -29,40 +50,49 @@ class StampClock:
         self.restart()
 
     def restart(self) -> None:
-        """Take the wall clock as it is now; only where stamps may go back."""
+        """Follow the wall clock as it is now. The stamps may go back, so the caller must allow for that."""
         with self._lock:
             self.ahead = 0.0
             wall, steady = self._both()
             self._offset = wall - steady
-            self._before = 0.0  # the offset before the last jump
-            self._lead_before = 0.0  # lead of the stamps before the last jump on the steady clock
-            self._jumped = -float('inf')  # when
+            self._before = 0.0  # offset before the last jump
+            self._lead_before = 0.0  # stamp minus steady clock before the last jump
+            self._jumped = -float('inf')  # time of the last jump on the steady clock
             self._least: float | None = None
             self._looked = steady
             self._last = -float('inf')
 
     def now(self) -> float:
-        """The present [s]; never less than the time before."""
+        """Return the present time [s]. It is never below an earlier result."""
         with self._lock:
             wall, _ = self._look()
             self._last = max(self._last, wall + self.ahead)
             return self._last
 
     def of(self, timestamp: float) -> float:
-        """When the message stamped ``timestamp`` by the bus was received [s]; call it on arrival."""
+        """Return the time at which a message was received [s].
+
+        Parameters
+        ----------
+        timestamp : float
+            Stamp of the message by the host or the adapter [s]. The method must be called when the message arrives.
+        """
         with self._lock:
             wall, steady = self._look()
             if not self._host_stamped:
                 return wall + self.ahead - self._adapter_age(timestamp, steady)
-            if steady - self._jumped > 2.0:  # until then messages stamped before the jump may come
+            if steady - self._jumped > 2.0:  # messages stamped before the jump have all arrived
                 return timestamp + self.ahead
-            ages = [wall - timestamp, steady + self._before - timestamp]  # stamped after, or before the jump
+            ages = [wall - timestamp, steady + self._before - timestamp]  # stamped after or before the jump
             return wall + self.ahead - min((age for age in ages if age >= 0), default=0.0)
 
     def age(self, stamp: float) -> float:
-        """Return for how long ``stamp`` has been past [s], by the steady clock: also when the wall clock was set since.
+        """Return the age of a stamp [s]. It is correct even if the wall clock was set once since the stamp.
 
-        ``stamp`` is one that ``now`` or ``of`` has given, before at most one jump.
+        Parameters
+        ----------
+        stamp : float
+            Result of ``now`` or ``of`` [s].
         """
         with self._lock:
             _, steady = self._look()
@@ -72,17 +102,17 @@ class StampClock:
             return max(0.0, steady - taken)
 
     def _both(self) -> tuple[float, float]:
-        """Both clocks at one time."""
+        """Return wall clock and steady clock, read at the same time [s]."""
         steady = self._steady()
-        for _ in range(10):  # then the last reading is used
+        for _ in range(10):  # after ten attempts the last reading is used
             before, wall, steady = steady, self._wall(), self._steady()
-            if steady - before < 0.01:  # not held up meanwhile
+            if steady - before < 0.01:  # the thread was not held up between the readings
                 break
         return wall, steady
 
     def _look(self) -> tuple[float, float]:
         wall, steady = self._wall(), self._steady()
-        if abs(wall - steady - self._offset) > CLOCK_JUMP:  # or this thread was held up between the two
+        if abs(wall - steady - self._offset) > CLOCK_JUMP:  # a jump, or the thread was held up here
             wall, steady = self._both()
         offset = wall - steady
         if abs(step := offset - self._offset) > CLOCK_JUMP:
@@ -95,7 +125,7 @@ class StampClock:
 
     def _adapter_age(self, timestamp: float, steady: float) -> float:
         lag = steady - timestamp
-        if self._least is None or lag < self._least or lag - self._least > 1.0:  # begun to count again
+        if self._least is None or lag < self._least or lag - self._least > 1.0:  # the clock has restarted
             self._least = lag
         else:
             self._least += CLOCK_DRIFT * (steady - self._looked)

@@ -1,4 +1,4 @@
-"""Threads of a bus, each ends when it is stopped; when a pacer calls."""
+"""Stoppable threads of a bus, and the schedule of periodic calls."""
 
 import threading
 import time
@@ -8,7 +8,17 @@ from tactile_node.threads import OnDeath, ReportedThread
 
 
 class StoppableThread:
-    """Runs ``run(stopping)`` on its own ReportedThread; ``run`` returns once the event ``stopping`` is set."""
+    """A thread that can be started and stopped repeatedly.
+
+    Parameters
+    ----------
+    run : callable
+        Function of the thread. It is called with an event and must return soon after the event is set.
+    name : str
+        Name of the thread.
+    on_death : callable
+        Called with the exception if one ends the thread.
+    """
 
     def __init__(self, run: Callable[[threading.Event], None], name: str, on_death: OnDeath = lambda error: None):
         self._run = run
@@ -18,29 +28,44 @@ class StoppableThread:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin; nothing where it has begun and was not stopped."""
+        """Start the thread, unless it was started already and not stopped since."""
         if self._thread is None:
             self._stopping.clear()
             self._thread = ReportedThread(self._run, self._name, self._stopping, on_death=self._on_death)
             self._thread.start()
 
     def stop(self) -> None:
-        """Stop it and wait for its end, except on the thread itself."""
+        """Stop the thread and wait for its end. If the thread itself calls this, it does not wait."""
         self._stopping.set()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
         self._thread = None
 
 
-LEAST_PAUSE = 0.95  #: periods between two calls that catch up: a bus of so much load carries all answers meanwhile
+#: Shortest time between two calls that catch up [periods]. A bus with this load still carries all answers between them.
+LEAST_PAUSE = 0.95
 
 
 class Schedule:
-    """When the next call is due, by ideal times a ``period`` apart, so that delays do not add up.
+    """Computes when the next periodic call is due. Delays do not accumulate.
 
-    A call that came late is followed by shorter pauses, but none below LEAST_PAUSE x period, until the ideal times are
-    met again. When a whole period was missed its call is left out and counted in ``overruns``: a burst of SYNCs would
-    tear frames.
+    The ideal times of the calls are exactly one period apart. After a late call, the pauses are shorter until the calls
+    are at their ideal times again, but no pause is shorter than LEAST_PAUSE periods. If a call is late by a whole
+    period or more, the calls missed are skipped, because a burst of SYNCs would mix the sweeps.
+
+    Parameters
+    ----------
+    period : float
+        Time between two calls [s].
+    now : float
+        Time of the first call [s].
+
+    Attributes
+    ----------
+    due : float
+        Time of the next call [s].
+    overruns : int
+        Number of calls skipped.
     """
 
     def __init__(self, period: float, now: float):
@@ -50,7 +75,7 @@ class Schedule:
         self.overruns = 0
 
     def begin(self, at: float) -> None:
-        """The call that was due begins ``at``."""
+        """Note that the pending call begins at the time ``at`` [s], and schedule the next one."""
         missed = int((at - self._ideal) / self._period)
         self.overruns += missed
         self._ideal += (missed + 1) * self._period
@@ -58,7 +83,24 @@ class Schedule:
 
 
 class Pacer(StoppableThread):
-    """Calls ``act`` every ``period`` seconds, as Schedule says, until stopped; ``overruns``: calls left out."""
+    """Thread that makes a periodic call, with the times of `Schedule`, until it is stopped.
+
+    Parameters
+    ----------
+    period : float
+        Time between two calls [s].
+    act : callable
+        Called every period.
+    name : str
+        Name of the thread.
+    on_death : callable
+        Called with the exception if one ends the thread.
+
+    Attributes
+    ----------
+    overruns : int
+        Number of calls skipped since construction.
+    """
 
     def __init__(self, period: float, act: Callable[[], None], name: str, on_death: OnDeath):
         super().__init__(self._make_calls, name, on_death)

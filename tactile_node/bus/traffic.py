@@ -1,4 +1,4 @@
-"""The CAN frames of one bus on their way to the assembler: stamped, counted, put into its queue."""
+"""Stamp and count the CAN frames of one bus, and queue them for the assembler."""
 
 import logging
 import threading
@@ -25,15 +25,31 @@ logger = logging.getLogger(__name__)
 
 Call = tuple[Callable[..., object], tuple[object, ...]]
 
-LONGEST_WRITE = 0.1  #: s that the assembler waits for the end of a SYNC's write
-NO_DATA = -1  #: in place of the COB-ID of what is no data frame with an 11-bit identifier
+LONGEST_WRITE = 0.1  #: Longest time that the assembler waits until a SYNC has been written [s].
+NO_DATA = -1  #: Placeholder for the COB-ID of a message that is not a data frame with an 11-bit identifier.
 
 
 class Traffic:
-    """Puts what is received, and what is sent and concerns the assembler, into the queue of ``router``'s thread.
+    """Queues every received message, and every sent message that the assembler needs, for the assembler thread.
 
-    That thread makes the calls in their order, between ``begin`` and ``end``.
-    ``polled``: node-IDs whose SDO requests the assembler needs to know.
+    The assembler thread runs from ``begin`` to ``end`` and makes the queued calls in their order.
+
+    Parameters
+    ----------
+    router : Router
+        Router to feed on the assembler thread.
+    monitor : BusMonitor
+        Monitor to feed on the reception thread.
+    on_failure : callable
+        Called with `BusFault.BUS_OFF` and an exception if the controller reports bus-off.
+    polled : collection of int
+        Node-IDs of polled pads. The assembler needs the SDO requests to these nodes.
+    queue_limit : int
+        Largest number of CAN frames that may wait for the assembler.
+    is_host_stamped : bool
+        True if messages carry the wall clock of this host; see `StampClock`.
+    sync_period : float
+        Time between two SYNCs [s].
     """
 
     def __init__(self, router: Router, monitor: BusMonitor, on_failure: OnFailure, *, polled: Collection[int],
@@ -47,17 +63,22 @@ class Traffic:
         self._thread: threading.Thread | None = None
         self.clock = StampClock(is_host_stamped)
         self._jumps_reported = 0
-        self.no_data_frames: Counter[str] = Counter()  #: received, that are no data frames, by kind
-        self._put = self._fed = 0  # CAN frames put into the queue, and taken from it
-        self.overruns = 0  #: data frames lost because the queue was full; what else came with them is in no_data_frames
+        self.no_data_frames: Counter[str] = Counter()  #: by kind, received messages that are not data frames
+        self._put = 0  # CAN frames put into the queue
+        self._fed = 0  # CAN frames taken from the queue
+        #: data frames lost because the queue was full; other messages of the same batches count in no_data_frames
+        self.overruns = 0
         self.syncs_sent = 0
         self.pause = SyncPause(sync_period)
-        self._last_came = -inf  # the stamp up to which all received so far has come
-        self._is_gap = True  # nothing is known of the time before the next batch
-        self._read_at = 0.0  # by the steady clock, the last batch
+        self._last_came = -inf  # stamp by which all messages so far had arrived
+        self._is_gap = True  # messages before the next batch may be missing
+        self._read_at = 0.0  # time of the last batch on the steady clock
 
     def begin(self) -> None:
-        """Start the assembler's thread; what waited for it is forgotten, also by one that still hangs in a call."""
+        """Start the assembler thread with an empty queue.
+
+        If the previous assembler thread still hangs in a call, it ends after that call.
+        """
         self._put = self._fed = 0
         self._is_gap = True
         self._queue = SimpleQueue()
@@ -65,24 +86,34 @@ class Traffic:
         self._thread.start()
 
     def end(self, timeout: float) -> None:
-        """End it, after the calls put so far; waits at most ``timeout`` [s]."""
+        """End the assembler thread after the calls queued so far, and wait for its end up to ``timeout`` [s]."""
         self._queue.put(None)
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(timeout)
 
     def restart(self) -> None:
-        """Sequence numbers begin at 0, and stamps follow the wall clock."""
+        """Start the sequence numbers at 0, and let the stamps follow the wall clock."""
         self.clock.restart()
         self.pause.restart()
         self.put(self._router.restart)
 
     def put(self, call: Callable[..., object], *args: object) -> None:
-        """Make a call on the assembler's thread, after what was received before. From any thread; returns at once."""
+        """Queue a call for the assembler thread, after the messages received before.
+
+        Any thread may call this. The method returns immediately.
+
+        Parameters
+        ----------
+        call : callable
+            Function to call.
+        *args
+            Its arguments.
+        """
         self._queue.put((call, args))
 
     def received(self, batch: Batch) -> None:
-        """On the thread of the reception: copy, enqueue, return."""
-        is_gap, self._is_gap = self._is_gap, True  # until this batch is in the queue
+        """Count, stamp and queue a batch. The reception thread calls this, so it must return quickly."""
+        is_gap, self._is_gap = self._is_gap, True  # a gap, unless this batch gets into the queue
         frames = []
         for message in batch.messages:
             kind = non_data_kind(message)
@@ -92,7 +123,8 @@ class Traffic:
                 frames.append((can_id, data, self.clock.of(message.timestamp)))
             else:
                 self._count_other(kind, message)
-                came = inf if message.is_error_frame else self.clock.of(message.timestamp)  # more errors may be unseen
+                # The bus may have more errors than the controller reports, so an error frame leaves no free time.
+                came = inf if message.is_error_frame else self.clock.of(message.timestamp)
                 frames.append((NO_DATA, b'', came))
         if self._put - self._fed + len(frames) <= self._queue_limit:
             self._put += len(frames)
@@ -107,7 +139,10 @@ class Traffic:
             call_guarded(call, *args)
 
     def _came(self, batch: Batch) -> tuple[float, float] | None:
-        """Between which stamps the frames of ``batch`` came; None where each has the stamp at which it came."""
+        """Return the two stamps between which all frames of a batch arrived.
+
+        Returns None if the stamp of each frame is its time of arrival.
+        """
         if batch.came is None:
             return None
         lead = self.clock.now() - time.monotonic()
@@ -115,16 +150,19 @@ class Traffic:
         return after + lead, until + lead
 
     def _most_free(self, batch: Batch, is_gap: bool) -> float:
-        """For how long the bus was free at most before any frame of ``batch`` [s], by the steady clock.
+        """Return an upper bound of the time for which the bus was free before this batch, by the steady clock [s].
 
-        0 for ``is_gap``: CAN frames before it were not taken.
+        The bound is 0 if frames before this batch may be missing (``is_gap``).
         """
         after, read = batch.came or (time.monotonic(),) * 2
         before, self._read_at = self._read_at, read
         return 0.0 if is_gap else max(0.0, after - before)
 
     def _feed(self, frames: list[tuple[int, bytes, float]], came: tuple[float, float] | None, most_free: float) -> None:
-        """On the assembler's thread. Time that stamps have and the steady clock has not is none of a free bus."""
+        """Feed a batch to the router, on the assembler thread.
+
+        If the stamps advance by more than the steady clock, the difference does not count as time of a free bus.
+        """
         self._fed += len(frames)
         for can_id, data, stamp in frames:
             if stamp == inf:
@@ -144,19 +182,32 @@ class Traffic:
             self._monitor.feed_other(message)
         elif self._monitor.feed_error(message):
             self._on_failure(BusFault.BUS_OFF, BusError(
-                'CAN controller', expected='a bus it can send on', got='bus-off',
+                'CAN controller', expected='to take part in the bus', got='bus-off',
                 remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
 
     def sent(self, can_id: int, data: bytes) -> None:
-        """An own frame is about to be sent: it counts for the load; the assembler needs the polls' SDO requests."""
+        """Count a frame that this driver is about to send, and queue it if it is an SDO request to a polled node."""
         self._monitor.feed_own(len(data))
         if can_id - SDO_REQUEST in self._polled:
             self.put(self._router.feed, can_id, bytes(data), self.clock.now())
 
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
-        """The SYNC is put into the queue before it is on the bus: no TPDO can overtake it. Raises BusError.
+        """Send a SYNC, unless a pause is due so that the bus becomes free (`SyncPause`).
 
-        It was on the bus between the times before and after its write.
+        The SYNC is queued for the assembler before it is on the bus, so no TPDO can overtake it. The assembler gets the
+        start and the end of the write, because the SYNC was on the bus at some time between them.
+
+        Parameters
+        ----------
+        network : BusNetwork
+            Network to send on.
+        can_id : int
+            COB-ID of SYNC.
+
+        Raises
+        ------
+        BusError
+            If the SYNC cannot be sent.
         """
         if self.pause.is_due(self._router.is_in_doubt):
             return
@@ -175,7 +226,11 @@ class Traffic:
             self._report_jump()
 
     def _begin_period(self, stamp: float, written: SimpleQueue[float]) -> None:
-        """On the assembler's thread: no answer to a SYNC is used before it is known how long its write took."""
+        """Begin a period, on the assembler thread.
+
+        The thread waits for the end of the SYNC's write, because the answers must not be used before it is known how
+        late the SYNC was.
+        """
         try:
             late = written.get(timeout=LONGEST_WRITE) - stamp
         except Empty:
@@ -186,7 +241,7 @@ class Traffic:
         self._jumps_reported = self.clock.jumps
         ahead = self.clock.ahead
         if ahead:
-            logger.error('The wall clock was set. Stamps continue from the old time, %.3f s ahead of it, so that they '
-                         'never go back; deactivate and activate the driver to take the new one.', ahead)
+            logger.error('The wall clock was set. Stamps never go back, so they continue %.3f s ahead of the wall '
+                         'clock. To use the new time, deactivate and activate the driver.', ahead)
         else:
             logger.error('The wall clock was set. Stamps follow it.')

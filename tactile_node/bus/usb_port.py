@@ -1,4 +1,4 @@
-"""Finds a serial adapter again by its USB identity: plugged in again, it may have another device name."""
+"""Find a serial adapter by its USB identity, because it may get another device name when it is plugged in again."""
 
 import logging
 import os
@@ -10,13 +10,13 @@ logger = logging.getLogger(__name__)
 
 
 class UsbIdentity(NamedTuple):
-    """What a USB device says of itself."""
+    """Identity of a USB serial port."""
 
-    vendor: int
-    product: int
-    serial_number: str  #: '': it has none
-    interface: str  #: which one, where an adapter has several ports; '': it has one
-    place: str  #: bus and ports to it; '' where the serial number is enough
+    vendor: int  #: vendor ID
+    product: int  #: product ID
+    serial_number: str  #: '' if the device has none
+    interface: str  #: interface of this port if the adapter has several; '' if it has one
+    place: str  #: USB bus and ports that lead to the device; '' if the serial number identifies it
 
     def __str__(self) -> str:
         which = f'at {self.place}' if self.place else f'serial number {self.serial_number}'
@@ -24,19 +24,24 @@ class UsbIdentity(NamedTuple):
 
 
 class UsbPort:
-    """A serial port, '@' and its bit rate included, whose adapter is remembered when it is first opened.
+    """A serial port whose adapter is remembered when the port is first opened.
 
-    From then on only this adapter is opened, under whatever name it has: another one is another bus.
+    From then on, only this adapter is opened, whatever its device name is. Another adapter would be another bus.
+
+    Parameters
+    ----------
+    channel : str
+        Device file, optionally followed by '@' and the baud rate.
     """
 
     def __init__(self, channel: str):
         self._channel = channel
         self._path, self._at, self._rate = channel.partition('@')
         self._adapter: UsbIdentity | None = None
-        self._found = ''  # the name it had last, where that is another one
+        self._found = ''  # last device name of the adapter, if it differs from the given one
 
     def channel(self) -> str:
-        """Return the channel to open now. Raises BusError where another adapter has its name."""
+        """Return the channel to open now. Raises BusError if only another adapter is present under the given name."""
         if self._adapter is None:
             return self._channel
         ports = _usb_ports(needs_place=bool(self._adapter.place))
@@ -50,13 +55,16 @@ class UsbPort:
             self._found = found
             return found + self._at + self._rate
         if named is not None:
-            raise BusError(f'serial port {self._path}', expected=f'the adapter that it was ({self._adapter})',
+            raise BusError(f'serial port {self._path}', expected=f'the same adapter as before ({self._adapter})',
                            got=f'another one ({named})',
-                           remedy='Plug the first one in; to use this one, configure the driver again.')
+                           remedy='Plug in the adapter used before. To use the new one, configure the driver again.')
         return self._channel
 
     def opened(self) -> None:
-        """Remember its adapter; by its place where it has no serial number, or another one has the same."""
+        """Remember the adapter of the port when the port is opened for the first time.
+
+        If the adapter has no serial number, or shares it with another one, its place on the USB is remembered, too.
+        """
         if self._adapter is None:
             path, ports = os.path.realpath(self._path), _usb_ports()
             adapter = ports.get(path)
@@ -66,7 +74,7 @@ class UsbPort:
 
 
 def _usb_ports(needs_place: bool = False) -> dict[str, UsbIdentity]:
-    """The USB serial ports of this machine, by device file; none without pyserial."""
+    """Return the USB serial ports of this host, by device file. Without pyserial, the result is empty."""
     try:
         from serial.tools import list_ports
     except ImportError:
@@ -74,7 +82,7 @@ def _usb_ports(needs_place: bool = False) -> dict[str, UsbIdentity]:
     found = {}
     for port in list_ports.comports():
         if port.vid is not None and port.pid is not None:
-            place, _, interface = (port.location or '').partition(':')  # '1-2', or '1-2:1.0' of several interfaces
+            place, _, interface = (port.location or '').partition(':')  # '1-2', or '1-2:1.0'
             found[os.path.realpath(port.device)] = UsbIdentity(
                 port.vid, port.pid, port.serial_number or '', interface, place if needs_place else '')
     return found

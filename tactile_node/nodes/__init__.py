@@ -1,1 +1,1 @@
-"""ROS 2 nodes: thin shells around the stages."""
+"""The ROS 2 nodes: thin shells around the processing stages."""

@@ -1,4 +1,4 @@
-"""Contact -> recognised shape, fused over time, with pose and size, on topics."""
+"""The classifier node: it recognises the shape of each contact, fuses it over time and fits its pose and size."""
 
 import sys
 import time
@@ -25,15 +25,27 @@ from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Contact, ContactEvent, ContactShape, ContactShapes
 
-EVENT_DEPTH = 10  # messages
+EVENT_DEPTH = 10  #: Depth of the queue for events [messages].
 
 
 class ClassifierNode(StageNode):
-    """Publishes `shape` for the newest usable contact on `contact`, `pose` while the contact has one, and `events`.
+    """Publishes `shape` for the newest usable message on `contact`, `pose` if the shape was fitted, and `events`.
 
-    While something subscribes to them, `shapes` too, each of the largest contacts, and `markers`. A lossless classifier
-    answers every contact and always publishes `shapes`, since it keeps messages for late subscribers. ``hand_over``:
-    from and to the nodes of this process. Raises ConfigurationError for a wrong parameter.
+    While there are subscribers, the node also publishes `shapes`, with the shapes of the largest contacts of a pad, and
+    `markers`. A lossless classifier answers every contact. It always publishes `shapes`, because it keeps messages for
+    late subscribers.
+
+    Parameters
+    ----------
+    hand_over : HandOver or None
+        Hand-over from and to the nodes of this process; None if the node runs alone in its process.
+    **options
+        Options for rclpy's ``Node``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter is wrong.
     """
 
     def __init__(self, hand_over: HandOver | None = None, **options: Any):
@@ -44,7 +56,7 @@ class ClassifierNode(StageNode):
             make_recogniser(self._settings.method, self._settings.model), fits=self._settings.fit,
             fusion=DEFAULT_FUSION if self._settings.fuse else None)
         hand_over, qos = hand_over or HandOver(), self._settings.qos
-        self.recognised = 0  #: contacts answered with a shape
+        self.recognised = 0  #: number of contacts for which a shape was published
         self._shapes: StageOutput[PadShape] = StageOutput(self, ContactShape, 'shape', self._settings,
                                                           lambda shape: shape.whole, hand_over)
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)
@@ -58,7 +70,7 @@ class ClassifierNode(StageNode):
         MessageHealth(self, [self._contacts], self._settings)
 
     def accept(self, contact: PadContact) -> None:
-        """Recognise ``contact`` and send its shape on."""
+        """Recognise the shape of ``contact`` and send it on."""
         result = self._pipeline.recognise(contact.found, seconds(contact.header.stamp))
         arrival = self._contacts.arrival
         shape = self._shape(contact, result, arrival)
@@ -73,7 +85,7 @@ class ClassifierNode(StageNode):
             self._contacts.postpone(lambda: self._publish_more(contact, result, shape.bare, arrival))
 
     def _publish_more(self, contact: PadContact, result: StreamedContact, bare: ContactShape, arrival: Arrival) -> None:
-        """Publish what no other stage reads."""
+        """Publish the messages that no other stage waits for."""
         if is_wanted(self._all_shapes, self._settings.lossless):
             self._publish_all(contact, result, arrival)
         self._view.publish(contact, bare)
@@ -92,11 +104,12 @@ class ClassifierNode(StageNode):
 
 
 def _age(arrival: Arrival) -> Duration:
-    """Return the age, now that it is sent, of what was made of the contact that came at ``arrival``."""
+    """Return the present age of a result that was made from the contact of ``arrival``."""
     return age_message(arrival.age(time.monotonic()))
 
 
 def main() -> int:
+    """Run the node; returns the exit code."""
     return run_node(ClassifierNode)
 
 

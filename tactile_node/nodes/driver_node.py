@@ -1,7 +1,9 @@
-"""The skin driver: a lifecycle node around one CAN bus, or a recorded log in its place.
+"""The skin driver: a lifecycle node for one CAN bus, or for a recorded log in its place.
 
-configure = open the bus, check identities, write the configuration; activate = NMT start;
-deactivate = pre-operational; cleanup = close.
+configure   open the bus, check the identity of the devices and configure them
+activate    send NMT start to the devices, and send SYNC
+deactivate  set the devices to PRE-OPERATIONAL
+cleanup     close the bus
 """
 
 import logging
@@ -32,20 +34,25 @@ from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import PrimaryState
 
-#: All that is not live; autostart and wait_at_start are read once, before that.
+#: Parameters read by configure: all that are not live, except autostart and wait_at_start, which are read at start.
 READ_AT_CONFIGURE = frozenset(each.name for each in table(DriverSettings) if not each.properties.live
                               and each.name not in ('autostart', 'wait_at_start'))
 logger = logging.getLogger(__name__)
 
-WAITED_FOR = (BusError, DeviceAbsentError)
-LAST_ANSWER = 0.3  # s in which the answer to the transition `shutdown` is sent before the process ends
-RETRY_PERIOD = 0.5  # s between two attempts to configure while the driver waits at start
+WAITED_FOR = (BusError, DeviceAbsentError)  #: Errors after which a driver that waits at start tries again.
+LAST_ANSWER = 0.3  #: Time allowed for sending the answer to the transition `shutdown` before the process ends [s].
+RETRY_PERIOD = 0.5  #: Time between two attempts to configure while the driver waits at start [s].
 
 
 class DriverNode(LifecycleNode):
-    """Publishes `<pad>/taxels` for each pad while active, /diagnostics and `~/status` always.
+    """Publishes `<pad>/taxels` for each pad while active. It publishes /diagnostics and `~/status` in every state.
 
-    ``hand_over``: to the nodes of this process.
+    Parameters
+    ----------
+    hand_over : HandOver or None
+        Hand-over to the nodes of this process; None if the node runs alone in its process.
+    **options
+        Options for rclpy's ``LifecycleNode``.
     """
 
     _is_made = False  # True after the constructor
@@ -55,12 +62,12 @@ class DriverNode(LifecycleNode):
         reject_invalid_transitions(self)
         declare(self, DriverSettings, READ_AT_CONFIGURE)
         follow_changes(self, DriverSettings, self._check, self._apply)
-        self.add_on_set_parameters_callback(self._refuse_fixed)  # rclpy asks the last one first
-        self._settings: DriverSettings | None = None  # as configure has read them
-        self.source: FrameSource | None = None  #: the bus or the log, None while unconfigured
+        self.add_on_set_parameters_callback(self._refuse_fixed)  # rclpy calls the last added callback first
+        self._settings: DriverSettings | None = None  # as read by configure
+        self.source: FrameSource | None = None  #: the bus or the log; None while unconfigured
         self._pads: dict[str, PadOutput] = {}
         self._hand_over = hand_over or HandOver()
-        self._owned: list[Callable[[], object]] = []  # releases all that configure has made, last first
+        self._owned: list[Callable[[], object]] = []  # releases what configure has made; called in reverse order
         self._steps = LifecycleSteps(self)
         self._stop_requested: threading.Event | None = None
         self._tare = TareService(self)
@@ -70,10 +77,20 @@ class DriverNode(LifecycleNode):
         self._is_made = True
 
     def autostart(self, stop_requested: threading.Event | None = None) -> None:
-        """Configure and activate where the parameter `autostart` is true. Raises the error of a failed transition.
+        """Configure and activate the node if the parameter `autostart` is true.
 
-        With `wait_at_start` it waits for a missing bus or device until ``stop_requested`` is set. The node sets this
-        event itself once it is finalized: nothing can be done with it any more, so its process ends.
+        With the parameter `wait_at_start`, the node waits for a missing bus or device until ``stop_requested`` is set.
+
+        Parameters
+        ----------
+        stop_requested : threading.Event or None
+            Event that ends the process. The node itself sets the event when it is finalized, because a finalized node
+            cannot be used any more.
+
+        Raises
+        ------
+        TactileError
+            If a transition fails.
         """
         self._stop_requested = stop_requested
         if not self.get_parameter('autostart').value:
@@ -84,38 +101,46 @@ class DriverNode(LifecycleNode):
                 raise self._steps.failure('activate')
 
     def _is_configured_at_start(self, stop: threading.Event | None) -> bool:
-        """Configure, repeatedly while ``stop`` is given and not set; False where it is set or a manager was faster."""
+        """Configure the node. With ``stop``, repeat the attempt until it succeeds or ``stop`` is set.
+
+        Returns False if ``stop`` was set, or if a lifecycle manager has configured the node meanwhile.
+        """
         try:
             while self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-                if self._lifecycle != PrimaryState.UNCONFIGURED:  # the same in Kilted, which raises no error
+                if self._lifecycle != PrimaryState.UNCONFIGURED:  # configured by a manager; Kilted raises no error
                     return False
                 if stop is None or not isinstance(self._steps.error, WAITED_FOR):
                     raise self._steps.failure('configure')
                 if stop.wait(RETRY_PERIOD):
                     return False
-        except RuntimeError:  # RCLError of Jazzy: a lifecycle manager has configured the node meanwhile
+        except RuntimeError:  # configured by a manager; Jazzy raises RCLError
             return False
         return True
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Open the bus or the log, and configure the devices."""
         result = self._steps.attempt(self._configure)
         if result != TransitionCallbackReturn.SUCCESS:
             self._release()
         return self._publish_after(result, PrimaryState.INACTIVE)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start the devices or the log."""
         return self._publish_after(self._steps.attempt(self._start), PrimaryState.ACTIVE)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop the devices or the log."""
         self._tare.give_up('one that was deactivated')
         self._hand_over.release()
         return self._publish_after(self._steps.attempt(self._configured_source().stop), PrimaryState.INACTIVE)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the bus or the log."""
         self._release()
         return self._publish_after(TransitionCallbackReturn.SUCCESS, PrimaryState.UNCONFIGURED)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the bus or the log, and end the process."""
         self._release()
         if self._stop_requested is not None:
             self.get_logger().info('The driver is finalized: its process ends.')
@@ -123,11 +148,13 @@ class DriverNode(LifecycleNode):
         return self._publish_after(TransitionCallbackReturn.SUCCESS, PrimaryState.FINALIZED)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the bus or the log after an error in a transition."""
         self._release()
         return self._publish_after(TransitionCallbackReturn.SUCCESS, PrimaryState.UNCONFIGURED)
 
     def destroy_node(self) -> None:
-        if self._is_made:  # since Kilted, the context destroys a node whose constructor has failed, too
+        """Close the bus or the log, and publish the last state."""
+        if self._is_made:  # since Kilted, the context also destroys a node whose constructor has failed
             self._release()
             if self.context.ok():
                 self._state.update(is_last=True)
@@ -151,7 +178,7 @@ class DriverNode(LifecycleNode):
             self._owned.append(output.destroy)
             if settings.replay and settings.lossless and not output.is_answered:
                 raise _not_answered(pad.name)
-        self._pads = outputs  # all at once: at start the executor publishes the state of these meanwhile
+        self._pads = outputs  # in one assignment, because the executor may publish the state at any time
         saving = serve_faults(self, settings.faulty_taxels_file,
                               lambda: {name: pad.conditioned.faults for name, pad in self._pads.items()})
         units = {pad.name: pad.layout.value.unit for pad in pads}
@@ -161,7 +188,7 @@ class DriverNode(LifecycleNode):
         self._owned += [lambda: self.destroy_service(saving), self._tare.end, source.close, self._hand_over.release]
         source.open()
         self.source = source
-        self._apply(read(self, DriverSettings))  # live ones may have been set since they were read
+        self._apply(read(self, DriverSettings))  # live parameters may have been set since they were read above
         source.configure()
 
     def _start(self) -> None:
@@ -175,28 +202,31 @@ class DriverNode(LifecycleNode):
         return self.source
 
     def _make_clock(self, settings: DriverSettings) -> Callable[[float], None] | None:
-        """Return what shows the time of a log on /clock, where that is wanted. Raises ConfigurationError for a bus."""
+        """Return the function that publishes the time of a log on /clock; None without publish_clock.
+
+        Raises ConfigurationError for a live bus.
+        """
         if not settings.publish_clock:
             return None
         if not settings.replay:
             raise ConfigurationError('parameter publish_clock', expected='a log whose time is published (replay)',
-                                     got='a live bus', remedy='Leave it false, or name a log.')
+                                     got='a live bus', remedy='Set publish_clock to false, or replay a log.')
         clock = ClockOutput(self)
         self._owned.append(clock.destroy)
         return clock.show
 
     def _refuse_fixed(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Refuse to change what configure has read: it stays until cleanup."""
+        """Refuse to change parameters that configure has read, because they apply until cleanup."""
         fixed = [each.name for each in parameters if each.name in READ_AT_CONFIGURE]
         if self._settings is not None and fixed:
             return SetParametersResult(successful=False, reason=f'{", ".join(fixed)}: read at configure. Clean up the '
-                                       'driver (ros2 lifecycle set), set it and configure again.')
+                                       'driver (ros2 lifecycle set), set the parameter and configure the driver again.')
         return SetParametersResult(successful=True)
 
     def _check(self, settings: DriverSettings) -> None:
         """Raise ConfigurationError for live settings that cannot be applied."""
         masks_faulty(settings.faulty_taxels)
-        if self._settings is not None:  # else heartbeat_period may still change, and configure checks both
+        if self._settings is not None:  # before configure, heartbeat_period may still change
             check_heartbeat(settings)
 
     def _apply(self, settings: DriverSettings) -> None:
@@ -211,13 +241,13 @@ class DriverNode(LifecycleNode):
                            {name: pad.condition for name, pad in self._pads.items()})
 
     def _publish_after(self, result: TransitionCallbackReturn, goal: PrimaryState) -> TransitionCallbackReturn:
-        """Publish the state after a transition, to ``goal`` if it succeeds, and return the transition's result."""
+        """Publish the state after a transition to ``goal``, and return the ``result`` of the transition."""
         if result == TransitionCallbackReturn.SUCCESS:
             self.get_logger().info(f'Lifecycle: {self._lifecycle.name.lower()} -> {goal.name.lower()}.')
             self._lifecycle = goal
         try:
             self._state.update()
-        except Exception:  # what cannot be reported must not fail the transition: the driver works
+        except Exception:  # a failed report must not make the transition fail, because the driver itself works
             logger.exception('The state of the driver could not be published.')
         return result
 
@@ -232,11 +262,13 @@ class DriverNode(LifecycleNode):
 def _not_answered(pad: str) -> ConfigurationError:
     return ConfigurationError(
         'parameters replay and lossless', expected='the processor and the classifier of each pad in the process of the '
-        'driver: the log waits for their answers', got=f'none of pad {pad!r}, or a topic between them that is remapped',
-        remedy='Start all with `tactile bringup --replay`, or set lossless false.')
+        'driver, because the log waits for their answers',
+        got=f'none for pad {pad!r}, or a remapped topic between them',
+        remedy='Start all nodes with `tactile bringup --replay`, or set lossless to false.')
 
 
 def main() -> int:
+    """Run the node; returns the exit code."""
     return run_node(DriverNode, DriverNode.autostart)
 
 

@@ -19,54 +19,53 @@ from tactile_node.errors import ConfigurationError, TactileError, TareRefusal, T
 from tactile_node.threads import ReportedThread
 from tactile_skin.srv import Tare
 
-FRAMES = 50  #: averaged unless the request says otherwise
-LONGEST = 60.0  #: s for all pads of a request; a longer request is taken for a mistake
+FRAMES = 50  #: Number of frames averaged by default.
+LONGEST = 60.0  #: Longest duration of a request for all its pads [s]. A longer request is refused as a mistake.
 
 
 class Zeroing(NamedTuple):
-    """What a tare works on.
+    """The pads and the source that a tare works on."""
 
-    ``limit``: a pad's name -> what a taxel may read at most [unit] to count as not pressed; ConfigurationError
-    where it has no zero. ``source`` reaches the devices that zero themselves.
-    """
-
-    pads: Mapping[str, TaredPad]  #: by name
+    pads: Mapping[str, TaredPad]  #: by name of the pad
+    #: Returns the highest reading of a taxel that counts as not pressed, for the name of a pad, in the unit of the pad.
+    #: It raises ConfigurationError if the pad has no zero.
     limit: Callable[[str], float]
-    frame_period: float  #: s
-    source: FrameSource
+    frame_period: float  #: time between two frames [s]
+    source: FrameSource  #: gives access to devices that zero themselves
 
 
 class TareService:
-    """Measures the zero of pads from the frames they are fed, on its own thread, so that the executor continues.
+    """The service `~/tare`. It measures the zero of pads from their frames.
 
-    It lasts as long as its node: rclpy cannot answer a request whose service is gone.
+    A thread does the work, so the executor continues meanwhile.
+    The service exists as long as its node, because rclpy cannot answer a request after the service was destroyed.
     """
 
     def __init__(self, node: Node):
         self._node = node
         self._zeroing: Zeroing | None = None
         self._thread: threading.Thread | None = None
-        group = ReentrantCallbackGroup()  # in the node's own group, a request under way would block everything else
-        self._answered = node.create_guard_condition(lambda: None, group)  # the executor has an answer to send
+        group = ReentrantCallbackGroup()  # in the default group, a running request would block all other callbacks
+        self._answered = node.create_guard_condition(lambda: None, group)  # wakes the executor to send an answer
         node.create_service(Tare, '~/tare', self._answer, callback_group=group)
 
     def begin(self, zeroing: Zeroing) -> None:
-        """The driver is configured; see ``expect``."""
+        """Prepare for a newly configured driver. Requests are refused until ``expect`` is called."""
         self._zeroing = zeroing
         self.give_up('a configured one')
 
     def expect(self) -> None:
-        """From now on requests are served."""
+        """Serve requests from now on."""
         for pad in self._pads():
             pad.expect()
 
     def give_up(self, why: str) -> None:
-        """From now on requests are refused, one under way too."""
+        """Refuse requests from now on, including a running one. ``why`` describes the driver in the refusal."""
         for pad in self._pads():
             pad.give_up(why)
 
     def end(self) -> None:
-        """The driver is no longer configured; returns when a request under way is over."""
+        """Refuse requests, because the driver is no longer configured, and wait until a running request has ended."""
         if self._zeroing is not None:
             self.give_up('one that is cleaned up')
             self._zeroing = None
@@ -77,7 +76,7 @@ class TareService:
         return () if self._zeroing is None else tuple(self._zeroing.pads.values())
 
     async def _answer(self, request: Tare.Request, response: Tare.Response) -> Tare.Response:
-        """Called by the executor, which continues while a thread works."""
+        """Answer a request, without blocking the executor."""
         try:
             zeroing = self._ready()
         except TareRefusedError as error:
@@ -93,8 +92,8 @@ class TareService:
             raise TareRefusedError('tare', TareRefusal.DRIVER_NOT_ACTIVE, expected='a configured driver',
                                    got='one that is not', remedy='Configure and activate it first.')
         if self._thread is not None and self._thread.is_alive():
-            raise TareRefusedError('tare', TareRefusal.BUSY, expected='one request after another',
-                                   got='one while another is under way', remedy='Wait for its answer.')
+            raise TareRefusedError('tare', TareRefusal.BUSY, expected='one request at a time',
+                                   got='a second one', remedy='Wait for the answer to the first request.')
         return self._zeroing
 
     def _work(self, zeroing: Zeroing, request: Tare.Request, response: Tare.Response, done: Future) -> None:
@@ -109,18 +108,18 @@ class TareService:
                 if isinstance(error, TareRefusedError):
                     response.refusal = response.refusal or error.refusal.value
                 reports.append(f'{name}: {error}')
-            except Exception:  # the thread would end without a message
+            except Exception:  # it would end the thread, and the client would get no answer
                 is_done = False
                 reports.append(f'{name}: {traceback.format_exc()}')
         done.set_result(self._logged(response, is_done, ' '.join(reports)))
         self._answered.trigger()
 
     def _logged(self, response: Tare.Response, is_done: bool, message: str) -> Tare.Response:
-        """Fill in the response and log it."""
+        """Fill in the response, log its message and return it."""
         response.success = is_done
         response.message = message
         logger = self._node.get_logger()
-        if is_done:  # rclpy wants each severity to have its own line
+        if is_done:  # rclpy requires a separate call site for each severity
             logger.info(message)
         else:
             logger.error(message)
@@ -130,14 +129,15 @@ class TareService:
 def _tared(zeroing: Zeroing, name: str, count: int, request: Tare.Request, response: Tare.Response) -> str:
     if name not in zeroing.pads:
         raise ConfigurationError('tare', expected=f'one of the pads {", ".join(zeroing.pads)}', got=repr(name),
-                                 remedy='Leave pads empty for all of them.')
+                                 remedy='Leave pads empty to tare all of them.')
     pad, frames = zeroing.pads[name], request.frames or FRAMES
     given = frames, zeroing.limit(name), 1 + 2 * frames * zeroing.frame_period
-    if (3 if request.on_device else 1) * count * given[2] > LONGEST:  # before, between and after
+    measurements = 3 if request.on_device else 1  # the device is measured before, between and after
+    if measurements * count * given[2] > LONGEST:
         raise TareRefusedError('tare', TareRefusal.TOO_MANY_FRAMES,
-                               expected=f'so few frames that all is done in {LONGEST:g} s at most',
-                               got=f'{frames} of {zeroing.frame_period:g} s each on {count} pads',
-                               remedy='Ask for fewer frames, or for one pad after another.')
+                               expected=f'a request that takes at most {LONGEST:g} s',
+                               got=f'{frames} frames of {zeroing.frame_period:g} s each on {count} pads',
+                               remedy='Request fewer frames, or tare one pad after another.')
     if not request.on_device:
         return _noted(name, pad.tare(*given), response)
     source = zeroing.source
@@ -155,12 +155,22 @@ def _noted(name: str, found: Measured, response: Tare.Response, on_device: str =
 
 
 def serve_faults(node: Node, path: str, faults: Callable[[], Mapping[str, FaultyTaxels]]) -> Service:
-    """Return the service that writes what ``faults()`` gives, by pad, to the file ``path``."""
+    """Create the service `~/save_faulty_taxels`, which writes the faulty taxels of all pads to a file.
+
+    Parameters
+    ----------
+    node : Node
+        Node that serves requests.
+    path : str
+        File to write; '' if the user gave none, and requests are then refused.
+    faults : callable
+        Returns the faulty taxels by name of the pad.
+    """
     def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:
             if not path:
                 raise ConfigurationError('parameter faulty_taxels_file', expected='the path of a file', got='none',
-                                         remedy='Set it, and configure the driver again.')
+                                         remedy='Set the parameter, and configure the driver again.')
             found = faults()
             save_faults(path, found)
             response.success = True

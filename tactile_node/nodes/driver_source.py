@@ -1,4 +1,4 @@
-"""Where the driver's frames come from, by its settings: a live bus, or a recorded log in its place."""
+"""Make the source of the driver's frames from its settings: a live bus, or a recorded log in its place."""
 
 from collections.abc import Callable, Sequence
 
@@ -11,25 +11,32 @@ from tactile_node.skin.pads import PadSettings, live_pads, make_pads, one_for_ea
 from tactile_node.sources.log_source import LogSource
 from tactile_node.sources.supervisor import Supervisor
 
-HEARTBEATS_LOST = 2  #: at least, before a node counts as lost: one may be late
+#: Smallest number of missing heartbeats after which a node may count as lost. A single heartbeat may only be late.
+HEARTBEATS_LOST = 2
 
 
 def driver_pads(settings: DriverSettings) -> tuple[PadSettings, ...]:
-    """Make the driver's pads, with their EDS for a live bus. Raises ConfigurationError."""
+    """Return the pads of the driver, with the object dictionaries of their EDS for a live bus.
+
+    Raises ConfigurationError if the parameters, a layout or an EDS cannot be used.
+    """
     if not settings.pads:
         raise ConfigurationError('parameter pads', expected='a name for each pad', got='none', remedy='Name a pad.')
     pads = make_pads(settings.layouts, settings.node_ids, settings.pads)
-    return pads if settings.replay else with_dictionaries(pads, settings.eds)  # a log needs none
+    return pads if settings.replay else with_dictionaries(pads, settings.eds)  # a log needs no EDS
 
 
 def pad_frames(settings: DriverSettings, pads: Sequence[PadSettings]) -> list[str]:
-    """Return the frame of each pad. Raises ConfigurationError for a wrong number of them."""
+    """Return the coordinate frame of each pad. Raises ConfigurationError if the number of frames is wrong."""
     frame_ids = one_for_each('frame_ids', settings.frame_ids, pads)
     return [settings.frame_prefix + (frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)]
 
 
 def check_heartbeat(settings: DriverSettings) -> None:
-    """Raise ConfigurationError for a timeout in which too few heartbeats come; a log has its own heartbeats."""
+    """Raise ConfigurationError if heartbeat_timeout is shorter than HEARTBEATS_LOST heartbeat periods.
+
+    A log is not checked, because its heartbeats were recorded.
+    """
     if not settings.replay and settings.heartbeat_timeout < HEARTBEATS_LOST * settings.heartbeat_period:
         raise ConfigurationError('parameters heartbeat_period and heartbeat_timeout',
                                  expected=f'a timeout of {HEARTBEATS_LOST} periods or more',
@@ -39,14 +46,28 @@ def check_heartbeat(settings: DriverSettings) -> None:
 
 def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
                 on_time: Callable[[float], None] | None = None) -> FrameSource:
-    """Make the supervised bus, or the log of a replay, not yet open. Raises ConfigurationError for both at once.
+    """Return the supervised bus, or the log of a replay. The source is not open yet.
 
-    ``on_time``: of a log, called with the time that it has reached [s].
+    Parameters
+    ----------
+    settings : DriverSettings
+        Settings of the driver.
+    pads : tuple of PadSettings
+        Pads of the driver.
+    on_frame : callable
+        Called with the name of the pad and each taxel frame.
+    on_time : callable or None
+        For a log, called with the time that the replay has reached [s].
+
+    Raises
+    ------
+    ConfigurationError
+        If both replay and record are set, or if heartbeat_timeout is too short.
     """
     if settings.replay and settings.record:
-        raise ConfigurationError('parameters replay and record', expected='one of them: a log that is played is not '
-                                 'recorded', got=f'{settings.replay!r} and {settings.record!r}',
-                                 remedy='Leave out one, or copy the log.')
+        raise ConfigurationError('parameters replay and record', expected='only one of them, because a replay cannot '
+                                 'be recorded', got=f'{settings.replay!r} and {settings.record!r}',
+                                 remedy='Remove one of them; to duplicate a log, copy its file.')
     if settings.replay:
         return LogSource(settings.replay, pads, on_frame, pace=settings.replay_pace or None,
                          loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,

@@ -1,6 +1,6 @@
-"""Finds other processes that command the same gripper, or that have the same name, by their heartbeats.
+"""Detect other processes that command the same gripper or have the same name, by their heartbeats.
 
-The graph of the middleware decides nothing: it shows a killed process for 20 s, and a silent one for ever.
+The ROS graph is not used for this, because it still shows a killed process for 20 s, and a silent process for ever.
 """
 
 import logging
@@ -16,21 +16,34 @@ from unique_identifier_msgs.msg import UUID
 
 from tactile_node.ros.rosout_handler import of_node
 
-HEARTBEAT_PERIOD = 0.2  #: s
-HOLD_TIME = 1.0  #: s without a heartbeat, after which another process has ended: five are missing
-LISTEN_TIME = 5.0  #: s for which a process listens before it closes; discovery takes up to 2.8 s (docs/closing.md)
+HEARTBEAT_PERIOD = 0.2  #: Time between two heartbeats [s].
+#: Time without a heartbeat after which another process counts as ended [s]. It is the time of five heartbeats.
+HOLD_TIME = 1.0
+#: Time for which a process listens before it may close the gripper [s]. Discovery takes up to 2.8 s (docs/closing.md).
+LISTEN_TIME = 5.0
 
 logger = logging.getLogger(__name__)
 
 
 class DuplicateWatch:
-    """Sends the identity of this process on ``topics``, and hears others there; ``steady``: the clock [s]."""
+    """Sends the identity of this process as a heartbeat, and listens to the heartbeats of others.
+
+    Parameters
+    ----------
+    node : Node
+        Node of this process.
+    topics : sequence of str
+        Topics to send and listen on.
+    steady : callable
+        Steady clock [s].
+    """
 
     def __init__(self, node: Node, topics: Sequence[str], *, steady: Callable[[], float]):
         self._node, self._steady = node, steady
         self._identity = UUID(uuid=list(uuid4().bytes))
-        self._heard: dict[str, float] = {}  # topic -> when another identity was heard there [s]
-        self._ran, self._listens_since = -math.inf, math.inf  # [s]
+        self._heard: dict[str, float] = {}  # by topic, time at which another identity was last heard [s]
+        self._ran = -math.inf  # time of the last heartbeat of this process [s]
+        self._listens_since = math.inf  # start of listening without a pause of this process [s]
         self._logged: tuple[str, ...] = ()
         self._publishers = [node.create_publisher(UUID, topic, QoSProfile(depth=10)) for topic in topics]
         for publisher in self._publishers:
@@ -40,12 +53,12 @@ class DuplicateWatch:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Topics on which another process was heard within HOLD_TIME."""
+        """Topics on which another process was heard within the last HOLD_TIME."""
         return tuple(topic for topic, heard in self._heard.items() if self._steady() - heard <= HOLD_TIME)
 
     @property
     def has_listened(self) -> bool:
-        """False after a start, and after a pause of this process, until it has run for LISTEN_TIME."""
+        """True if this process has listened for LISTEN_TIME since its start or its last pause."""
         now = self._steady()
         return now - self._ran <= HOLD_TIME and now - self._listens_since >= LISTEN_TIME
 
@@ -67,6 +80,7 @@ class DuplicateWatch:
 
 
 def duplicate_text(topics: Sequence[str]) -> str:
-    """Return the sentence for ``topics`` on which another process is heard; '' for none."""
-    return '' if not topics else (f'nothing closes, because another touch_gripper is heard on {", ".join(topics)}: end '
-                                  f'one (`ros2 topic info -v {topics[0]}` names them)')
+    """Return the text for a duplicate that is heard on ``topics``; '' if there are no topics."""
+    return '' if not topics else (
+        f'nothing closes, because another touch_gripper is heard on {", ".join(topics)}: stop one of them '
+        f'(`ros2 topic info -v {topics[0]}` lists them)')

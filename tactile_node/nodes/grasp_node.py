@@ -1,4 +1,4 @@
-"""The shapes under two opposing pads -> one grasp, on a topic."""
+"""The grasp node: it combines the shapes under two opposing pads into one grasp."""
 
 import math
 import sys
@@ -30,21 +30,34 @@ from tactile_node.ros.shape_messages import PadShape
 from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
-ANOTHER_LOG = 60.0  # s by which stamps go back when another log is replayed; pads of one log are less apart
+#: If stamps go back by more than this, another log is being replayed [s]. The pads of one log differ by less.
+ANOTHER_LOG = 60.0
 
 
 class GraspNode(StageNode):
-    """Publishes `grasp` and `grasp_sides` for every usable `<pad>/shape` of its two pads, and when these stop.
+    """Publishes `grasp` and `grasp_sides` for every usable message on `<pad>/shape` of its two pads.
 
-    Serves `~/wait_for_grasp` and `~/check_grasp`: whether a grasp is what a client requires.
+    When the shapes of a pad stop, the node publishes both once more, so that the last grasp does not seem current. The
+    action `~/wait_for_grasp` and the service `~/check_grasp` tell a client whether the grasp meets its requirement.
 
-    ``hand_over``: from the nodes of this process. ``steady``: the clock of ages and timeouts [s]. Raises
-    ConfigurationError for a wrong parameter.
+    Parameters
+    ----------
+    hand_over : HandOver or None
+        Hand-over from the nodes of this process; None if the node runs alone in its process.
+    steady : callable
+        Steady clock for ages and timeouts [s].
+    **options
+        Options for rclpy's ``Node``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter is wrong.
     """
 
     def __init__(self, hand_over: HandOver | None = None, *, steady: Callable[[], float] = time.monotonic,
                  **options: Any):
-        # First: Kilted destroys also a node whose constructor has failed
+        # Set before rclpy's constructor, because Kilted also calls destroy_node after a failed constructor.
         self._steady = steady
         self._arrivals: dict[str, Arrival] = {}
         self._requests: GraspRequests | None = None
@@ -59,11 +72,11 @@ class GraspNode(StageNode):
         self._opening = make_opening_source(self, settings, gripper.closing, steady)
         publish_pad_frames(self, settings, gripper, self._opening)
         self._latest = {side: PadShape(ContactShape()) for side in SIDES}
-        self._stamp = 0.0  # the latest [s]; the clock of a lossless replay
+        self._stamp = 0.0  # latest stamp [s]; it serves as the clock of a lossless replay
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
         self._sides_publisher = self.create_publisher(GraspSides, 'grasp_sides', settings.qos)
         self._requests = GraspRequests(self, self._current, steady)
-        # On the steady clock: with use_sim_time and no /clock the node's own clock stands still
+        # On the steady clock, because the clock of the node stands still with use_sim_time and no /clock.
         self._silences = {side: self.create_timer(self._tracker.silence_limit(side), self._on_silence,
                                                   clock=Clock(clock_type=ClockType.STEADY_TIME)) for side in SIDES}
         for silence in self._silences.values():
@@ -77,7 +90,15 @@ class GraspNode(StageNode):
         MessageHealth(self, tuple(self._shapes.values()), settings)
 
     def accept(self, side: str, shape: PadShape) -> None:
-        """Take the shape on the pad of ``side`` and publish the grasp."""
+        """Take a new shape from one pad and publish the grasp.
+
+        Parameters
+        ----------
+        side : str
+            Side of the pad, one of SIDES.
+        shape : PadShape
+            Shape on this pad.
+        """
         arrival = self._shapes[side].arrival
         self._arrivals[side] = arrival
         self._latest[side] = shape
@@ -91,11 +112,11 @@ class GraspNode(StageNode):
             self._await_next(side)
 
     def _now(self) -> float:
-        """Return the time that results are measured by [s]: in a lossless replay that of the stamps."""
+        """Return the present time [s]: the latest stamp in a lossless replay, otherwise the steady clock."""
         return self._stamp if self._settings.lossless else self._steady()
 
     def _await_next(self, side: str) -> None:
-        """Publish again when no shape of ``side`` follows in time: the last grasp must not stay fresh."""
+        """Publish again if no shape of ``side`` follows in time, because the last grasp must not stay fresh."""
         silence, limit = self._silences[side], round(self._tracker.silence_limit(side) * 1e9)
         if silence.timer_period_ns != limit:
             silence.timer_period_ns = limit
@@ -105,7 +126,7 @@ class GraspNode(StageNode):
         self._publish_without_result(self._now())
 
     def destroy_node(self) -> None:
-        """Withdraw the last grasp first: nothing follows that could."""
+        """Publish a grasp without a result first, because the last grasp would otherwise stay valid."""
         if self.context.ok() and self._arrivals:
             self._publish_without_result(math.inf)
         if self._requests is not None:
@@ -113,7 +134,7 @@ class GraspNode(StageNode):
         super().destroy_node()
 
     def _publish_without_result(self, now: float) -> None:
-        """Publish the grasp at ``now`` [s] of what has been received."""
+        """Publish the grasp at the time ``now`` [s] from the shapes received so far."""
         opening = self._opening.current()
         self._publish(self._tracker.state(now, opening.gap), opening)
 
@@ -128,9 +149,9 @@ class GraspNode(StageNode):
             self._requests.look(current)
 
     def _current(self) -> CurrentGrasp:
-        """What is known now, of what has been received.
+        """Return the present grasp from the shapes received so far.
 
-        The stamps of a lossless replay stand still when it has ended: then nothing is known any more.
+        After the end of a lossless replay its stamps stand still. After max_age, all shapes then count as too old.
         """
         steady = self._steady()
         received = max((arrival.steady for arrival in self._arrivals.values()), default=-math.inf)
@@ -144,12 +165,13 @@ class GraspNode(StageNode):
                                                                 self._ages(), self._gripper))
 
     def _ages(self) -> list[float]:
-        """Return the age of the latest shape of each side [s]; inf: there is none."""
+        """Return the age of the latest shape of each side [s]; inf if there is none."""
         now = self._steady()
         return [self._arrivals[side].age(now) if side in self._arrivals else math.inf for side in SIDES]
 
 
 def main() -> int:
+    """Run the node; returns the exit code."""
     return run_node(GraspNode)
 
 

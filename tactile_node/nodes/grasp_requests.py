@@ -19,20 +19,24 @@ from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import ContactShape, Grasp
 from tactile_skin.srv import CheckGrasp
 
-GOAL_LOOK_PERIOD = 0.05           #: s between two looks at the goals, beside those at each grasp
-FEEDBACK_PERIOD = 0.5   #: s
-MOST_GOALS = 10         #: that wait at once: one grasp may answer all, and services keep 10 replies for a client (rmw)
-RESULT_TIMEOUT = 2      #: s for which a result is kept for a client that has not asked for it: then it is too old
+#: Time between two checks of the waiting goals [s]. Goals are also checked at each published grasp.
+GOAL_LOOK_PERIOD = 0.05
+FEEDBACK_PERIOD = 0.5  #: Time after which an unchanged feedback is published again [s].
+#: Largest number of waiting goals. One grasp may answer all of them, and a service of the rmw queues 10 replies.
+MOST_GOALS = 10
+#: Time for which the server keeps a result that the client has not requested [s]. After that it is too old.
+RESULT_TIMEOUT = 2
 
 
 class CurrentGrasp(NamedTuple):
-    """What is known of the grasp at one time."""
+    """The grasp at one moment."""
 
     state: GraspState
-    sides: Sequence[ContactShape]    #: the latest of left and right
-    message: Callable[[], Grasp]     #: makes the message of it
+    sides: Sequence[ContactShape]  #: latest shapes of the left and the right pad
+    message: Callable[[], Grasp]  #: makes the message of this grasp
 
     def missing(self, requirement: Requirement) -> tuple[Missing, ...]:
+        """Return the parts of ``requirement`` that the grasp does not meet."""
         left, right = (SideShape(side.class_name, side.confidence) for side in self.sides)
         return missing(requirement, self.state, (left, right))
 
@@ -41,17 +45,26 @@ class CurrentGrasp(NamedTuple):
 class _Goal:
     handle: ServerGoalHandle
     requirement: Requirement
-    deadline: float                                #: of the steady clock [s]
-    reported: tuple[Missing, ...] | None = None    #: in the last feedback
-    reported_at: float = 0.0
+    deadline: float  #: on the steady clock [s]
+    reported: tuple[Missing, ...] | None = None  #: unmet parts in the last feedback
+    reported_at: float = 0.0  #: time of the last feedback [s]
 
 
 class GraspRequests:
-    """Answers both from what ``current()`` gives when it answers, never from an earlier grasp.
+    """Serves the action and the service. Each answer uses the grasp at the time of the answer, never an earlier one.
 
-    A goal that waits is not executed: rclpy would poll its coroutine without a pause. So its status is ACCEPTED (in
-    Lyrical EXECUTING, see `allow_feedback`) until the answer is at hand; then it is executed, which looks again.
-    ``steady``: the clock of the timeouts [s].
+    A waiting goal is not executed, because rclpy would poll its coroutine without a pause. Its status is therefore
+    ACCEPTED (in Lyrical EXECUTING, see `allow_feedback`) until its answer is known. Then the goal is executed, and its
+    callback evaluates the grasp again.
+
+    Parameters
+    ----------
+    node : Node
+        Node that serves both.
+    current : callable
+        Returns the present grasp.
+    steady : callable
+        Steady clock for timeouts [s].
     """
 
     def __init__(self, node: Node, current: Callable[[], CurrentGrasp],
@@ -64,12 +77,18 @@ class GraspRequests:
             handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda handle: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
         self._service = node.create_service(CheckGrasp, '~/check_grasp', self._on_check)
-        # On the steady clock: with use_sim_time and no /clock a goal would wait for ever
+        # On the steady clock, because a goal would wait for ever with use_sim_time and no /clock.
         self._timer = node.create_timer(GOAL_LOOK_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
 
     def look(self, current: CurrentGrasp) -> None:
-        """Look at the goals that wait; called with each grasp that is published."""
+        """Check the waiting goals against a grasp. Called with each published grasp.
+
+        Parameters
+        ----------
+        current : CurrentGrasp
+            Present grasp.
+        """
         now = self._steady()
         for goal in tuple(self._goals):
             found = current.missing(goal.requirement)
@@ -84,7 +103,7 @@ class GraspRequests:
             self._timer.cancel()
 
     def destroy(self) -> None:
-        """End without an answer to the goals that wait: a client times the silence of a server itself."""
+        """End without an answer to the waiting goals. A client must have its own timeout for a silent server."""
         self._goals.clear()
         self._timer.cancel()
         self._server.destroy()
@@ -97,7 +116,7 @@ class GraspRequests:
             requirement, timeout = self._requirement(handle.request.requirement), timeout_of(handle.request.timeout)
             self._check_room()
         except RefusedRequirementError as error:
-            # A goal that is rejected gets no result, so no reason.
+            # A rejected goal gets no result, and could therefore not be given a reason.
             handle.execute(lambda handle, error=error: self._refuse(handle, error))
             return
         allow_feedback(handle)
@@ -113,7 +132,7 @@ class GraspRequests:
         return result
 
     def _finish(self, goal: _Goal) -> WaitForGrasp.Result:
-        """Answer by what is known now: the executor may have had other work since `look`."""
+        """Answer with the present grasp, because the executor may have been busy since ``look``."""
         current, handle, result = self._current(), goal.handle, WaitForGrasp.Result()
         found = current.missing(goal.requirement)
         if handle.is_cancel_requested:
@@ -149,19 +168,19 @@ class GraspRequests:
     def _check_room(self) -> None:
         if len(self._goals) >= MOST_GOALS:
             raise RefusedRequirementError('wait_for_grasp', RequirementRefusal.TOO_MANY_GOALS,
-                                          expected=f'at most {MOST_GOALS} goals that wait', got='one more',
-                                          remedy='Cancel those that are not needed.')
+                                          expected=f'at most {MOST_GOALS} waiting goals', got='one more',
+                                          remedy='Cancel goals that are not needed.')
 
 
 def allow_feedback(handle: ServerGoalHandle) -> None:
-    """Have rclpy send what ``handle`` publishes: since Lyrical, it sends none of a goal that is only accepted."""
+    """Make rclpy send the feedback of a goal. Since Lyrical, rclpy sends none for a goal that is only accepted."""
     if hasattr(handle, 'executing'):
         handle.executing()
 
 
 def _fill(answer: WaitForGrasp.Result | CheckGrasp.Response, outcome: int, found: Sequence[Missing] = (),
           refused: RefusedRequirementError | None = None) -> None:
-    """Set the outcome of ``answer`` and its reason: what is missing, or why the requirement was refused."""
+    """Set the outcome of ``answer`` and its reason: the unmet parts, or why the requirement was refused."""
     answer.outcome, answer.refusal = outcome, int(refused.refusal if refused else RequirementRefusal.NOT_REFUSED)
     if not refused:
         answer.state = state_message(found)

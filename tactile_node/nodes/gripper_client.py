@@ -1,7 +1,8 @@
-"""Commands the gripper's own action, one command at a time; what it says of itself.
+"""Command the gripper through its own action, one command at a time, and read its state.
 
-The number of servers in the graph decides nothing, because a killed server stays there for 20 s, also beside a new one.
-The answers decide. The client gives up a command that gets no answer: it holds up no later goal, but leaves a doubt.
+The client does not rely on the number of servers in the ROS graph, because a killed server stays there for 20 s, even
+beside a new one. It relies on answers only. The client gives up a command that gets no answer. Later goals do not wait
+for this command, but it stays in doubt whether the gripper still carries it out.
 """
 
 import math
@@ -21,47 +22,73 @@ from tactile_node.grasp.closing import Outcome
 from tactile_node.grasp.opening import LinearGap
 from tactile_node.ros.gripper_messages import Command, GripperInterface, GripperState
 
-SILENCES = Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT
-CANCEL_PERIOD = 0.2  #: s after which a cancel without an answer is sent again
-MOST_CANCELS = 10  #: without an answer, of one command: of more the middleware keeps none
-MOST_GIVEN_UP = 10  #: commands without an answer that are still cancelled before a goal closes
+SILENCES = Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT  #: Outcomes of a command without an answer.
+CANCEL_PERIOD = 0.2  #: Time after which an unanswered cancel request is sent again [s].
+#: Largest number of unanswered cancel requests for one command. The middleware queues no more than this.
+MOST_CANCELS = 10
+#: Largest number of unanswered commands that are remembered and cancelled before a goal closes.
+MOST_GIVEN_UP = 10
 
 
 class _Sent:
-    """One command on its way."""
+    """A command that was sent to the gripper."""
 
     def __init__(self, handle: ClientGoalHandle, opening: float, holds: bool, at: float):
-        self.handle = handle           # cancels it, also before it is accepted
-        self.opening = opening         # to which it sends the gripper [m]
-        self.holds = holds             # it stops the gripper where it is
-        self.at = self.served = at     # when it was sent, and when the graph last showed a whole server [s]
+        self.handle = handle  # can cancel the command even before it is accepted
+        self.opening = opening  # commanded opening [m]
+        self.holds = holds  # True if the command holds the gripper where it is
+        self.at = at  # time when it was sent [s]
+        self.served = at  # time when the graph last showed a complete server [s]
         self.is_accepted = False
         self.failure: Outcome | None = None
         self.result: GripperResult | None = None
-        self.is_cancelled = False      # as soon as it is accepted
-        self.is_ending: bool | None = None  # False: it refused the latest cancel; None: no answer
-        self.cancels: deque[Any] = deque()  # futures of that cancel, which was sent again and again
-        self.is_unknown = False        # to the server that answers: the one that accepted it is gone, or stopped
-        self.is_given_up = False       # it got no answer in time
+        self.is_cancelled = False  # True if it is to be cancelled as soon as it is accepted
+        self.is_ending: bool | None = None  # False if the gripper refused the latest cancel; None without an answer
+        self.cancels: deque[Any] = deque()  # futures of the repeated requests of this cancel
+        # True if the answering server does not know the command: the server that accepted it is gone or stopped.
+        self.is_unknown = False
+        self.is_given_up = False  # True if no answer came in time
 
 
 class GripperResult(NamedTuple):
-    """How a command ended."""
+    """The result of a command."""
 
     state: GripperState
-    succeeded: bool
+    succeeded: bool  #: True if the action succeeded
 
     @property
     def says_reached(self) -> bool:
-        """True if the gripper says that it is where it was sent. Not every gripper sets ``reached_goal``."""
+        """True if the gripper reports that it is at the commanded opening.
+
+        Not every gripper sets ``reached_goal``, so a success without a stall counts, too.
+        """
         return self.state.reached_goal or (self.succeeded and not self.state.stalled)
 
 
 class GripperClient:
-    """Each command carries ``effort``, the gripper's own limit: it is safe also when this process ends.
+    """Client of the gripper's own action.
 
-    ``law``: opening by the gripper's position. ``timeout`` [s]: for its answer to a command. ``steady``: the clock.
-    ``stay``: returns where a goal is to hold a gripper that goes on when it is cancelled [m]; NaN: a cancel stops it.
+    Each command carries a limit of effort, so the gripper stays within this limit even if this process ends.
+
+    Parameters
+    ----------
+    node : Node
+        Node that sends the commands.
+    interface : GripperInterface
+        Type of the gripper's action.
+    action : str
+        Name of the gripper's action.
+    law : LinearGap
+        Relation between the position of the gripper and its opening.
+    effort : float
+        Limit of effort in each command, in the unit of the gripper.
+    timeout : float
+        Time allowed for the answer to a command [s].
+    steady : callable
+        Steady clock [s].
+    stay : callable
+        Returns the opening at which a goal is to hold a gripper that continues after a cancel [m]. It returns NaN if a
+        cancel stops the gripper.
     """
 
     def __init__(self, node: Node, interface: GripperInterface, action: str, law: LinearGap, *, effort: float,
@@ -72,37 +99,49 @@ class GripperClient:
         self._repeats = node.create_timer(CANCEL_PERIOD, self._repeat_cancels,
                                           clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._latest: _Sent | None = None
-        self._open: list[_Sent] = []  # may still move the gripper: neither rejected nor ended
+        self._open: list[_Sent] = []  # neither rejected nor ended, so they may still move the gripper
         self._state, self._stated = GripperState(), -math.inf
 
     def destroy(self) -> None:
+        """Destroy the action client. Commands that were sent continue."""
         self._repeats.cancel()
         self._client.destroy()
 
     def opening(self, max_age: float) -> float:
-        """Return where the gripper said that it is [m], in feedback: results may be empty. NaN: not known, too old."""
+        """Return the opening that the gripper last reported in feedback [m]. Results are not used; they may be empty.
+
+        Parameters
+        ----------
+        max_age : float
+            Age above which the report counts as too old [s].
+
+        Returns
+        -------
+        float
+            Opening [m]; NaN if there is no report or it is too old.
+        """
         is_current = self._steady() - self._stated <= max_age
         return self._law.gap(self._state.position) if is_current else math.nan
 
     @property
     def result(self) -> GripperResult | None:
-        """How the latest command ended; None: it has not."""
+        """Result of the latest command; None if it has not ended."""
         return self._latest.result if self._latest else None
 
     @property
     def is_stopped(self) -> bool:
-        """True if every command known to a server that answers has ended, or only a confirmed hold is open."""
+        """True if every command known to an answering server has ended, or if only a confirmed hold remains."""
         moving = [each for each in self._open if not (each.is_given_up if each is self._latest else self._doubts(each))]
         return not moving or (len(moving) == 1 and moving[0].holds and moving[0].is_accepted)
 
     @property
     def farthest(self) -> float:
-        """Widest opening to which a command that has not ended sends the gripper [m]; -inf: there is none."""
+        """Widest opening commanded by a command that has not ended [m]; -inf if all have ended."""
         return max((each.opening for each in self._open), default=-math.inf)
 
     @property
     def is_doubtful(self) -> bool:
-        """True if the gripper may still carry out a command whose server is gone, or stopped and may wake up."""
+        """True if the gripper may still carry out a command whose server is gone, or is stopped and may continue."""
         return any(map(self._doubts, self._open))
 
     def _doubts(self, sent: _Sent) -> bool:
@@ -110,25 +149,33 @@ class GripperClient:
 
     @property
     def is_there(self) -> bool:
-        """False if the graph shows no server; True proves nothing."""
+        """False if the ROS graph shows no server. True does not prove that there is one."""
         return self._client.server_is_ready()
 
     @property
     def is_silent(self) -> bool:
-        """True if the latest command was not answered: a goal to hold would not be either."""
+        """True if the latest command was not answered. A goal to hold would then not be answered either."""
         return self._latest is not None and not self._latest.is_accepted and self._latest.failure in SILENCES
 
     def is_stop_vain(self, by_cancel: bool) -> bool:
-        """Return True if the gripper refused the cancel or does not know the command, or rejected the goal to hold."""
+        """Return True if an attempt to stop the gripper has failed.
+
+        A cancel fails if the gripper refuses it or does not know the command. A goal to hold fails if it is rejected.
+
+        Parameters
+        ----------
+        by_cancel : bool
+            True for a cancel, False for a goal to hold.
+        """
         sent = self._latest
         return sent is not None and (sent.is_unknown or sent.is_ending is False if by_cancel else
                                      sent.holds and sent.failure is Outcome.GRIPPER_REFUSED)
 
     def give_up(self) -> None:
-        """Rely on no open command any more."""
+        """Stop waiting for all open commands. They are cancelled if they are accepted later."""
         for sent in self._open:
             sent.is_given_up = sent.is_cancelled = True
-        del self._open[:-MOST_GIVEN_UP]  # one that is accepted later is cancelled at once all the same
+        del self._open[:-MOST_GIVEN_UP]  # a deleted command is still cancelled if it is accepted later
 
     def clear(self) -> None:
         """Cancel each open command by its id, whether it is accepted or not."""
@@ -137,24 +184,30 @@ class GripperClient:
             self._cancel(sent)
 
     def clearing(self) -> tuple[bool, bool]:
-        """Return whether the gripper has answered the cancel of each open command, and whether it confirmed each."""
+        """Return the progress of ``clear``.
+
+        Returns
+        -------
+        tuple of two bool
+            True if the gripper has answered the cancel of every open command; True if it has confirmed every cancel.
+        """
         endings = [each.is_ending for each in self._open if self._doubts(each) or not each.holds]
         return None not in endings, all(endings)
 
     def forget(self) -> None:
-        """Forget the doubtful commands. One that is accepted later is cancelled at once all the same."""
+        """Forget the doubtful commands. A forgotten command is still cancelled if it is accepted later."""
         self._open = [each for each in self._open if not self._doubts(each)]
 
     def failure(self) -> Outcome | None:
-        """Return why the latest command cannot be relied on."""
+        """Return the reason why the latest command has failed, or None."""
         sent = self._latest
         if sent is None or sent.result is not None:
             return None
-        if self.is_there:  # False for a moment, too, while another server starts
+        if self.is_there:  # it is also False for a moment while another server starts
             sent.served = self._steady()
         if sent.failure is None and self._steady() - sent.served > self._timeout:
             sent.failure = Outcome.NO_GRIPPER
-            if not sent.is_accepted and sent.served == sent.at:  # nothing heard it
+            if not sent.is_accepted and sent.served == sent.at:  # no server has received it
                 sent.is_cancelled = True
                 self._end(sent)
         elif sent.failure is None and self._is_overdue(sent):
@@ -165,7 +218,17 @@ class GripperClient:
         return not sent.is_accepted and self._steady() - sent.at > self._timeout
 
     def drive(self, opening: float, speed: float, *, holds: bool = False) -> None:
-        """Send the gripper to ``opening`` [m] at ``speed`` [m/s]; 0: at its own."""
+        """Send the gripper to an opening.
+
+        Parameters
+        ----------
+        opening : float
+            Commanded opening [m].
+        speed : float
+            Commanded speed [m/s]; 0 for the gripper's own speed.
+        holds : bool
+            True if the command holds the gripper where it is.
+        """
         goal_id = UUID(uuid=list(uuid4().bytes))
         sent = self._latest = _Sent(ClientGoalHandle(self._client, goal_id, None), opening, holds, self._steady())
         self._open.append(sent)
@@ -175,29 +238,34 @@ class GripperClient:
         future.add_done_callback(lambda done: self._on_answer(sent, done))
 
     def stop(self, opening: float = math.nan) -> None:
-        """Have it hold at ``opening`` [m], where it is; NaN: by a cancel.
+        """Stop the gripper.
 
-        All that may move it is cancelled: not every gripper ends a command when it accepts the next.
+        A cancel is sent for every open command, because not every gripper ends a command when it accepts the next.
+
+        Parameters
+        ----------
+        opening : float
+            Present opening, at which a goal is to hold the gripper [m]; NaN to stop the gripper by a cancel.
         """
         if math.isfinite(opening):
             self.drive(opening, 0.0, holds=True)
             return
         for sent in self._open:
             sent.is_cancelled = True
-            if sent.is_accepted:  # by its id, so that a later goal goes on
+            if sent.is_accepted:  # cancelled by its ID, so a later goal continues
                 self._cancel(sent)
 
     def _cancel(self, sent: _Sent) -> None:
         sent.is_ending = None
         while sent.cancels:
-            sent.cancels.popleft().cancel()  # rclpy keeps a request without an answer for ever
+            sent.cancels.popleft().cancel()  # rclpy would keep an unanswered request for ever
         self._send_cancel(sent)
 
     def _repeat_cancels(self) -> None:
-        """Send each cancel without an answer again.
+        """Send each unanswered cancel request again.
 
-        Fast DDS sends a stopped process nothing. After it wakes up, the process gets what it missed with the next
-        request, or else within 3 s, and meanwhile a gripper that was closing closes on.
+        Fast DDS sends nothing to a stopped process. After the process continues, it receives the missed requests
+        together with the next request, or otherwise within 3 s. In that time a closing gripper would continue to close.
         """
         for sent in self._open if self.is_there else ():
             if sent.cancels:
@@ -211,7 +279,7 @@ class GripperClient:
         future.add_done_callback(lambda done: self._on_cancelled(sent, done))
 
     def _on_cancelled(self, sent: _Sent, future: Any) -> None:
-        if future.cancelled() or future not in sent.cancels:  # one that was sent again has been answered
+        if future.cancelled() or future not in sent.cancels:  # another request for this cancel was answered
             return
         sent.cancels.clear()
         answer = future.result()
@@ -224,12 +292,12 @@ class GripperClient:
         if not handle.accepted:
             sent.failure = Outcome.GRIPPER_REFUSED
             self._end(sent)
-            self._cancel(sent)  # another server may have accepted it, or does so when it wakes up
+            self._cancel(sent)  # another server may have accepted it, or may do so when it continues
             return
         is_late = self._is_overdue(sent)
         sent.handle, sent.is_accepted = handle, True
         if sent not in self._open:
-            self._open.append(sent)  # forgotten; now it moves the gripper
+            self._open.append(sent)  # it was forgotten, but now it moves the gripper
         if sent.is_cancelled or is_late:
             self._cancel(sent)
             if sent is self._latest and math.isfinite(opening := self._stay()):

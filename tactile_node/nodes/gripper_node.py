@@ -1,4 +1,7 @@
-"""A gripper that closes until it touches: serves its action, in front of the gripper's own. No safety function."""
+"""The gripper node: it serves an action that closes the gripper until the pads are touched.
+
+The node forwards commands to the gripper's own action. It is not a safety function.
+"""
 
 import logging
 import math
@@ -48,58 +51,75 @@ from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.rosout_handler import of_node
 from tactile_skin.msg import Grasp, GripperOutcome
 
-LOOK_PERIOD = 0.01  #: s between two looks at a goal, beside those at each grasp
-RESULT_TIMEOUT = 2  #: s for which a result is kept for a client that has not asked for it
-#: Of a gripper that opens, or is where it should be, the opening must be measured: a parameter may be an old one.
+LOOK_PERIOD = 0.01  #: Time between two checks of a goal [s]. A goal is also checked at each grasp.
+RESULT_TIMEOUT = 2  #: Time for which the server keeps a result that the client has not requested [s].
+#: Sources of an opening that counts as measured. A parameter does not count, because its value may be old.
 MEASURED = (int(GapSource.JOINT_STATES), int(GapSource.TF))
-LEAST_EXCESS = 0.05  #: N, of a force beyond that of the goal, from which on the text says it
-NEAR = 0.002  #: m, of where the gripper should be: it is there
-ROUNDING = 1e-6  #: m, of an opening that was computed from the gripper's own unit
-#: A goal to close ends as one of these or as NOT_STOPPED, where the gripper may still move by an unanswered command.
+LEAST_EXCESS = 0.05  #: Smallest excess over the force of the goal that the text of the outcome mentions [N].
+NEAR = 0.002  #: Largest distance from the commanded opening at which the gripper counts as there [m].
+ROUNDING = 1e-6  #: Rounding error of an opening that was computed from the gripper's own unit [m].
+#: Outcomes of a goal to close that are kept even if the gripper may still move by an unanswered command. Every other
+#: outcome becomes NOT_STOPPED in that case.
 TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REFUSED, Outcome.REPLACED, Outcome.DUPLICATE)
 IN_DOUBT = 'the gripper may still be moving, because it did not confirm the end of an earlier command'
-NOT_ENDING = ('the gripper refuses to cancel an earlier command, and was not measured at rest: measure its opening, or '
-              'restart its driver')
+NOT_ENDING = ('the gripper refuses to cancel an earlier command, and no measurement shows it at rest: provide its '
+              'measured opening, or restart its driver')
 
 logger = logging.getLogger(__name__)
 
 
 @dataclass
 class _Run:
-    """A goal under way, or the hold after it."""
+    """A goal that is being carried out, or the hold after it."""
 
     handle: ServerGoalHandle
-    opening: float = math.nan          #: to which it goes [m]
-    task: Widening | Closing | Holding | None = None  #: Holding: the goal's result was given; None: it is refused
-    waits: bool = True                 #: for the end of listening for duplicates, or for the gripper to be at rest
-    clearing: Clearing | None = None   #: the latter
-    speed: float = 0.0                 #: that the gripper was sent with [m/s]; 0: it was not, or it is stopped
-    rest: Rest | None = None           #: since the gripper said that it is there, and was measured elsewhere
-    outcome: Outcome | None = None     #: once it is known
-    reason: str = ''                   #: text that explains the outcome
-    by_cancel: bool = True             #: how it is being stopped: by a cancel, or by a goal at where it is
-    stop_since: float = math.inf       #: [s]
+    opening: float = math.nan  #: commanded opening [m]
+    #: `Holding` after the result of the goal was given; None for a refused goal
+    task: Widening | Closing | Holding | None = None
+    #: True while the node listens for duplicates, or waits for the end of an earlier command
+    waits: bool = True
+    clearing: Clearing | None = None  #: the wait for the end of an earlier command
+    speed: float = 0.0  #: speed that was commanded [m/s]; 0 before the first command and after a stop
+    #: measured rest of a gripper that reports the commanded opening although another opening is measured
+    rest: Rest | None = None
+    outcome: Outcome | None = None  #: outcome, or None while it is not known
+    reason: str = ''  #: text that explains the outcome
+    by_cancel: bool = True  #: True if the gripper is being stopped by a cancel, False if by a goal to hold
+    stop_since: float = math.inf  #: time when the stop was commanded [s]
 
     @property
     def opens(self) -> bool:
+        """True if the goal opens the gripper."""
         return isinstance(self.task, Widening)
 
     @property
     def is_hold(self) -> bool:
+        """True for the hold after a goal."""
         return isinstance(self.task, Holding)
 
     @property
     def goal(self) -> Goal | None:
-        """Goal of the client if it closes, else None."""
+        """Goal of the client if it closes the gripper, else None."""
         return self.task.goal if isinstance(self.task, Closing) else None
 
 
 class GripperNode(Node):
-    """Serves `~/gripper_cmd`; a client uses it as the gripper's own action.
+    """Serves the action `~/gripper_cmd`, which a client uses in place of the gripper's own action.
 
-    A goal to close goes on by what `grasp` says and on nothing else. It is under way, with status ACCEPTED (Lyrical:
-    EXECUTING), until its result is known. The latest goal replaces the one before. Raises ConfigurationError for a
-    wrong parameter. ``steady`` is the clock [s] that ages and timeouts are measured by.
+    A goal to close continues only while the messages on `grasp` allow it. Its status is ACCEPTED (in Lyrical EXECUTING)
+    until its result is known. A new goal replaces the goal before.
+
+    Parameters
+    ----------
+    steady : callable
+        Steady clock for ages and timeouts [s].
+    **options
+        Options for rclpy's ``Node``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter is wrong.
     """
 
     def __init__(self, *, steady: Callable[[], float] = time.monotonic, **options: Any):
@@ -115,7 +135,8 @@ class GripperNode(Node):
         self._touch, self._ages = NO_TOUCH, InputAge(steady=steady)
         self._grasp, self._acquired = None, -math.inf
         self._last: Outcome | None = None
-        self._gap, self._gap_measured = math.nan, -math.inf  # the last that was measured [m], and when [s]
+        self._gap = math.nan  # last measured opening [m]
+        self._gap_measured = -math.inf  # time of that measurement [s]
         self._cancels = _is_cancel(settings.stop_by)
         self._client = GripperClient(self, self._interface, settings.gripper_action, self._law,
                                      effort=settings.gripper_effort, timeout=settings.answer_timeout, steady=steady,
@@ -127,7 +148,7 @@ class GripperNode(Node):
         self._watch = DuplicateWatch(self, (f'{settings.gripper_action}/touch_gripper', '~/heartbeat'), steady=steady)
         MessageHealth(self, [self._grasps], settings)
         publish_status(self, self._status)
-        # On the steady clock: with use_sim_time and no /clock a gripper would close on
+        # On the steady clock, because the gripper would continue to close with use_sim_time and no /clock.
         self._timer = self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
         self._actions.append(ActionServer(
@@ -136,7 +157,7 @@ class GripperNode(Node):
             result_timeout=RESULT_TIMEOUT))
 
     def destroy_node(self) -> None:
-        """Stop a gripper that closes: no one watches it from now on."""
+        """Stop a closing gripper, because this node no longer watches it."""
         run = self._run
         if run is not None and not self._is_stopped(run) and self.context.ok():
             self._stop(run, self._cancels and not self._is_early(run), self._steady())
@@ -148,9 +169,9 @@ class GripperNode(Node):
     def _on_grasp(self, grasp: Grasp) -> None:
         arrival = self._ages.arrived(grasp)
         self._grasp, self._acquired = grasp, arrival.acquired
-        is_only_one = self.count_publishers(self._grasps.topic) <= 1  # of two, either may be wrong
+        is_only_one = self.count_publishers(self._grasps.topic) <= 1  # with two publishers, either may be wrong
         self._touch = touch_of(grasp, arrival.acquired).after(self._touch) if is_only_one else NO_TOUCH
-        held_back = arrival.age_on_arrival - age_seconds(grasp.age)  # NaN: a pad has no age; inf: not known
+        held_back = arrival.age_on_arrival - age_seconds(grasp.age)  # NaN if a pad has no age, inf if not known
         if is_only_one and held_back != math.inf and grasp.gap_source in MEASURED and math.isfinite(grasp.gap):
             sent = arrival.steady - (0.0 if math.isnan(held_back) else held_back)
             self._gap, self._gap_measured = grasp.gap, sent - age_seconds(grasp.gap_age)
@@ -176,7 +197,7 @@ class GripperNode(Node):
         self._timer.reset()
 
     def _decide(self, run: _Run) -> None:
-        """Note whether the goal opens or closes from where the gripper is now, or why it is refused."""
+        """Decide whether the goal opens or closes the gripper from its present opening, or why it is refused."""
         now, present = self._steady(), self._opening()
         try:
             command = self._interface.command(run.handle.request)
@@ -193,22 +214,25 @@ class GripperNode(Node):
             run.outcome, run.reason = Outcome.REFUSED, str(error)
 
     def _opens(self, opening: float, present: float) -> bool:
-        """Return True if a goal of ``opening`` opens a gripper that is at ``present`` [m]; NaN: not known."""
+        """Return True if a goal opens the gripper.
+
+        ``opening`` is the commanded opening and ``present`` the measured one [m], NaN if not known.
+        """
         if self._is_widest(opening):
             return not opening < present - NEAR
-        before = self._run  # while it opens, the gripper may be wider than its last reading
+        before = self._run  # an opening gripper may be wider than its last measurement
         may_be_wider = self._client.farthest > opening or (before is not None and before.opens and before.speed > 0)
         return opening >= present and not may_be_wider and not self._client.is_doubtful
 
     def _opens_fully(self, run: _Run) -> bool:
-        """Return True for a goal that opens to ``widest``, which is always forwarded."""
+        """Return True for a goal that opens the gripper to ``widest``. Such a goal is always forwarded."""
         return run.opens and self._is_widest(run.opening)
 
     def _is_widest(self, opening: float) -> bool:
         return opening >= self._limits.widest - ROUNDING
 
     def _opening(self) -> float:
-        """Return the opening as measured now [m]; NaN: not known."""
+        """Return the present measured opening [m], or NaN if it is not known."""
         is_current = self._steady() - self._gap_measured <= self._limits.max_age
         return self._gap if is_current else self._client.opening(self._limits.max_age)
 
@@ -216,7 +240,7 @@ class GripperNode(Node):
         return self._touch.is_current(self._steady(), self._limits.max_age)
 
     def _look(self) -> None:
-        """Go on, stop or end, by what is known now."""
+        """Continue, stop or end the present goal."""
         run, now = self._run, self._steady()
         if run is None:
             return
@@ -237,11 +261,17 @@ class GripperNode(Node):
             self._insist(run, now)
 
     def _is_cancel_due(self, run: _Run) -> bool:
-        """Return True if only a cancel can help: the latest command opened it and has ended, or is unanswered."""
+        """Return True if only a cancel can stop the gripper.
+
+        A goal to hold cannot help if the latest command opened the gripper and has ended, or if it was not answered.
+        """
         return self._client.is_silent or (run.opens and self._client.result is not None)
 
     def _is_early(self, run: _Run) -> bool:
-        """Return True if the gripper says that it is there, and is measured elsewhere: it may still be on its way."""
+        """Return True if the gripper reports the commanded opening, but another opening is measured.
+
+        The gripper may still be moving then.
+        """
         result, present = self._client.result, self._opening()
         if not (run.speed and result is not None and result.says_reached):
             return False
@@ -275,7 +305,7 @@ class GripperNode(Node):
         return stop if has_eased else ending
 
     def _why_not_begin(self, run: _Run, now: float) -> Outcome | None:
-        """Have the goal begin where nothing speaks against it any more; return why it never will."""
+        """Let a waiting goal begin as soon as it may. Return an outcome if the goal can never begin, else None."""
         if not self._opens_fully(run):
             if not self._watch.has_listened:
                 return None
@@ -289,7 +319,7 @@ class GripperNode(Node):
                     run.reason = NOT_ENDING if is_answered and not is_ended else ''
                     return end
                 self._client.forget()
-        self._decide(run)  # by where the gripper is now
+        self._decide(run)  # again, because the gripper may have moved meanwhile
         run.waits = False
         return run.outcome
 
@@ -307,7 +337,10 @@ class GripperNode(Node):
                               last=self._last, grasp_age=self._steady() - self._touch.acquired)
 
     def _ending(self, run: _Run, result: GripperResult, stop: Outcome | None) -> Outcome | None:
-        """Return how a goal ended that the gripper ended; ``stop``, which may be None, while it may be on its way."""
+        """Return the outcome of a goal whose command the gripper has ended.
+
+        While the gripper may still be moving, the result is ``stop``, the outcome of the task, which may be None.
+        """
         if not result.says_reached:
             return Outcome.STALLED if result.state.stalled else stop or Outcome.GRIPPER_FAILED
         if not self._is_early(run):
@@ -317,11 +350,11 @@ class GripperNode(Node):
         if not run.rest.look(self._steady(), self._opening()):
             return stop
         distance = 1e3 * abs(self._opening() - run.opening)
-        run.reason = f'the gripper says that it is there, but the measured opening is {distance:.0f} mm off'
+        run.reason = f'the gripper reports that it is there, but the measured opening is {distance:.0f} mm off'
         return Outcome.GRIPPER_FAILED if result.state.reached_goal else Outcome.STALLED
 
     def _drives(self, run: _Run) -> bool:
-        """Send the gripper on its way, and again where its speed changes; whether it is to move."""
+        """Command the gripper at the beginning and when its speed changes. Returns True if the gripper is to move."""
         if isinstance(run.task, Holding):
             run.opening = run.task.target
         speed = run.task.speed if run.task else 0.0
@@ -335,7 +368,7 @@ class GripperNode(Node):
         self._client.stop(math.nan if by_cancel else self._opening())
 
     def _insist(self, run: _Run, now: float) -> None:
-        """Stop it the other way; when that is not confirmed either, give up."""
+        """Stop the gripper in the other way, or give up if that was not confirmed either."""
         if run.by_cancel is self._cancels and not self._is_cancel_due(run):
             self._stop(run, not self._cancels, now)
             return
@@ -346,7 +379,10 @@ class GripperNode(Node):
         self._finish(run)
 
     def _state(self, outcome: Outcome | None = None) -> GripperState:
-        """Return what a feedback or a result says, in the gripper's units; the effort is that of the stronger pad."""
+        """Return the state for feedback or result, in the units of the gripper.
+
+        The effort is the force on the stronger pad.
+        """
         force = self._touch.strongest if self._is_current() else math.nan
         return GripperState(self._law.reading(self._opening()), force,
                             stalled=outcome in (Outcome.TOUCHED, Outcome.FORCE_REACHED, Outcome.STALLED),
@@ -395,11 +431,12 @@ class GripperNode(Node):
 def _is_cancel(stop_by: str) -> bool:
     if stop_by not in ('cancel', 'goal'):
         raise ConfigurationError('stop_by', expected='cancel or goal', got=repr(stop_by),
-                                 remedy='See how the gripper behaves when its action is cancelled.')
+                                 remedy='Try out whether the gripper stops when its action is cancelled.')
     return stop_by == 'cancel'
 
 
 def main() -> int:
+    """Run the node; returns the exit code."""
     return run_node(GripperNode)
 
 

@@ -1,4 +1,4 @@
-"""A subscription whose messages cannot stop its node, and who publishes its topic."""
+"""A subscription whose messages cannot stop its node, and functions that find the publishers of a topic."""
 
 import logging
 import math
@@ -23,12 +23,14 @@ from tactile_node.ros.time_messages import seconds
 
 logger = logging.getLogger(__name__)
 
-#: A larger gap in the sequence than both allow is another count, not frames that were missed.
-MOST_SKIPPED = 10_000
-FASTEST = 1000.0  #: frames a second, of the time that has passed: a link may be cut for hours
+# A gap in the sequence counts as skipped frames up to the larger of two limits. A larger gap means that the sender has
+# started to count again.
+MOST_SKIPPED = 10_000  #: First limit [frames].
+#: Second limit, as a rate over the time between both stamps [frames/s]. It allows for a link that is down for hours.
+FASTEST = 1000.0
 
 
-FrameKey: TypeAlias = tuple[int, int, int]  #: sequence number and stamp
+FrameKey: TypeAlias = tuple[int, int, int]  #: Sequence number and stamp of a frame.
 
 
 class ChainMessage(AgedMessage, Protocol):
@@ -38,17 +40,35 @@ class ChainMessage(AgedMessage, Protocol):
 
 
 class GuardedSubscription(Generic[Message]):
-    """Calls ``callback`` with each message that ``check`` accepts; drops, counts and logs the others by reason.
+    """Calls a callback with each message that a check accepts. It drops, counts and logs other messages by reason.
 
-    An exception of the callback is logged with its traceback and counted as PROCESSING_FAILED: it would end the
-    executor, and with it every node of the process.
+    An exception of the callback is logged with its traceback and counted as PROCESSING_FAILED. Otherwise it would end
+    the executor, and with it every node of the process.
 
-    Messages of our chain have stamp, age and sequence: one whose stamp runs ahead of the others is dropped too, unless
-    ``qos`` is that of a lossless replay, and gaps in the sequence are counted. Their topic has one source: while two
-    send, or a publisher has another version of the message, all messages of the topic are dropped.
+    Messages of the processing chain have a stamp, an age and a sequence number. Gaps in the sequence are counted. A
+    message whose stamp is ahead of the others is dropped, except in a lossless replay. A topic of the chain must have a
+    single source. While two sources send, or a publisher uses another version of the message, all messages on the
+    topic are dropped.
 
-    With ``newest_only`` a callback that cannot keep up gets the newest of the messages that wait; those that it
-    overtakes are counted. Of a lossless replay it gets all. ``steady``: the clock of the arrivals [s].
+    Parameters
+    ----------
+    node : Node
+        Node that subscribes.
+    kind : type
+        Type of the messages.
+    topic : str
+        Name of the topic.
+    callback : callable
+        Called with each accepted message.
+    qos : QoSProfile
+        QoS of the subscription.
+    check : callable
+        Returns the reason why a message cannot be used, or None.
+    newest_only : bool
+        True to call the callback only with the newest waiting message; the others are counted as overtaken. In a
+        lossless replay, the callback gets all messages anyway.
+    steady : callable
+        Steady clock for the times of arrival [s].
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, callback: Callable[[Message], None],
@@ -66,35 +86,36 @@ class GuardedSubscription(Generic[Message]):
         self._stamps = None if is_lossless(qos) else StampGuard()
         self._sources = None if is_lossless(qos) else SourceGuard()
         self._age = InputAge(lossless=is_lossless(qos), steady=steady)
-        self._arrival: Arrival | None = None  # of the newest message that was used
-        self._sequence: int | None = None
-        self._stamp = 0.0  # of the same message [s, the sender's clock]
-        self._publishers = 0  # how many the topic has, for the messages under work
-        self._typed_publishers = 0  # when it was last asked of which type they are
+        self._arrival: Arrival | None = None  # arrival of the newest message that was used
+        self._sequence: int | None = None  # sequence number of that message
+        self._stamp = 0.0  # stamp of that message, by the sender's clock [s]
+        self._publishers = 0  # number of publishers of the topic at the last message
+        self._typed_publishers = 0  # number of publishers when their types were last read
         self._other_types: tuple[str, ...] = ()
         self._skipped = 0
         self._overtaken = 0
-        #: frames just before the message under work that this node or one before it left out on purpose
+        #: number of frames directly before the present message that this node or an earlier one skipped on purpose
         self.left_out = 0
         self.takes_newest = newest_only and not is_lossless(qos)
         self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
         self._subscription: Subscription | None = self._subscribe()
-        self.topic: str = self._subscription.topic_name  #: its full name
+        self.topic: str = self._subscription.topic_name  #: full name of the topic
 
     @property
     def counts(self) -> MessageCounts:
+        """Counts of the messages since construction."""
         return MessageCounts(self._received, self._processed, dict(self._dropped), self._skipped, self._overtaken)
 
     @property
     def arrival(self) -> Arrival:
-        """Arrival of the chain's message that ``callback`` is called with. Raises RuntimeError before the first."""
+        """Arrival of the message of the chain in the present callback. Raises RuntimeError before the first message."""
         if self._arrival is None:
             raise RuntimeError(f'{self.topic}: no message of the chain has arrived')
         return self._arrival
 
     @property
     def health(self) -> StreamHealth:
-        """Its counts, the age and the stamp of its newest data now, and who publishes it."""
+        """Counts of the messages, age and stamp of the newest data, and the publishers of the topic."""
         age = math.inf if self._arrival is None else self._arrival.age(self._steady())
         if not self._kind_is_of_chain:
             return StreamHealth(self.counts, age)
@@ -104,6 +125,7 @@ class GuardedSubscription(Generic[Message]):
                             stamps_offset)
 
     def destroy(self) -> None:
+        """End the subscription."""
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
@@ -113,16 +135,16 @@ class GuardedSubscription(Generic[Message]):
         self._work_on([each for each in (message, *self._waiting()) if self._is_usable(each)], self._callback)
 
     def _count_publishers(self) -> None:
-        """Ask the graph once, for all messages that wait.
+        """Read the number of publishers from the graph, once for all waiting messages.
 
-        `Node.count_publishers` takes twice as long: it expands and checks the name, which is full here.
+        ``Node.count_publishers`` takes twice as long, because it expands and checks the name. Here the name is full.
         """
         if self._kind_is_of_chain:
             with self._node.handle:
                 self._publishers = self._node.handle.get_count_publishers(self.topic)
 
     def _work_on(self, usable: Sequence[Any], callback: Callable[[Any], None]) -> None:
-        """Call ``callback`` with the last of what can be used; the others are left out for it."""
+        """Call ``callback`` with the last of the usable messages; the others count as overtaken."""
         if not usable:
             return
         self._overtaken += len(usable) - 1
@@ -134,7 +156,7 @@ class GuardedSubscription(Generic[Message]):
             self._failed(error)
 
     def _waiting(self) -> list[Message]:
-        """Take what has come since the executor took its message."""
+        """Take the messages that have arrived since the executor took its message."""
         found: list[Message] = []
         while self.takes_newest and self._subscription is not None:
             with self._subscription.handle:
@@ -145,9 +167,10 @@ class GuardedSubscription(Generic[Message]):
         return found
 
     def _is_usable(self, message: Any, acquired: float | None = None) -> bool:
-        """Check and note a message; count one that cannot be used.
+        """Check a message and note it. Returns True if it can be used; otherwise it is counted as dropped.
 
-        ``acquired`` [s, steady clock]: it was handed over in this process, where its content needs no check.
+        If a result was handed over in this process, ``acquired`` is the time when its taxels were acquired, by the
+        steady clock [s]. The content of such a result needs no check.
         """
         self._received += 1
         try:
@@ -162,7 +185,7 @@ class GuardedSubscription(Generic[Message]):
         return False
 
     def _failed(self, error: Exception) -> None:
-        if not self._node.context.ok():  # nothing can be published: the process ends
+        if not self._node.context.ok():  # the process ends, and nothing can be published any more
             raise error
         self._drop(RejectReason.PROCESSING_FAILED, error)
 
@@ -170,7 +193,11 @@ class GuardedSubscription(Generic[Message]):
         return self._kind_is_of_chain
 
     def _check_type(self, message: Message) -> RejectReason | None:
-        """Ask for the types when the publishers may be others: their number has changed, or the sequence breaks off."""
+        """Return OTHER_TYPE if a publisher has another version of the message.
+
+        The types are read again only if the publishers may have changed: their number differs, or the sequence has a
+        gap.
+        """
         if not self._is_of_chain(message):
             return None
         is_next = self._sequence is not None and message.sequence == self._sequence + 1
@@ -193,7 +220,7 @@ class GuardedSubscription(Generic[Message]):
         return None if is_accepted else RejectReason.OTHER_SOURCE
 
     def _note(self, message: Message, acquired: float | None) -> None:
-        """Note age and sequence of a message that is used."""
+        """Note the age and the sequence number of a message that is used."""
         if not self._is_of_chain(message):
             return
         now = self._steady()
@@ -213,25 +240,37 @@ class GuardedSubscription(Generic[Message]):
 
 
 def frame_key(message: Any) -> FrameKey:
-    """Return what tells one frame of a source from another: sequence number and stamp."""
+    """Return the sequence number and the stamp of a message, which together identify its frame."""
     return message.sequence, message.header.stamp.sec, message.header.stamp.nanosec
 
 
 def _left_out_before(message: object) -> int:
-    """Frames before ``message`` that its sender left out on purpose; not every message of the chain says so."""
+    """Return the number of frames before ``message`` that its sender skipped on purpose; 0 if it has no such field."""
     return int(getattr(message, 'left_out', 0))
 
 
 def publisher_names(node: Node, topic: str) -> list[str]:
-    """Return the full names of the nodes that ``node`` sees publish ``topic``, a name for each publisher, sorted."""
+    """Return the full names of the nodes that ``node`` sees publishing ``topic``: one per publisher, sorted."""
     return sorted(map(_full_name, node.get_publishers_info_by_topic(topic)))
 
 
 def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
-    """Return the full names of those whose message of ``topic`` has other fields than the one that ``node`` reads.
+    """Return the full names of the nodes that publish ``topic`` with other message fields than ``node`` reads.
 
-    The middleware joins publisher and subscription by the name of the type alone, and values are then read from the
-    wrong places. What differs is the hash of the type's description (REP 2011). Empty also where it is not known.
+    The middleware matches publisher and subscription only by the name of the type. If the fields differ, values are
+    read from wrong places. The function compares the hashes of the type descriptions (REP 2011).
+
+    Parameters
+    ----------
+    node : Node
+        Node that subscribes to the topic.
+    topic : str
+        Full name of the topic.
+
+    Returns
+    -------
+    tuple of str
+        Full names, sorted. Publishers whose hash is not known are not included.
     """
     own = [info.topic_type_hash for info in node.get_subscriptions_info_by_topic(topic)
            if _full_name(info) == node.get_fully_qualified_name()]
@@ -239,11 +278,11 @@ def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
                          if own and _is_known(info) and info.topic_type_hash != own[0]}))
 
 
-# `info` is rclpy's TopicEndpointInfo: Lyrical has it in another module than Jazzy and Kilted.
+# The type of `info` is rclpy's TopicEndpointInfo. In Lyrical, its module differs from Jazzy and Kilted.
 def _full_name(info: Any) -> str:
     return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
 
 
 def _is_known(info: Any) -> bool:
-    """A publisher of an older ROS 2 sends none."""
+    """Return True if the publisher sends the hash of its type; an older ROS 2 does not."""
     return any(info.topic_type_hash.value)

@@ -1,10 +1,15 @@
-"""How a stage gives its results to the next: by a call where both share a process, on a topic for everyone else.
+"""Hand results from one stage to the next: by a call if both run in one process, on a topic for everyone else.
 
-The driver's thread puts a taxel frame in a bounded slot of the processor and wakes the executor. There the processor
-takes every frame; when none waits, a classifier takes its newest contact, and grasp each shape. The classifiers go in
-rounds, the oldest contact first, so that both pads of a SYNC come out in one grasp, as a rule, before the next SYNC's.
-What no stage waits for, such as images, is made at the end of a round, so that it delays no shape.
-Results arrive in one way, whichever way they came: counted, and refused beside those of a second source.
+The driver thread puts each taxel frame into a bounded slot of the processor and wakes the executor. On the executor's
+thread, the processor takes every frame. When no frame waits, a classifier takes its newest contact. The grasp node
+takes every shape.
+
+The classifiers work in rounds, the oldest contact first. The shapes of both pads for one SYNC therefore usually reach
+the grasp node before those for the next SYNC. Messages that no stage waits for, such as images, are made at the end of
+a round, so they delay no shape.
+
+The same rules apply to results from a call and from a topic: they are counted, and dropped while there is a second
+source.
 """
 
 import math
@@ -27,12 +32,15 @@ from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
 
-LISTENING_PERIOD = 0.1  # s between two looks for other publishers, of whom discovery tells in as long
-WAKING_PERIOD = 0.2  # s after which one who waits for answers wakes the executor again: it may have begun since
+#: Time between two checks for other publishers [s]. Discovery takes about as long.
+LISTENING_PERIOD = 0.1
+#: Time after which a thread that waits for answers wakes the executor again [s]. The executor may have been started
+#: only after the first attempt.
+WAKING_PERIOD = 0.2
 
 
 class StageResult(Protocol):
-    """What a stage hands over: of one taxel frame, as a message of the chain."""
+    """A result that a stage hands over. It belongs to one taxel frame, like a message of the chain."""
 
     @property
     def header(self) -> Header: ...
@@ -42,30 +50,31 @@ class StageResult(Protocol):
 
 
 Result = TypeVar('Result', bound=StageResult)
-Waiting: TypeAlias = list[tuple[Any, float]]  # results, and when their taxels were acquired
+Waiting: TypeAlias = list[tuple[Any, float]]  #: Waiting results, each with the time when its taxels were acquired [s].
 
 
 class HandOver:
-    """The stages of one process, by the topics between them; the executor of their nodes does their work.
+    """The stages of one process and the order of their work, which the executor of their nodes carries out.
 
-    Meant for FrameExecutor: rclpy's own executors wait for all entities before each turn.
+    It is meant for `FrameExecutor`, because rclpy's own executors wait for all entities before each turn.
     """
 
     def __init__(self) -> None:
         self._inputs: dict[str, StageInput] = {}
         self._changed = threading.Condition()
-        self._awake: Executor | None = None  # that a task of ours is pending with
+        self._awake: Executor | None = None  # executor with a pending task of this object
         self._is_working = False
         self._is_released = False
-        self._round: deque[tuple[StageInput, Waiting]] = deque()  # classifiers, with what waited when it began
-        self._postponed: deque[tuple[StageInput, Callable[[], None]]] = deque()  # to the end of the round
+        # Classifiers of the present round, each with the contacts that waited when the round began
+        self._round: deque[tuple[StageInput, Waiting]] = deque()
+        self._postponed: deque[tuple[StageInput, Callable[[], None]]] = deque()  # calls for the end of the round
 
     def add(self, stage: 'StageInput') -> None:
-        """Let ``stage`` be handed what is sent on its topic."""
-        self._inputs = self._inputs | {stage.topic: stage}  # another thread may be looking through them
+        """Hand the results sent on the topic of ``stage`` to that stage from now on."""
+        self._inputs = self._inputs | {stage.topic: stage}  # a new dict, because another thread may iterate the old one
 
     def remove(self, stage: 'StageInput') -> None:
-        """Hand nothing more to ``stage``, whose node ends."""
+        """Hand nothing more to ``stage``, because its node ends."""
         self._inputs = {topic: each for topic, each in self._inputs.items() if each is not stage}
         self._round = deque(each for each in self._round if each[0] is not stage)
         self._postponed = deque(each for each in self._postponed if each[0] is not stage)
@@ -73,33 +82,45 @@ class HandOver:
             self._changed.notify_all()
 
     def input_of(self, topic: str) -> 'StageInput | None':
-        """Return the stage of this process that reads ``topic``."""
+        """Return the stage of this process that reads ``topic``, or None."""
         return self._inputs.get(topic)
 
     def is_complete(self, topic: str) -> bool:
-        """Return whether what is sent on ``topic`` comes out as a shape in this process."""
+        """Return True if all stages from ``topic`` to the shape run in this process."""
         stage = self._inputs.get(topic)
         return stage is not None and (stage.sends_on is None or self.is_complete(stage.sends_on))
 
     def wake(self) -> None:
-        """Have the executor do what waits: one task, however much waits, and none while it is at work."""
+        """Wake the executor, so that it works on the waiting results.
+
+        One task is created however many results wait. No task is created while the executor is working on results.
+        """
         with self._changed:
             executor = next((stage.node.executor for stage in self._inputs.values() if stage.node.executor), None)
             if executor is None or self._awake is executor or self._is_working:
                 return
             self._awake = executor
-        with suppress(AttributeError, InvalidHandle):  # errors of rclpy's own executors just after their shutdown
+        with suppress(AttributeError, InvalidHandle):  # rclpy's own executors raise these after their shutdown
             executor.create_task(self._work)
 
     def postpone(self, stage: 'StageInput', publish: Callable[[], None]) -> None:
-        """Have ``stage`` call ``publish`` at the end of the round: no other stage waits for what that publishes."""
+        """Publish messages that no other stage waits for, at the end of the round.
+
+        Parameters
+        ----------
+        stage : StageInput
+            Stage that calls ``publish``.
+        publish : callable
+            Function that publishes the messages.
+        """
         self._postponed.append((stage, publish))
         self.wake()
 
     def wait_until_answered(self) -> None:
-        """Return when nothing waits and nothing is worked on: a log goes no faster than its consumers.
+        """Return when no result waits and no stage is working. This keeps a log from being played too fast.
 
-        After `release` at once, until `hold`: its thread must not wait for one that waits for it.
+        Between `release` and `hold`, the method returns immediately: the thread of the log must not wait for the
+        executor while the executor waits for the end of that thread.
         """
         with self._changed:
             while not (self._is_released or self._is_idle()):
@@ -108,11 +129,13 @@ class HandOver:
                     self.wake()
 
     def release(self) -> None:
+        """Let ``wait_until_answered`` return immediately from now on."""
         with self._changed:
             self._is_released = True
             self._changed.notify_all()
 
     def hold(self) -> None:
+        """Let ``wait_until_answered`` wait again."""
         with self._changed:
             self._is_released = False
 
@@ -123,7 +146,7 @@ class HandOver:
         return bool(self._round or self._postponed) or any(stage.waits for stage in self._inputs.values())
 
     def _work(self) -> None:
-        """Take one turn; the next in another task, after other callbacks."""
+        """Take one turn. The next turn runs in another task, so other callbacks can run in between."""
         with self._changed:
             self._awake, self._is_working = None, True
         try:
@@ -136,11 +159,11 @@ class HandOver:
             self.wake()
 
     def _take_turn(self) -> None:
-        """Take every frame that waits, then one newest contact; after the last of a round, what was postponed."""
+        """Work on every waiting frame, then on one newest contact. At the end of a round, make the postponed calls."""
         self._work_on_all()
         if not self._round:
             found = ((stage, stage.take()) for stage in self._inputs.values() if stage.takes_newest and stage.waits)
-            self._round.extend(sorted(found, key=lambda each: each[1][-1][1]))  # by when its newest was acquired
+            self._round.extend(sorted(found, key=lambda each: each[1][-1][1]))  # by the time of the newest
         if self._round:
             stage, waiting = self._round.popleft()
             stage.work(waiting)
@@ -150,30 +173,54 @@ class HandOver:
             stage.call(publish)
 
     def _work_on_all(self) -> None:
-        """Once: frames that never end must not keep the classifiers waiting."""
+        """Work on waiting frames and shapes, once for each stage, so that a classifier has its turn in any case."""
         for stage in self._inputs.values():
             if not stage.takes_newest and stage.waits:
                 stage.work(stage.take())
 
 
 class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
-    """What a stage takes from ``topic``: ``accept`` is called with each result, or with the newest of those that wait.
+    """Input of a stage. It takes results from a stage of this process or from a topic.
 
-    A result is handed over by a stage of this process, or ``parse`` makes it of a message. The topic is subscribed to
-    unless the only one that publishes it is a stage of this process. While another one publishes it too, no result is
-    used once that one sends; the own messages that come back are known by sequence and stamp.
+    The input subscribes to the topic unless a stage of this process is its only publisher. If another node also
+    publishes the topic, no result is used as soon as that node sends. Messages of this process that come back over the
+    topic are recognised by sequence number and stamp, and ignored.
+
+    Parameters
+    ----------
+    node : Node
+        Node of the stage.
+    kind : type
+        Type of the messages.
+    topic : str
+        Name of the topic.
+    accept : callable
+        Called with each result, or with the newest waiting result.
+    settings : ReceiverSettings
+        Settings of the node.
+    check : callable
+        Returns the reason why a message cannot be used, or None.
+    parse : callable
+        Makes a result from a message.
+    hand_over : HandOver
+        Hand-over of this process.
+    newest_only : bool
+        True to work only on the newest waiting result.
+    steady : callable
+        Steady clock [s].
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
                  hand_over: HandOver, newest_only: bool = False, steady: Callable[[], float] = time.monotonic):
         self.node, self._accept, self._hand_over = node, accept, hand_over
-        # The oldest gives way, but where it would be left out for a newer one: there each is counted as that
+        # A full slot drops its oldest result. With newest_only the slot is unlimited, so that each result that is
+        # overtaken by a newer one is counted.
         self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.most_waiting)
-        self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)  # what may come back
+        self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)  # messages that may come back
         self._is_fed = False
-        self._listened = -math.inf  # when it last looked for other publishers [s, steady clock]
-        self.sends_on: str | None = None  #: topic of the results of this stage; None: of the last one of a pad
+        self._listened = -math.inf  # time of the last check for other publishers, by the steady clock [s]
+        self.sends_on: str | None = None  #: topic of the results of this stage; None for the last stage of a pad
         qos = settings.input_qos
         qos.depth = qos.depth if newest_only or settings.lossless else settings.most_waiting
         super().__init__(node, kind, topic, lambda message: accept(parse(message)), qos, check=check,
@@ -182,49 +229,57 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     @property
     def waits(self) -> bool:
-        """Whether a result waits."""
+        """True if a result waits."""
         return bool(self._slot)
 
     def announce(self, result: Result) -> None:
-        """Note that ``result`` is about to be published and handed over: its message, if it arrives, is no news."""
+        """Note that ``result`` is about to be published and handed over, so its message is ignored if it comes back."""
         self._is_fed = True
         self._own.append(frame_key(result))
 
     def put(self, result: Result, acquired: float) -> None:
-        """Hand ``result`` over, whose taxels were ``acquired`` [s, steady clock; -inf: not known]; from any thread."""
+        """Hand over a result. Any thread may call this.
+
+        Parameters
+        ----------
+        result : Result
+            Result of the stage before.
+        acquired : float
+            Time when its taxels were acquired, by the steady clock [s]; -inf if not known.
+        """
         self._slot.append((result, acquired))
         self._hand_over.wake()
 
     def end_feeding(self) -> None:
-        """Note that the stage before is gone: any publisher of the topic is its source from now on."""
+        """Note that the stage before is gone. From now on, every publisher of the topic counts as another source."""
         self._is_fed = False
         self._own.clear()
 
     def end(self) -> None:
-        """Be handed nothing more: the node ends."""
+        """Accept no further results, because the node ends."""
         self._hand_over.remove(self)
 
     def take(self) -> Waiting:
-        """Return what waits: the next that comes waits alone."""
+        """Return the waiting results and empty the slot."""
         return [self._slot.popleft() for _ in range(len(self._slot))]
 
     def work(self, waiting: Waiting) -> None:
-        """Work on all of ``waiting``, or on the newest of it. On the executor's thread."""
+        """Work on all results in ``waiting``, or only on the newest one. This runs on the executor's thread."""
         try:
             if self._steady() - self._listened >= LISTENING_PERIOD:
                 self._listen()
-        except Exception as error:  # it would end the executor
+        except Exception as error:  # an exception would end the executor
             self._failed(error)
         for results in [waiting] if self.takes_newest else [[each] for each in waiting]:
             usable = [result for result, acquired in results if self._is_usable(result, acquired)]
             self._work_on(usable, self._accept)
 
     def postpone(self, publish: Callable[[], None]) -> None:
-        """Call ``publish`` when no shape waits any more."""
+        """Call ``publish`` when no shape has to wait for it any more."""
         self._hand_over.postpone(self, publish)
 
     def call(self, publish: Callable[[], None]) -> None:
-        """Call ``publish``, whose failure must not end the executor."""
+        """Call ``publish``, and log an exception, which would otherwise end the executor."""
         try:
             publish()
         except Exception as error:
@@ -232,6 +287,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     @property
     def health(self) -> StreamHealth:
+        """Counts of the messages, age and stamp of the newest data, and the publishers of the topic."""
         self._listen()
         return super().health
 
@@ -241,7 +297,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._work_on([each for each in news if self._is_usable(each)], self._callback)
 
     def _listen(self) -> None:
-        """Subscribe to the topic while anyone publishes it but the stage of this process that hands over."""
+        """Subscribe to the topic, unless a stage of this process is its only publisher."""
         self._listened = self._steady()
         self._count_publishers()
         others = self._publishers - self._is_fed
@@ -252,17 +308,43 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
 
 class StageOutput(Generic[Result]):
-    """The topic of a stage's results; ``make`` makes the message of one while anyone subscribes, in a replay always."""
+    """Output of a stage. It hands results to the next stage of this process, and publishes them on a topic.
+
+    A message is only made while there is a subscriber, except in a lossless replay, where it is always made.
+
+    Parameters
+    ----------
+    node : Node
+        Node of the stage.
+    kind : type
+        Type of the messages.
+    topic : str
+        Name of the topic.
+    settings : NodeSettings
+        Settings of the node.
+    make : callable
+        Makes a message from a result.
+    hand_over : HandOver
+        Hand-over of this process.
+    """
 
     def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],
                  hand_over: HandOver):
         self._node, self._make, self._hand_over = node, make, hand_over
         self._is_lossless = settings.lossless
         self._publisher: Any = node.create_publisher(kind, topic, settings.qos)
-        self.topic: str = self._publisher.topic_name  #: its full name
+        self.topic: str = self._publisher.topic_name  #: full name of the topic
 
     def send(self, result: Result, acquired: float) -> None:
-        """Publish ``result``, whose taxels were ``acquired`` [s, steady clock], and hand it over."""
+        """Publish a result and hand it over.
+
+        Parameters
+        ----------
+        result : Result
+            Result of this stage.
+        acquired : float
+            Time when its taxels were acquired, by the steady clock [s].
+        """
         reader = self._hand_over.input_of(self.topic)
         if reader is not None:
             reader.announce(result)
@@ -271,12 +353,12 @@ class StageOutput(Generic[Result]):
                 message = self._make(result)
                 message.age = age_message(time.monotonic() - acquired)
                 self._publisher.publish(message)
-        finally:  # what a viewer asked for must not keep a result from the next stage
+        finally:  # the next stage must get the result even if the message for other subscribers fails
             if reader is not None:
                 reader.put(result, acquired)
 
     def end(self) -> None:
-        """Send nothing more: the node ends, or is not configured any more."""
+        """Stop sending, because the node ends or is no longer configured."""
         reader = self._hand_over.input_of(self.topic)
         if reader is not None:
             reader.end_feeding()
@@ -284,11 +366,12 @@ class StageOutput(Generic[Result]):
 
 
 class StageNode(Node):
-    """A node with stages: once it is destroyed nothing is handed to it, and its topics are no one's."""
+    """A node with inputs and outputs of stages, which it ends when it is destroyed."""
 
-    stages: 'tuple[StageInput | StageOutput, ...]' = ()  #: none of a node whose constructor has failed
+    stages: 'tuple[StageInput | StageOutput, ...]' = ()  #: empty if the constructor has failed
 
     def destroy_node(self) -> None:
+        """End all inputs and outputs, and destroy the node."""
         for stage in self.stages:
             stage.end()
         super().destroy_node()

@@ -1,6 +1,6 @@
-"""Runs the steps of a lifecycle node: an error makes the transition fail, is logged and kept.
+"""Run the steps of a lifecycle node, and refuse transitions that its state does not allow.
 
-A transition that the state does not allow is refused.
+If a step raises an error, its transition fails, and the error is logged and kept.
 """
 
 import logging
@@ -20,22 +20,39 @@ from tactile_node.ros.rosout_handler import PACKAGE_LOGGER, RosoutHandler
 
 logger = logging.getLogger(__name__)
 
-WAITING = 'The driver waits for it.'
+WAITING = 'The driver keeps waiting.'
 
 
 class LifecycleSteps:
-    """The steps of ``node``; ``error`` is the last one's, None after a success or an unforeseen exception."""
+    """Runs the steps of one node.
+
+    Parameters
+    ----------
+    node : Node
+        Node whose logger is used.
+
+    Attributes
+    ----------
+    error : TactileError or None
+        Error of the last step; None after a success or an unforeseen exception.
+    """
 
     def __init__(self, node: Node):
         self._node = node
-        self._waits_for: tuple[type[TactileError], ...] | None = None  # None: not within `autostart`
+        self._waits_for: tuple[type[TactileError], ...] | None = None  # None outside ``autostart``
         self.error: TactileError | None = None
 
     @contextmanager
     def autostart(self, waits_for: tuple[type[TactileError], ...]) -> Iterator[None]:
-        """Inside the block, a step that fails with one of these errors is repeated: each text is logged when it is due.
+        """Limit log messages inside the block, in which the caller repeats steps that fail.
 
-        Any other error ends the block and is reported where it is caught, so that it is reported once.
+        Repeated messages are logged at increasing intervals. Errors that are not in ``waits_for`` are not logged here,
+        because they end the block and are reported where they are caught.
+
+        Parameters
+        ----------
+        waits_for : tuple of error types
+            Errors after which the caller repeats the step.
         """
         reminders: defaultdict[str, Reminder] = defaultdict(Reminder)
 
@@ -52,14 +69,20 @@ class LifecycleSteps:
             forwarding.removeFilter(is_due)
 
     def attempt(self, step: Callable[[], None]) -> TransitionCallbackReturn:
-        """Run ``step`` and return the result of its transition."""
+        """Run a step and return the result of its transition.
+
+        Parameters
+        ----------
+        step : callable
+            Step to run. An exception makes the transition fail.
+        """
         try:
             step()
         except TactileError as error:
             self.error = error
             self._log(error)
             return TransitionCallbackReturn.FAILURE
-        except Exception:  # rclpy would discard it without a message
+        except Exception:  # rclpy would discard the exception without a message
             self.error = None
             self._node.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.FAILURE
@@ -67,9 +90,9 @@ class LifecycleSteps:
         return TransitionCallbackReturn.SUCCESS
 
     def failure(self, transition: str) -> TactileError:
-        """Return what to raise for a ``transition`` that has failed."""
+        """Return the error to raise for a failed transition, named ``transition`` in the message."""
         return self.error or DeviceError('skin driver', expected=f'to {transition}', got='an unforeseen error',
-                                         remedy='The log above has it.')
+                                         remedy='See the traceback in the log above.')
 
     def _log(self, error: TactileError) -> None:
         if self._waits_for is None:
@@ -79,10 +102,10 @@ class LifecycleSteps:
 
 
 def reject_invalid_transitions(node: LifecycleNode) -> None:
-    """Answer a request for a transition that the node's state does not allow with success = False.
+    """Make a node answer success = False to a request for a transition that its state does not allow.
 
-    rclpy raises in its callback (RCLError: "Transition is not registered"), which would end the process; a lifecycle
-    manager that repeats itself would do that.
+    rclpy raises an exception in its callback (RCLError: "Transition is not registered"), which would end the process. A
+    lifecycle manager that repeats a request would therefore end the driver.
     """
     service = next(service for service in node.services if service.srv_type is ChangeState)
     change = service.callback
@@ -93,7 +116,7 @@ def reject_invalid_transitions(node: LifecycleNode) -> None:
         except RuntimeError as error:
             node.get_logger().error(f'change_state: expected a transition that the present state allows, got '
                                     f'{request.transition.label or request.transition.id} ({error}). '
-                                    'Ask ~/get_available_transitions.')
+                                    'Call ~/get_available_transitions to list them.')
             response.success = False
             return response
     service.callback = answer

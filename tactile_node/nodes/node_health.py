@@ -1,4 +1,4 @@
-"""The diagnostic of a node that processes messages: /diagnostics, once a second."""
+"""Publish the health of a node that processes messages on /diagnostics, once a second."""
 
 import logging
 import math
@@ -21,9 +21,19 @@ logger = logging.getLogger(__name__)
 
 
 class MessageHealth:
-    """Publishes what ``node`` does with the messages of ``subscriptions``; it lasts as long as the node.
+    """Publishes how a node processes the messages of its subscriptions, as long as the node exists.
 
-    Stamps are compared with the clock of this host unless their time is simulated or that of a lossless replay.
+    The stamps of messages are compared with the clock of this host, unless the time is simulated or comes from a
+    lossless replay.
+
+    Parameters
+    ----------
+    node : Node
+        Node that is reported.
+    subscriptions : sequence of GuardedSubscription
+        Subscriptions of the node.
+    settings : ReceiverSettings
+        Settings of the node.
     """
 
     def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription], settings: ReceiverSettings):
@@ -32,7 +42,7 @@ class MessageHealth:
         self._subscriptions = tuple(subscriptions)
         self._before = {subscription.topic: subscription.counts for subscription in subscriptions}
         self._at = time.monotonic()
-        self._of_several: set[str] = set()  # topics that were reported
+        self._of_several: set[str] = set()  # topics already reported
         publish_status(node, self._status)
 
     def _status(self) -> DiagnosticStatus:
@@ -44,7 +54,7 @@ class MessageHealth:
         return status
 
     def _log_several(self, now: dict[str, StreamHealth]) -> None:
-        """Once for each topic, until it has one publisher again."""
+        """Log topics with several publishers: once for each topic, until it has a single publisher again."""
         found = topics_of_several(now)
         for topic in found.keys() - self._of_several:
             logger.warning('%s', several_text(topic, found[topic]),
@@ -52,13 +62,21 @@ class MessageHealth:
         self._of_several = set(found)
 
 
-HEALTH_PERIOD = 1.0  # s, REP-107
+HEALTH_PERIOD = 1.0  #: Time between two reports [s] (REP-107).
 
 
 def publish_status(node: Node, status: Callable[[], DiagnosticStatus]) -> None:
-    """Publish on /diagnostics what ``status`` returns, once a second as long as the node lasts.
+    """Publish a status on /diagnostics once a second, as long as the node exists.
 
-    The stamp is of the node's clock: with use_sim_time and before the first /clock it is 0, and the messages continue.
+    The stamp is the time of the node's clock. With use_sim_time and before the first message on /clock it is 0, but the
+    messages are published all the same.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes.
+    status : callable
+        Returns the status to publish.
     """
     publisher = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
 
@@ -70,10 +88,19 @@ def publish_status(node: Node, status: Callable[[], DiagnosticStatus]) -> None:
 
 
 def start_health_timer(node: Node, publish: Callable[[], None], period: float = HEALTH_PERIOD) -> None:
-    """Call ``publish`` each ``period`` [s] as long as the node lasts, on the steady clock.
+    """Call a function periodically on the steady clock, as long as the node exists.
 
-    With use_sim_time and no /clock the node's own clock stands still, and the last OK would stay. An exception of
-    ``publish`` is logged: it would end the executor, and with it every node of the process.
+    The clock of the node is not used: with use_sim_time and no /clock it stands still, and the last OK would remain.
+    An exception of the function is logged. Otherwise it would end the executor, and with it every node of the process.
+
+    Parameters
+    ----------
+    node : Node
+        Node that owns the timer.
+    publish : callable
+        Function to call.
+    period : float
+        Time between two calls [s].
     """
     reminder = Reminder()
 
@@ -81,8 +108,8 @@ def start_health_timer(node: Node, publish: Callable[[], None], period: float = 
         try:
             publish()
         except Exception:
-            if not node.context.ok():  # nothing can be published: the process ends
+            if not node.context.ok():  # the process ends, and nothing can be published any more
                 raise
             if reminder.is_due('health', time.monotonic()):
-                logger.exception('the health of the node cannot be reported', extra=of_node(node))
+                logger.exception('the health of the node could not be published', extra=of_node(node))
     node.create_timer(period, report, clock=Clock(clock_type=ClockType.STEADY_TIME))

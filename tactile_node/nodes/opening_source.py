@@ -1,4 +1,4 @@
-"""Where the opening of the gripper comes from: a parameter, the joint states or tf."""
+"""Sources of the opening of the gripper: a parameter, the joint states or tf."""
 
 import logging
 import math
@@ -45,23 +45,24 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-#: Values of the parameter gap_source
+#: Values of the parameter gap_source.
 GAP_SOURCES = PARAMETER, JOINT_STATES, TF, NONE = 'parameter', 'joint_states', 'tf', 'none'
-#: parameter -> the sources that read it
+#: By parameter, the sources that read it.
 READ_BY = {'gap': (PARAMETER,), 'gap_joints': (JOINT_STATES,), 'gap_frames': (TF,), 'gap_scale': (JOINT_STATES, TF),
            'gap_offset': (JOINT_STATES, TF)}
-MOST_FRAMES = 10_000  #: of the robot and of one message: made-up names must not fill the memory
+#: Largest number of frames in the tree and in one message together, so that invented names cannot fill the memory.
+MOST_FRAMES = 10_000
 
 
 class OpeningSource(Protocol):
-    """Gives the opening of the gripper; it never raises and never waits."""
+    """Source of the opening of the gripper. Its method never raises and never waits."""
 
     def current(self) -> Opening:
-        """Return the opening as it is known now."""
+        """Return the present opening."""
 
 
 class ParameterOpening:
-    """The live parameter ``gap``, which holds until it is set again; below 0: not known."""
+    """Opening from the live parameter ``gap``. A value holds until it is set again; below 0 it is not known."""
 
     def __init__(self, node: Node, steady: Callable[[], float]):
         self._steady = steady
@@ -70,6 +71,7 @@ class ParameterOpening:
         node.add_post_set_parameters_callback(self._on_parameters)
 
     def current(self) -> Opening:
+        """Return the present opening."""
         return self._latest.current(self._steady())
 
     def _on_parameters(self, parameters: Sequence[Parameter]) -> None:
@@ -79,7 +81,7 @@ class ParameterOpening:
 
 
 def refuse_a_gap_that_nothing_reads(node: Node, source: str) -> None:
-    """Refuse a change of ``gap`` at run time that the ``source`` of the opening would ignore."""
+    """Refuse to set the parameter ``gap`` at run time if ``source``, the gap_source, does not read it."""
     def check(parameters: Sequence[Parameter]) -> SetParametersResult:
         is_set = any(each.name == 'gap' and each.value >= 0 for each in parameters)
         refused = is_set and source != PARAMETER
@@ -89,9 +91,21 @@ def refuse_a_gap_that_nothing_reads(node: Node, source: str) -> None:
 
 
 class MeasuredOpening:
-    """An `OpeningSource` that listens to messages; ``remedy``: what to look for while the opening is not known.
+    """Base class of the sources that read messages.
 
-    Once a second its state goes to /diagnostics, and that it is not known to the log.
+    The state is published on /diagnostics once a second. While the opening is not known, a warning is logged at
+    increasing intervals.
+
+    Parameters
+    ----------
+    node : Node
+        Node that subscribes.
+    subscriptions : sequence of GuardedSubscription
+        Subscriptions of the source.
+    remedy : str
+        Text that tells the user what to check while the opening is not known.
+    steady : callable
+        Steady clock [s].
     """
 
     def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription], remedy: str,
@@ -103,6 +117,7 @@ class MeasuredOpening:
         publish_status(node, self._status)
 
     def current(self) -> Opening:
+        """Return the present opening."""
         raise NotImplementedError
 
     def _status(self) -> DiagnosticStatus:
@@ -117,10 +132,13 @@ class MeasuredOpening:
 
 
 class JointStatesOpening(MeasuredOpening):
-    """The sum of joint positions. Messages of other joints pass, for many nodes may share the topic."""
+    """Opening from the sum of joint positions.
+
+    While the opening is known, messages about other joints are ignored, because many nodes may share the topic.
+    """
 
     def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, steady: Callable[[], float]):
-        from sensor_msgs.msg import JointState  # 40 ms, which only a grasp node that needs it pays
+        from sensor_msgs.msg import JointState  # the import takes 40 ms, and other grasp nodes do not need it
         self._joints = settings.gap_joints
         self._law = law
         self._latest = LatestGap(GapSource.JOINT_STATES, settings.max_gap_age)
@@ -148,7 +166,7 @@ class JointStatesOpening(MeasuredOpening):
 
 
 class TfOpening(MeasuredOpening):
-    """The distance of two frames along the closing direction."""
+    """Opening from the distance between two frames along the closing direction."""
 
     def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, closing: np.ndarray,
                  steady: Callable[[], float]):
@@ -174,7 +192,7 @@ class TfOpening(MeasuredOpening):
         measured = min(left.measured, right.measured)
         distance = float(self._closing @ (right.transform.translation - left.transform.translation))
         gap = self._law.gap(distance)
-        if measured == math.inf or not is_plausible(gap):  # static: these frames do not move with the fingers
+        if measured == math.inf or not is_plausible(gap):  # inf for static frames, which do not move with the fingers
             return UNKNOWN_OPENING
         return opening(gap, GapSource.TF, max(0.0, self._steady() - measured), self._max_age)
 
@@ -201,8 +219,21 @@ def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.nda
                         steady: Callable[[], float] = time.monotonic) -> OpeningSource:
     """Return the source that the parameter gap_source names.
 
-    ``closing``: unit vector from the left pad to the right one in the frame ``frame_id``. Raises ConfigurationError
-    for a parameter that does not fit the source.
+    Parameters
+    ----------
+    node : Node
+        Node of the source.
+    settings : GraspNodeSettings
+        Settings of the node.
+    closing : np.ndarray
+        Unit vector from the left pad to the right pad in the frame ``frame_id``.
+    steady : callable
+        Steady clock [s].
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter does not fit the source.
     """
     _check(settings)
     refuse_a_gap_that_nothing_reads(node, settings.gap_source)
@@ -213,8 +244,8 @@ def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.nda
         return TfOpening(node, settings, law, closing, steady)
     source = ParameterOpening(node, steady)
     if math.isnan(source.current().gap):
-        node.get_logger().info('the opening of the gripper is not known: widths and places in a grasp are NaN. Set '
-                               'gap, or gap_source to joint_states or tf')
+        node.get_logger().info('the opening of the gripper is not known, so widths and positions in a grasp are NaN. '
+                               'Set gap, or set gap_source to joint_states or tf')
     return source
 
 
@@ -222,7 +253,7 @@ def _check(settings: GraspNodeSettings) -> None:
     source, joints, frames = settings.gap_source, settings.gap_joints, settings.gap_frames
     if source not in GAP_SOURCES:
         raise ConfigurationError('parameter gap_source', expected=', '.join(GAP_SOURCES), got=repr(source),
-                                 remedy='Name where the opening of the gripper comes from.')
+                                 remedy='Name the source of the gripper opening.')
     for row in table(GraspNodeSettings):
         value, readers = getattr(settings, row.name), READ_BY.get(row.name, (source,))
         is_set = value >= 0 if row.name == 'gap' else value != row.default
@@ -231,7 +262,7 @@ def _check(settings: GraspNodeSettings) -> None:
                                      got=str(value), remedy=f'Remove it, or set gap_source to {" or ".join(readers)}.')
     if source == JOINT_STATES and (not all(joints) or not joints or len(set(joints)) < len(joints)):
         raise ConfigurationError('parameter gap_joints', expected='names of joints, each once', got=f'{list(joints)}',
-                                 remedy='Take them from the URDF; leave out a mimic joint and double gap_scale.')
+                                 remedy='Take them from the URDF. For a mimic joint, omit it and double gap_scale.')
     if source == TF and (len(frames) != 2 or not all(frames) or len(set(map(frame_name, frames))) < 2):
         raise ConfigurationError('parameter gap_frames', expected='a frame on the left and one on the right finger',
                                  got=f'{list(frames)}', remedy='Take both from the URDF.')

@@ -1,4 +1,4 @@
-"""The topic `<pad>/taxels` of one pad."""
+"""Condition the taxel frames of one pad and publish them on `<pad>/taxels`."""
 
 import math
 import time
@@ -17,13 +17,32 @@ from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import TaxelArray
 
-LOOK_PERIOD = 1.0  # s between two looks for other publishers
+LOOK_PERIOD = 1.0  #: Time between two checks for other publishers [s].
 
 
 class PadOutput:
-    """Conditions the frames of ``pad`` and sends them on; ``layer``: of a calibrated skin; ``age``: see FrameSource.
+    """Conditions the frames of one pad and sends them on.
 
-    A lossless one waits until each is answered, where all stages up to the shape are of this process.
+    In a lossless replay, it waits for the answer to each frame if all stages up to the shape run in this process.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes.
+    pad : PadSettings
+        Settings of the pad.
+    frame_id : str
+        Coordinate frame of the pad.
+    conditioned : ConditionedPad
+        Conditioning of the pad.
+    settings : DriverSettings
+        Settings of the driver.
+    hand_over : HandOver
+        Hand-over of this process.
+    age : callable
+        Returns the age of a frame from its stamp [s]; see `FrameSource.age`.
+    layer : Layer or None
+        Layer of a calibrated skin; None if it is not known.
     """
 
     def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad,
@@ -37,32 +56,39 @@ class PadOutput:
         self._node = node
         self._output = StageOutput(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, hand_over)
         self._hand_over = hand_over
-        self.is_answered = hand_over.is_complete(self._output.topic)  #: its frames come out as shapes in this process
+        #: True if all stages up to the shape run in this process
+        self.is_answered = hand_over.is_complete(self._output.topic)
         self._waits = bool(settings.replay) and settings.lossless and self.is_answered
         self._others: tuple[str, ...] = ()
         self._looked = -math.inf
 
     @property
     def condition(self) -> PadCondition:
+        """State of the conditioning, and the other publishers of the topic."""
         return self.conditioned.condition._replace(other_publishers=self._other_publishers())
 
     def publish(self, frame: TaxelFrame) -> None:
+        """Condition a frame and send it on."""
         conditioned = PadFrame.of(self.conditioned.feed(frame), self._taxels, self._frame_id)
         self._output.send(conditioned, acquired=time.monotonic() - self._age(frame.stamp))
         if self._waits:
             self._hand_over.wait_until_answered()
 
     def _other_publishers(self) -> tuple[str, ...]:
-        """Full names of the other nodes that publish on our topic, looked up once a second; also one of our name."""
+        """Return the full names of the other nodes that publish on this topic, read once a second.
+
+        Another node with the name of this node is included.
+        """
         now = time.monotonic()
         if now - self._looked >= LOOK_PERIOD:
             self._looked = now
             names = publisher_names(self._node, self._output.topic)
             own = self._node.get_fully_qualified_name()
-            if names:  # one of them is ours, whose name may not be discovered yet
+            if names:  # one of them is this node, even if its name was not discovered yet
                 names.remove(own if own in names else names[0])
             self._others = tuple(names)
         return self._others
 
     def destroy(self) -> None:
+        """Stop publishing."""
         self._output.end()

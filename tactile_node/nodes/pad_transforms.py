@@ -1,4 +1,4 @@
-"""The frames of the two pads on tf, for a robot whose URDF does not have them."""
+"""Publish the coordinate frames of the two pads on tf, for a robot whose URDF does not define them."""
 
 import logging
 import math
@@ -18,15 +18,27 @@ from tactile_node.ros.settings import GraspNodeSettings
 
 logger = logging.getLogger(__name__)
 
-TRANSFORM_PERIOD = 0.05  # s; robot_state_publisher's
-SAME_MEASUREMENT = 1e-4  # s; measurements less apart are one
+TRANSFORM_PERIOD = 0.05  #: Time between two publications [s], as in robot_state_publisher.
+#: Two measurements of the opening count as the same one if their times differ by less than this [s].
+SAME_MEASUREMENT = 1e-4
 
 
 class PadTransforms:
-    """Publishes where both pads are in the frame of the gripper, as long as its opening is known.
+    """Publishes the transforms from the frame of the gripper to both pads while its opening is known.
 
-    At an opening that is a parameter, the transforms are static; at a measured one they are on /tf, with the time of
-    the measurement. Without an opening there are none: a closed gripper would be a guess.
+    If the opening is a parameter, the transforms are static. If the opening is measured, they are published on /tf with
+    the time of the measurement. If the opening is not known, nothing is published, because a guess could be wrong.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes.
+    settings : GraspNodeSettings
+        Settings of the node.
+    gripper : Gripper
+        Poses of the pads.
+    source : OpeningSource
+        Source of the opening.
     """
 
     def __init__(self, node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource):
@@ -35,8 +47,8 @@ class PadTransforms:
         self._frame = frame_name(settings.frame)
         self._pads = tuple(zip(map(frame_name, settings.frames_of_pads), (gripper.left, gripper.right)))
         self._source = source
-        self._gap = math.nan  # of the last transforms
-        self._measured = -math.inf
+        self._gap = math.nan  # opening in the last transforms [m]
+        self._measured = -math.inf  # time of the measurement in the last transforms [s]
         is_static = settings.gap_source == PARAMETER
         self._publisher = node.create_publisher(self._message, '/tf_static' if is_static else '/tf',
                                                 TF_STATIC_QOS if is_static else TF_QOS)
@@ -64,23 +76,41 @@ class PadTransforms:
 
 
 def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource) -> None:
-    """Start `PadTransforms` where publish_pad_frames is set and tf2_msgs is installed, else log a warning.
+    """Start `PadTransforms` if the parameter publish_pad_frames is set.
 
-    Raises ConfigurationError for frames that cannot be published.
+    If tf2_msgs is not installed, a warning is logged instead.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes.
+    settings : GraspNodeSettings
+        Settings of the node.
+    gripper : Gripper
+        Poses of the pads.
+    source : OpeningSource
+        Source of the opening.
+
+    Raises
+    ------
+    ConfigurationError
+        If the frames cannot be published.
     """
     if not settings.publish_pad_frames:
         return
     if len(settings.pad_frames) != 2:
         raise ConfigurationError('parameter pad_frames', expected='a frame of the left and one of the right pad',
-                                 got=f'{list(settings.pad_frames)}', remedy="Name both; '' stands for <name>_pad.")
+                                 got=f'{list(settings.pad_frames)}',
+                                 remedy="Name both. An empty name '' stands for <name>_pad.")
     frames = {frame_name(name) for name in (*settings.frames_of_pads, settings.frame)}
     if len(frames) < 3 or frames & set(settings.fingers) - {settings.frame}:
         raise ConfigurationError(
             'parameter publish_pad_frames', expected='two pad_frames other than frame_id and gap_frames',
-            got=', '.join(settings.frames_of_pads), remedy='Leave it false where a URDF has the frames of the pads.')
+            got=', '.join(settings.frames_of_pads),
+            remedy='If a URDF defines the frames of the pads, set publish_pad_frames to false.')
     if settings.gap_source == NONE:
         raise ConfigurationError('parameter publish_pad_frames', expected='a source of the opening', got=NONE,
-                                 remedy='Set gap_source: where the pads are depends on the opening.')
+                                 remedy='Set gap_source, because the poses of the pads depend on the opening.')
     try:
         PadTransforms(node, settings, gripper, source)
     except ConfigurationError as error:

@@ -1,4 +1,4 @@
-"""Taxel array -> contact pattern, and its features while something subscribes to them, on topics."""
+"""The processor node: it finds the contact in each taxel array, and computes features while there are subscribers."""
 
 import logging
 import sys
@@ -37,11 +37,22 @@ logger = logging.getLogger(__name__)
 
 
 class ProcessorNode(StageNode):
-    """Publishes `contact` for every usable frame on `taxels`, and `features` while something subscribes to it.
+    """Publishes `contact` for every usable message on `taxels`, and `features` while there are subscribers.
 
-    A lossless one always publishes both, since it keeps them for late subscribers. What viewers draw of the taxels it
-    publishes only while something subscribes to it. ``hand_over``: from and to the nodes of this process. Raises
-    ConfigurationError for a wrong parameter.
+    A lossless processor always publishes both, because it keeps messages for late subscribers. It publishes images and
+    wrenches for viewers only while there are subscribers.
+
+    Parameters
+    ----------
+    hand_over : HandOver or None
+        Hand-over from and to the nodes of this process; None if the node runs alone in its process.
+    **options
+        Options for rclpy's ``Node``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter is wrong.
     """
 
     def __init__(self, hand_over: HandOver | None = None, **options: Any):
@@ -63,7 +74,7 @@ class ProcessorNode(StageNode):
         follow_changes(self, ProcessorSettings, check, self._apply)
 
     def _apply(self, settings: ProcessorSettings) -> None:
-        """Apply only what has changed, because the pipeline holds what it has learned of the pad."""
+        """Apply changed settings only, so that the pipeline keeps what it has learned about the pad."""
         before, self._settings = self._settings, settings
         self._groups = feature_groups(settings.features)
         self._pipeline.set_contact_limits(thresholds_of(settings), settings.smallest_contact)
@@ -75,7 +86,7 @@ class ProcessorNode(StageNode):
         unit, values = frame.taxels.unit or '', frame.values
         if unit in self._scales and (error := self._scales[unit].doubt(values)):
             logger.warning('%s: %s', self._taxels.topic, error, extra=of_node(self, fact=error))
-            self._scales = {}  # once
+            self._scales = {}  # the warning is logged only once
         contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
         arrival = self._taxels.arrival
         self._contacts.send(contact, arrival.acquired)
@@ -83,7 +94,7 @@ class ProcessorNode(StageNode):
             self._taxels.postpone(lambda: self._publish_more(contact, arrival))
 
     def _publish_more(self, contact: PadContact, arrival: Arrival) -> None:
-        """Publish what no other stage reads."""
+        """Publish the messages that no other stage waits for."""
         if is_wanted(self._features, self._settings.lossless):
             features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
             features.age = age_message(arrival.age(time.monotonic()))
@@ -98,18 +109,24 @@ def check(settings: ProcessorSettings) -> None:
 
 
 def thresholds_of(settings: ProcessorSettings) -> PressThresholds | None:
-    """Return the fixed thresholds, or None if the contact is what stands out of the noise."""
+    """Return the fixed thresholds, or None if the thresholds follow from the noise."""
     press = settings.press_threshold
     return PressThresholds(press, press * settings.release_ratio) if press else None
 
 
 def scales_of(settings: ProcessorSettings) -> dict[str, UnitScale]:
-    """Return a check of the readings for each unit; none for fixed thresholds, which may be in any scale."""
+    """Return a check of the scale of the readings, by unit.
+
+    With fixed thresholds the result is empty, because the readings may then have any scale.
+    """
     return {} if settings.press_threshold else {unit: UnitScale(unit, most=1.0) for unit in PRESS_BY_UNIT}
 
 
 def feature_groups(names: Sequence[str]) -> Group:
-    """Return the named groups and the classifier's. Raises ConfigurationError for an unknown name."""
+    """Return the named feature groups, together with the group that the classifier uses.
+
+    Raises ConfigurationError for an unknown name.
+    """
     groups = Group.CLASSIFIER
     for name in names:
         if name.upper() not in Group.__members__:
@@ -120,6 +137,7 @@ def feature_groups(names: Sequence[str]) -> Group:
 
 
 def main() -> int:
+    """Run the node; returns the exit code."""
     return run_node(ProcessorNode)
 
 

@@ -1,4 +1,4 @@
-"""What a driver that plays a log adds: the time of the log, and how the replay ends."""
+"""Publish the time of a replayed log, and wait for the end of the replay."""
 
 from threading import Event
 
@@ -10,11 +10,11 @@ from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import System
 from tactile_node.ros.time_messages import time_message
 
-CLOCK_STEP = 0.01  # s of the log between two messages on /clock
+CLOCK_STEP = 0.01  #: Time of the log between two messages on /clock [s].
 
 
 class ClockOutput:
-    """Publishes the time of a log as it is played, for nodes with use_sim_time; it never goes back."""
+    """Publishes the time of a log while it is played, for nodes with use_sim_time. The time never goes back."""
 
     def __init__(self, node: Node):
         self._node = node
@@ -22,22 +22,41 @@ class ClockOutput:
         self._publisher = node.create_publisher(Clock, '/clock', QoSProfile(depth=1))
 
     def show(self, stamp: float) -> None:
-        """The CAN frame stamped ``stamp`` [s, Unix epoch] is played now."""
+        """Publish the time if it has advanced by CLOCK_STEP.
+
+        Parameters
+        ----------
+        stamp : float
+            Stamp of the CAN frame that is played now [s, Unix epoch].
+        """
         if stamp >= self._due:
             self._due = stamp + CLOCK_STEP
             self._publisher.publish(Clock(clock=time_message(stamp)))
 
     def destroy(self) -> None:
+        """Stop publishing."""
         self._node.destroy_publisher(self._publisher)
 
 
 def play(system: System, spinner: Spinner, stop_requested: Event) -> int:
-    """Wait for the log's end; print the outcome. The log waits for the answer to each of its frames.
+    """Wait for the end of the log and print the result. The log waits for the answer to each of its frames.
 
-    Returns the exit code: 1 when frames did not come out as shapes, else UNREAD_EXIT when something in the log could
-    not be read.
+    Parameters
+    ----------
+    system : System
+        Nodes of this process, with a driver that plays a log.
+    spinner : Spinner
+        Spinner of the nodes.
+    stop_requested : threading.Event
+        Event that ends the replay early.
+
+    Returns
+    -------
+    int
+        Exit code: 1 if not every frame was answered with a shape or the replay was stopped, UNREAD_EXIT if parts of the
+        log could not be read, else 0.
     """
-    # only here: nodes without the driver need no CAN library
+    # Imported here, because nodes without the driver need no CAN library
     from tactile_node.sources.log_source import UNREAD_EXIT, LogSource, summary
     source = system.source
     if not isinstance(source, LogSource):

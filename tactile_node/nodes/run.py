@@ -1,4 +1,7 @@
-"""How every executable of ours runs its node: one line for an error, no traceback on Ctrl-C, a correct exit code."""
+"""Run the nodes of an executable.
+
+An error is printed in one line. Ctrl-C ends the process without a traceback. The exit code tells the outcome.
+"""
 
 import gc
 import sys
@@ -31,11 +34,24 @@ NAME_ERRORS = (InvalidNamespaceException, InvalidNodeNameException, InvalidTopic
 
 
 def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], None] | None = None) -> int:
-    """Spin the node that ``make`` returns until SIGINT or SIGTERM, which set an event; first call ``start`` with both.
+    """Make a node and spin it until SIGINT or SIGTERM.
 
-    `--end-with PID` sets the event when that process ends: SIGTERM to `ros2 run` leaves its child behind.
-    rclpy's signal handlers are off: they invalidate the context while the executor still uses it.
-    Returns the exit code: 0 on a signal, 2 for a TactileError, whose message goes to stderr.
+    The option `--end-with PID` also ends the node when that process ends, because SIGTERM to `ros2 run` does not end
+    its child. rclpy's signal handlers are not installed, because they invalidate the context while the executor still
+    uses it.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the node.
+    start : callable or None
+        Called with the node and an event as soon as the node is spinning. SIGINT, SIGTERM, the option and the callee
+        may set the event, which ends the node.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after a signal, 2 for a TactileError, whose message is printed on stderr.
     """
     with ExitStack() as stack:
         stack.callback(ignore_interruptions)
@@ -66,9 +82,17 @@ def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], No
 
 
 def wait(spinner: Spinner, stop_requested: Event) -> None:
-    """Return when the event ``stop_requested`` is set; raise what a callback has raised.
+    """Wait until an event is set. An exception of a callback is raised here.
 
-    Objects made until now are exempt from garbage collection, whose full runs would delay frames by some 40 ms.
+    Objects that exist at the call are exempted from garbage collection, because full collections would delay frames by
+    about 40 ms.
+
+    Parameters
+    ----------
+    spinner : Spinner
+        Spinner whose exceptions are raised.
+    stop_requested : threading.Event
+        Event to wait for.
     """
     gc.freeze()
     while not stop_requested.wait(0.2):
@@ -77,13 +101,13 @@ def wait(spinner: Spinner, stop_requested: Event) -> None:
 
 @contextmanager
 def translate_rclpy_errors() -> Iterator[None]:
-    """Raise ConfigurationError for what rclpy raises inside the block."""
+    """Turn errors of rclpy about names and parameters inside the block into ConfigurationError."""
     try:
         yield
     except NAME_ERRORS as error:
         raise ConfigurationError('namespace or pad name', expected='letters, digits and underscores',
                                  got=' '.join(str(error).split()), remedy='Rename it.') from None
-    except ParameterException as error:  # of the parameters that rclpy itself declares, as use_sim_time
+    except ParameterException as error:  # about parameters that rclpy declares, such as use_sim_time
         raise ConfigurationError('parameter file or argument', expected='values of the type of each parameter',
                                  got=str(error), remedy='Correct the value.') from None
     except rclpy_implementation.RCLError as error:
@@ -95,9 +119,24 @@ def translate_rclpy_errors() -> Iterator[None]:
 
 @contextmanager
 def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> Iterator[tuple[System, Spinner]]:
-    """Make and spin ``nodes`` inside the block; ``ros_arguments``, which follow `--ros-args`, are for all of them.
+    """Make nodes and spin them inside the block.
 
-    Raises ConfigurationError for a wrong parameter, name or parameter file.
+    Parameters
+    ----------
+    nodes : sequence of NodeDescription
+        Nodes to make.
+    ros_arguments : sequence of str
+        Arguments after `--ros-args`, for all nodes.
+
+    Yields
+    ------
+    tuple of System and Spinner
+        The nodes and their spinner.
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter, a name or the parameter file is wrong.
     """
     with ExitStack() as stack:
         stack.callback(rclpy.try_shutdown)
@@ -105,7 +144,7 @@ def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> I
             rclpy.init(args=['--ros-args', *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
             system = System(nodes)
         stack.callback(system.destroy)
-        for node in system.nodes:  # the driver, where it is here, has begun already
+        for node in system.nodes:  # the driver already does this in its constructor, and a second call is harmless
             forward_logs_to(node)
             stack.callback(stop_forwarding_to, node)
         yield system, stack.enter_context(spinning(system.nodes))

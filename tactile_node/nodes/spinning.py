@@ -1,4 +1,4 @@
-"""Spins nodes beside the thread that starts and watches them."""
+"""Spin nodes on a thread of their own, beside the thread that starts and watches them."""
 
 import inspect
 import math
@@ -25,48 +25,58 @@ from rclpy.waitable import Waitable
 
 from tactile_node.threads import OnDeath, ReportedThread
 
-EVENTS_PERIOD = 1.0  # s, also the longest wait for entities
-LONGEST_WAIT = 1.0  # s, of spin_once without a timeout
-MOST_FAILURES = 3  # failed waits in a row: one is of an entity that was destroyed meanwhile
+EVENTS_PERIOD = 1.0  #: Time between two checks of event handlers, and longest wait for entities [s].
+LONGEST_WAIT = 1.0  #: Longest wait of spin_once without a timeout [s].
+#: Largest number of failed waits in a row. A single wait fails if an entity was destroyed meanwhile.
+MOST_FAILURES = 3
 
 
 class FrameExecutor(SingleThreadedExecutor):
-    """Runs callbacks, tasks of a hand-over and steady timers on one thread; another one waits for rclpy's entities.
+    """Executor that runs callbacks, tasks of a hand-over and steady timers on one thread.
 
-    rclpy prepares every entity for every wait, and waits twice for a callback: 0.85 ms for the nodes of a gripper. What
-    is handed over needs no such wait. Of the 120 entities half are event handlers (as "incompatible QoS"), which are
-    looked at once a second.
+    A second thread waits for rclpy's entities. rclpy prepares every entity for every wait, and waits twice per
+    callback. This takes 0.85 ms for the nodes of a gripper. Results that are handed over need no such wait. Half of the
+    120 entities are event handlers (such as "incompatible QoS"); they are checked only once a second.
 
-    For `spin` and `spin_once`; ends with `shutdown`. Steady timers run whatever their callback group does; one that
-    another thread makes shorter is late by LONGEST_WAIT at most.
+    The executor supports `spin` and `spin_once`, and ends with `shutdown`. Steady timers run regardless of their
+    callback group. If another thread shortens the period of such a timer, its next call is late by at most
+    LONGEST_WAIT.
     """
 
     def __init__(self, **options: Any):
         self._views: dict[Node, _View] = {}
         self._looked = -EVENTS_PERIOD
         self._work: SimpleQueue[Task | Exception | None] = SimpleQueue()
-        self._found: Task | None = None  # by the waiting thread, which continues when it has run
+        self._found: Task | None = None  # task found by the waiting thread, which waits until the task has run
         self._found_entity: Any = None
         self._has_run = threading.Semaphore(0)
         self._ended = threading.Event()
         self._watcher: threading.Thread | None = None
-        super().__init__(**options)  # last: from now on a context that ends wakes this
+        super().__init__(**options)  # last, because from now on the end of the context calls wake
 
     def get_nodes(self) -> list[Node]:
-        """Return the nodes as they are to be waited for now."""
+        """Return views of the nodes with the entities to wait for now. rclpy calls this before each wait."""
         nodes = super().get_nodes()
         now = time.monotonic()
         with_events = now - self._looked >= EVENTS_PERIOD
         if with_events:
             self._looked = now
-        # One view for each node: rclpy finds a task that is under way by its node.
+        # The view of a node must stay the same object, because rclpy finds a running task by its node.
         self._views = {node: self._views.get(node) or _View(node) for node in nodes}
         for view in self._views.values():
             view.with_events = with_events
         return cast(list[Node], list(self._views.values()))
 
     def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Task:
-        """Run ``callback`` after what waits; a coroutine when the waiting thread finds it."""
+        """Queue a callback after the waiting ones. A coroutine runs when the waiting thread finds it.
+
+        Parameters
+        ----------
+        callback : callable
+            Function or coroutine.
+        *args, **kwargs
+            Its arguments.
+        """
         if inspect.iscoroutinefunction(callback) or inspect.iscoroutine(callback):
             return super().create_task(callback, *args, **kwargs)
         task = Task(callback, args, kwargs, executor=self)
@@ -74,18 +84,24 @@ class FrameExecutor(SingleThreadedExecutor):
         return task
 
     def add_node(self, node: Node) -> bool:
-        """Look at the timers again, too."""
+        """Add a node, and let ``spin_once`` read its timers. Returns True if the node was added."""
         is_added = super().add_node(node)
         self._work.put(None)
         return bool(is_added)
 
     def wake(self) -> None:
-        """Look at the entities again: some were made or destroyed."""
+        """Make both threads read the entities again, because some were made or destroyed."""
         super().wake()
         self._work.put(None)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Run the timers that are due, and the first that comes within ``timeout_sec``; None, below 0: LONGEST_WAIT."""
+        """Run the timers that are due, then wait for a task and run it.
+
+        Parameters
+        ----------
+        timeout_sec : float or None
+            Longest wait for a task [s]; LONGEST_WAIT if it is None or negative.
+        """
         if not self._context.ok():
             raise ExternalShutdownException
         if self._watcher is None:
@@ -107,10 +123,10 @@ class FrameExecutor(SingleThreadedExecutor):
             finally:
                 if work is self._found:
                     self._has_run.release()
-            work.result()  # raises what it has raised
+            work.result()  # raises the exception of the callback
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """End the waiting thread, then as rclpy does."""
+        """End the waiting thread, then shut down as rclpy does. Returns True if rclpy's shutdown was complete."""
         self._ended.set()
         self._has_run.release()
         self.wake()
@@ -118,12 +134,12 @@ class FrameExecutor(SingleThreadedExecutor):
             self._watcher.join()
         if self._found is not None and not self._found.executing():
             self._found.cancel()
-            if self._found_entity is not None:  # a task, as of an answer to an action client, has none
-                self._found_entity._executor_event = False  # as its handler does: another executor may take it
+            if self._found_entity is not None:  # None, for example, for an answer to an action client
+                self._found_entity._executor_event = False  # so that another executor may take the entity
         return bool(super().shutdown(timeout_sec))
 
     def _watch(self) -> None:
-        """Wait for rclpy's entities, and again when the callback that was found has run."""
+        """Wait for rclpy's entities. After a callback was found, wait until it has run before the next wait."""
         failures = 0
         while not self._ended.is_set():
             try:
@@ -144,7 +160,7 @@ class FrameExecutor(SingleThreadedExecutor):
                 self._has_run.acquire()
 
     def _take_waitable(self, waitable: Waitable) -> Any:
-        """Take nothing of one that was destroyed since it was found: the only kind that rclpy does not ask."""
+        """Take nothing from a waitable that was destroyed since it was found. rclpy lacks this check for waitables."""
         try:
             return super()._take_waitable(waitable)
         except InvalidHandle:
@@ -152,7 +168,7 @@ class FrameExecutor(SingleThreadedExecutor):
 
 
 def _is_steady(timer: Timer) -> bool:
-    """Whether it runs on the steady clock, and its callback is no coroutine, which rclpy has to await."""
+    """Return True for a timer on the steady clock whose callback is not a coroutine; rclpy must await coroutines."""
     return timer.clock.clock_type == ClockType.STEADY_TIME and not inspect.iscoroutinefunction(timer.callback)
 
 
@@ -162,14 +178,14 @@ def _call_if_due(timer: Timer) -> bool:
             if not timer.handle.is_timer_ready():
                 return False
             timer.handle.call_timer()
-    except InvalidHandle:  # its node has just been destroyed
+    except InvalidHandle:  # the node has just been destroyed
         return False
     timer.callback()
     return True
 
 
 def _time_left(timer: Timer) -> float:
-    """Return when it is due from now [s]; inf: cancelled or destroyed."""
+    """Return the time until the next call of a timer [s]; inf if it is cancelled or destroyed."""
     try:
         left = timer.time_until_next_call()
     except InvalidHandle:
@@ -178,7 +194,7 @@ def _time_left(timer: Timer) -> float:
 
 
 class _View:
-    """A node without its steady timers, with or without its event handlers."""
+    """View of a node without its steady timers. It has the event handlers only if ``with_events`` is set."""
 
     def __init__(self, node: Node):
         self._node = node
@@ -197,7 +213,15 @@ class _View:
 
 
 class Spinner:
-    """An executor on a thread; `check` raises what a callback has raised. ``on_death``: as of ReportedThread."""
+    """A thread that spins nodes.
+
+    Parameters
+    ----------
+    nodes : sequence of Node
+        Nodes to spin.
+    on_death : callable
+        Called with the exception if a callback ends the thread.
+    """
 
     def __init__(self, nodes: Sequence[Node], on_death: OnDeath = lambda error: None):
         self._executor = FrameExecutor()
@@ -209,14 +233,14 @@ class Spinner:
         self._thread.start()
 
     def check(self) -> None:
-        """Raise what a callback has raised."""
+        """Raise the exception of a callback that has ended the thread, if there is one."""
         if self._error is not None:
             raise self._error
 
     def stop(self) -> None:
-        """End the thread first: rclpy's shutdown destroys what a running callback still needs."""
+        """End the thread, then the executor: its shutdown destroys objects that a running callback still needs."""
         self._stopping.set()
-        self._executor.create_task(lambda: None)  # wakes it up
+        self._executor.create_task(lambda: None)  # wakes the thread
         self._thread.join()
         self._executor.shutdown()
 

@@ -1,4 +1,4 @@
-"""What the driver publishes about itself: /diagnostics and `~/status`."""
+"""Publish the state of the driver on /diagnostics and `~/status`."""
 
 import threading
 import time
@@ -21,29 +21,36 @@ from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState, status_message
 from tactile_skin.msg import SkinStatus
 
-STATE_LOOK_PERIOD = 0.05  # s between two looks at the state: a change is published within it
+STATE_LOOK_PERIOD = 0.05  #: Time between two checks of the state [s]. A change is published within this time.
 
 
 class DriverState(NamedTuple):
-    """``source`` None: the driver is unconfigured, because of ``error`` where there is one."""
+    """State of the driver."""
 
     lifecycle: PrimaryState
-    source: FrameSource | None = None
-    error: TactileError | None = None
-    conditions: Mapping[str, PadCondition] = {}
+    source: FrameSource | None = None  #: bus or log; None while the driver is unconfigured
+    error: TactileError | None = None  #: reason why the driver could not be configured, or None
+    conditions: Mapping[str, PadCondition] = {}  #: by name of the pad
 
 
 class StatePublisher:
-    """Publishes both messages of one state, with one stamp: on a change, see ChangePace, and once a second.
+    """Publishes the state on both topics with the same stamp: when it changes (see `ChangePace`), and once a second.
 
-    It lasts as long as the node. The stamp is of the node's clock: with use_sim_time and before the first /clock it
-    is 0, and the messages continue all the same.
+    The publisher exists as long as its node. The stamp is the time of the node's clock. With use_sim_time and before
+    the first message on /clock it is 0, but the messages are published all the same.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes.
+    look : callable
+        Returns the present state.
     """
 
     def __init__(self, node: Node, look: Callable[[], DriverState]):
         self._node = node
         self._look = look
-        self._turn = threading.Lock()  # transitions may be on another thread than the executor
+        self._turn = threading.Lock()  # transitions may run on another thread than the executor
         self._pace = ChangePace()
         self._name = node.get_fully_qualified_name()
         self._findings = BusDiagnostics(self._name, '')
@@ -52,12 +59,20 @@ class StatePublisher:
         start_health_timer(node, self.update, STATE_LOOK_PERIOD)
 
     def begin(self, hardware_id: str, frame_period: float) -> None:
-        """Count from zero again, for a newly configured source that gives a frame each ``frame_period`` [s]."""
+        """Count from zero again for a newly configured source.
+
+        Parameters
+        ----------
+        hardware_id : str
+            Identifier of the bus on /diagnostics.
+        frame_period : float
+            Time between two taxel frames [s].
+        """
         with self._turn:
             self._findings = BusDiagnostics(self._name, hardware_id, max(EVALUATED_PERIOD, 2.5 * frame_period))
 
     def update(self, *, is_last: bool = False) -> None:
-        """Publish the state if that is due; ``is_last``: in any case, since no more will follow."""
+        """Publish the state if it is due, or in any case if it is the last one (``is_last``)."""
         with self._turn:
             state = self._look()
             counts, health = _observed(state)
@@ -91,7 +106,7 @@ def _observed(state: DriverState) -> tuple[BusStatistics, BusHealth]:
 
 
 def _key(state: DriverState, health: BusHealth, findings: tuple[Finding, ...]) -> Hashable:
-    """Levels, codes and the lifecycle: what a change of is published at once."""
+    """Return the fields whose changes are published immediately: levels, codes and the lifecycle state."""
     nodes = tuple((name, node.node_id, node.fault, node.state, node.is_operational)
                   for name, of_pad in health.nodes.items() for node in of_pad)
     pads = tuple((name, condition.zero, condition.is_frozen, condition.faults.kinds.tobytes(),

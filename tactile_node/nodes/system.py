@@ -1,4 +1,4 @@
-"""The nodes of one bus that run in this process."""
+"""The nodes of one bus that run in the same process."""
 
 from collections.abc import Sequence
 from threading import Event
@@ -17,9 +17,17 @@ if TYPE_CHECKING:
 
 
 class System:
-    """Makes the described nodes, which hand their results over by calls.
+    """Nodes of one process, which hand their results over by calls.
 
-    Raises ConfigurationError for a wrong parameter of processor, classifier or grasp.
+    Parameters
+    ----------
+    descriptions : sequence of NodeDescription
+        Nodes to make.
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter of a processor, a classifier or a grasp node is wrong.
     """
 
     def __init__(self, descriptions: Sequence[NodeDescription]):
@@ -30,30 +38,30 @@ class System:
 
     @property
     def driver(self) -> 'DriverNode':
-        """Raises RuntimeError where the driver runs in another process."""
+        """The driver node. Raises RuntimeError if the driver runs in another process."""
         if self._driver is None:
             raise RuntimeError('the driver runs in another process')
         return self._driver
 
     @property
     def source(self) -> FrameSource:
-        """The driver's bus or log. Raises RuntimeError while it is unconfigured."""
+        """The bus or the log of the driver. Raises RuntimeError while the driver is unconfigured."""
         if self.driver.source is None:
             raise RuntimeError('the driver is not configured')
         return self.driver.source
 
     @property
     def recognised(self) -> int:
-        """Shapes published by all classifiers."""
+        """Number of shapes published by all classifiers."""
         return sum(node.recognised for node in self._classifiers)
 
     def autostart(self, stop_requested: Event) -> None:
-        """Start the driver, where it runs in this process; see `DriverNode.autostart`."""
+        """Start the driver if it runs in this process; see `DriverNode.autostart`."""
         if self._driver is not None:
             self._driver.autostart(stop_requested)
 
     def destroy(self) -> None:
-        """Destroy all nodes, the driver, which feeds the others, first."""
+        """Destroy all nodes. The driver is destroyed first, because it feeds the others."""
         if self._driver is not None:
             self._driver.destroy_node()
         for node in self.nodes:
@@ -61,7 +69,7 @@ class System:
                 node.destroy_node()
 
     def _make(self, role: Role, options: dict[str, Any]) -> Node:
-        """Imports the node's module here: a process loads only what its own nodes need."""
+        """Make a node. Its module is imported here, so that a process loads only the modules of its own nodes."""
         if role is Role.DRIVER:
             from tactile_node.nodes.driver_node import DriverNode
             self._driver = DriverNode(self._hand_over, **options)

@@ -1,4 +1,4 @@
-"""Calls the service `~/tare` of a running driver, for a program that is no node."""
+"""Call the service `~/tare` of a running driver from a program that is not a node."""
 
 import time
 from collections.abc import Iterator
@@ -18,12 +18,15 @@ from tactile_node.nodes.run import translate_rclpy_errors
 from tactile_skin.srv import Tare
 
 DRIVER = NODE_NAMES[Role.DRIVER]
-DISCOVERY_TIMEOUT = 15.0  #: for the driver to be found [s]
-ANSWER_TIMEOUT = LONGEST + 10  #: [s]
+DISCOVERY_TIMEOUT = 15.0  #: Time allowed for finding the driver [s].
+ANSWER_TIMEOUT = LONGEST + 10  #: Time allowed for an answer of the driver [s].
 
 
 class TareClient:
-    """Asks the driver in the namespace of ``node``. Raises ConfigurationError where none runs or answers."""
+    """Client of the driver in the namespace of ``node``.
+
+    The constructor and the methods raise ConfigurationError if no driver is found or if it does not answer.
+    """
 
     def __init__(self, node: Node):
         self._node = node
@@ -39,7 +42,17 @@ class TareClient:
         return list(answer.values[0].string_array_value)
 
     def tare(self, pad: str, frames: int, on_device: bool) -> Tare.Response:
-        """Return the answer for one pad; ``frames`` to average, 0: as many as the driver has by default."""
+        """Tare one pad and return the answer of the driver.
+
+        Parameters
+        ----------
+        pad : str
+            Name of the pad.
+        frames : int
+            Number of frames to average; 0 for the default of the driver.
+        on_device : bool
+            True to let the devices of the pad zero themselves first.
+        """
         return self._answer(self._client.call_async(Tare.Request(pads=[pad], frames=frames, on_device=on_device)))
 
     def _answer(self, future: Future) -> Any:
@@ -47,19 +60,19 @@ class TareClient:
         while not future.done():
             if time.monotonic() > end:
                 raise self._refusal(f'one that has not answered for {ANSWER_TIMEOUT:g} s')
-            rclpy.spin_once(self._node, timeout_sec=0.1)  # in short steps, or Ctrl-C would have to wait
+            rclpy.spin_once(self._node, timeout_sec=0.1)  # short, so that Ctrl-C is handled soon
         return future.result()
 
     def _refusal(self, got: str) -> ConfigurationError:
         return ConfigurationError(
             f'tare by {self._client.service_name.rpartition("/")[0]}', expected='a running driver', got=got,
-            remedy='Start it (`tactile bringup`, or the launch file), or give its --namespace. It is found with the '
-                   'same ROS_DOMAIN_ID only.')
+            remedy='Start it (`tactile bringup`, or the launch file), or give its --namespace. Use the same '
+                   'ROS_DOMAIN_ID as the driver.')
 
 
 @contextmanager
 def tare_client(namespace: str) -> Iterator[TareClient]:
-    """Give a client of the driver in ``namespace``, '' for the root. Raises ConfigurationError."""
+    """Give a client of the driver in ``namespace`` inside the block; '' is the root. Raises ConfigurationError."""
     with translate_rclpy_errors():
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = Node('tactile_tare', namespace=namespace)

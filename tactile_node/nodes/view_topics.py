@@ -1,4 +1,4 @@
-"""Pads of running nodes, for a view: subscribed only while somebody looks."""
+"""Publish images, wrenches and markers for viewers, and read the topics of running nodes for the view."""
 
 import math
 import threading
@@ -38,9 +38,20 @@ Message = TypeVar('Message')
 
 
 class OnDemandPublisher(Generic[Message]):
-    """Publishes on ``topic``; a subscriber that comes late gets nothing of before, also in a lossless replay.
+    """Publishes messages only while there are subscribers. A late subscriber gets no earlier messages.
 
-    What an image or a marker shows is taken for the present: it is never kept for later.
+    This also holds in a lossless replay, because viewers show an image or a marker as the present state.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes.
+    kind : type
+        Type of the messages.
+    topic : str
+        Name of the topic.
+    depth : int
+        Depth of the queue [messages].
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, depth: int):
@@ -48,17 +59,27 @@ class OnDemandPublisher(Generic[Message]):
 
     @property
     def is_wanted(self) -> bool:
-        """True while something subscribes."""
+        """True while there is a subscriber."""
         return self._publisher.get_subscription_count() > 0
 
     def publish(self, make: Callable[[], Message]) -> None:
-        """Publish what ``make`` returns; it is not called while nothing subscribes."""
+        """Publish the message that ``make`` returns. Without a subscriber, ``make`` is not called."""
         if self.is_wanted:
             self._publisher.publish(make())
 
 
 class TaxelViews:
-    """``full_scale``: see ColourScale."""
+    """Publishes the taxels of a pad as `image`, `image_colour` and `wrench`.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes.
+    depth : int
+        Depth of the queues [messages].
+    full_scale : float
+        Reading with the brightest colour; see `ColourScale`.
+    """
 
     def __init__(self, node: Node, depth: int, full_scale: float):
         self._values = OnDemandPublisher(node, Image, 'image', depth)
@@ -68,18 +89,28 @@ class TaxelViews:
 
     @property
     def is_wanted(self) -> bool:
-        """True while something subscribes to any of them."""
+        """True while there is a subscriber to any of the topics."""
         return self._values.is_wanted or self._colours.is_wanted or self._wrench.is_wanted
 
     def publish(self, contact: PadContact) -> None:
-        """Publish what is subscribed to of ``contact`` and its taxels."""
+        """Publish ``contact`` and its taxels on the topics that have subscribers."""
         self._wrench.publish(lambda: wrench_message(contact_message(contact), contact.found.pattern))
         self._values.publish(lambda: value_image(taxel_array_message(contact.frame)))
         self._colours.publish(lambda: colour_image(taxel_array_message(contact.frame), self._scale))
 
 
 class ShapeView:
-    """``full_scale``: see ColourScale."""
+    """Publishes the shape on a pad as `markers`.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes.
+    depth : int
+        Depth of the queue [messages].
+    full_scale : float
+        Reading with the brightest colour; see `ColourScale`.
+    """
 
     def __init__(self, node: Node, depth: int, full_scale: float):
         self._publisher = OnDemandPublisher(node, MarkerArray, 'markers', depth)
@@ -88,11 +119,19 @@ class ShapeView:
 
     @property
     def is_wanted(self) -> bool:
-        """True while something subscribes to the markers."""
+        """True while there is a subscriber to the markers."""
         return self._publisher.is_wanted
 
     def publish(self, contact: PadContact, shape: ContactShape) -> None:
-        """Publish the markers of ``shape``, which is of ``contact``, if they are subscribed to."""
+        """Publish the markers of a contact if there is a subscriber.
+
+        Parameters
+        ----------
+        contact : PadContact
+            Contact on the pad.
+        shape : ContactShape
+            Shape recognised from this contact.
+        """
         self._publisher.publish(lambda: self._drawn(contact_message(contact), shape))
 
     def _drawn(self, contact: Contact, shape: ContactShape) -> MarkerArray:
@@ -100,19 +139,33 @@ class ShapeView:
         return self._markers.message(contact, shape, lifetime)
 
 
-SHAPE_RATE = 20.0  #: at which a pad's newest shape is shown [1/s]
-MOST_WAITING = 16  #: messages of a pad that wait for their shape
-WITHOUT_SHAPE = 0.5  #: from which on taxels are shown without one [s]
-DISCOVERY_TIMEOUT = 5.0  #: for topics of pads [s]
-DISCOVERY_LOOK_PERIOD = 0.25  #: between two looks for them [s]
-DISCOVERY_LOOKS = 3  #: with the same topics, until no more are expected: two drivers are not found at once
-VIEW_QUEUE_DEPTH = 5  #: messages
+SHAPE_RATE = 20.0  #: Highest rate at which a pad is shown [1/s].
+MOST_WAITING = 16  #: Largest number of messages of a pad that wait for their shape.
+WITHOUT_SHAPE = 0.5  #: Time without a shape after which taxels are shown without one [s].
+DISCOVERY_TIMEOUT = 5.0  #: Time allowed for finding the topics of pads [s].
+DISCOVERY_LOOK_PERIOD = 0.25  #: Time between two checks for topics [s].
+#: Number of checks with the same topics after which the search ends. Two drivers are not found at the same time.
+DISCOVERY_LOOKS = 3
+VIEW_QUEUE_DEPTH = 5  #: Depth of the queues [messages].
 VIEW_NODE_NAME = 'tactile_view'
 TAXELS_TYPE = 'tactile_skin/msg/TaxelArray'
 
 
 class TopicSource(ViewSource):
-    """A `ViewSource`. ``pads``: names relative to ``namespace``; none: all whose taxels are published there."""
+    """A `ViewSource` that reads the topics of running nodes. It subscribes only between ``start`` and ``stop``.
+
+    Parameters
+    ----------
+    pads : sequence of str
+        Names of pads relative to the namespace; empty for all pads whose taxels are published in it.
+    namespace : str
+        Namespace of the driver; '' for the root.
+
+    Raises
+    ------
+    ConfigurationError
+        If no pad is given and none is found.
+    """
 
     def __init__(self, pads: Sequence[str] = (), namespace: str = ''):
         self._root = f'/{namespace.strip("/")}/' if namespace.strip('/') else '/'
@@ -125,6 +178,7 @@ class TopicSource(ViewSource):
         self.store = Store(pads or self._found_pads())
 
     def start(self) -> None:
+        """Subscribe to the topics of the pads, the driver and the grasp node."""
         with self._lock:
             node = self._node = Node(VIEW_NODE_NAME)
             for pad in self.store.pads:
@@ -137,15 +191,17 @@ class TopicSource(ViewSource):
             self._spinner = Spinner([node], self.store.put_error)
 
     def stop(self) -> None:
+        """End the subscriptions and clear the store."""
         with self._lock:
             if self._spinner is not None:
                 self._spinner.stop()
-            if self._node is not None:  # also where its start has failed
+            if self._node is not None:  # the node may exist without a spinner if the start has failed
                 self._node.destroy_node()
             self._spinner = self._node = None
         self.store.clear()
 
     def close(self) -> None:
+        """Stop, and shut rclpy down."""
         self.stop()
         if self._is_open:
             self._is_open = False
@@ -173,7 +229,7 @@ class TopicSource(ViewSource):
 
 
 def _topics(node: Node, kind: str, timeout: float) -> list[str]:
-    """Names of the topics of a type, as soon as there are any and no more come."""
+    """Return the names of the topics of a type as soon as some are found and no more follow."""
     looks: list[list[str]] = []
     for _ in range(round(timeout / DISCOVERY_LOOK_PERIOD)):
         looks.append([topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds])
@@ -184,9 +240,9 @@ def _topics(node: Node, kind: str, timeout: float) -> list[str]:
 
 
 class _PadTopics:
-    """Joins what comes of one pad: a shape is shown on the taxels that it was recognised from.
+    """Joins the messages of one pad, so that a shape is shown on the taxels from which it was recognised.
 
-    By sequence and stamp: the sequence alone begins again with each start of the driver.
+    Messages are matched by sequence number and stamp, because the sequence starts again with each start of the driver.
     """
 
     def __init__(self, node: Node, pad: str, root: str, store: Store):
@@ -210,7 +266,7 @@ class _PadTopics:
 
     def _on_shape(self, message: ContactShape) -> None:
         now = time.monotonic()
-        if frame_key(message) in self._taxels:  # one whose taxels are no longer here must not hold back those that come
+        if frame_key(message) in self._taxels:  # a late shape without its taxels must not hold back newer taxels
             self._shape_came = now
             self._show(frame_key(message), message, now)
 
