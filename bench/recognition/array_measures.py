@@ -83,12 +83,12 @@ def measure(groups: list[Group]) -> dict[str, str]:
         'contacts, median of taxels': f'{len(sizes)}, {np.median(sizes):.0f}',
         'touch 0 / 1 / 2 or more edges': _percents(
             np.mean(of) for of in (np.equal(edges, 0), np.equal(edges, 1), np.greater(edges, 1))),
-        'hollow: encloses 2 taxels or more': _percents([hollow / len(sizes)]),
+        'hollow: enclosing at least 2 taxels': _percents([hollow / len(sizes)]),
         f'bars: longer than {LONG:g}:1': _percents([bars / len(sizes)]),
         'readings in a contact, 90 % to 10 %': f'{np.median(whole_range):.1f} : 1',
-        'spread about their neighbours': _number(every.std()),
-        'of it gain, stays with the taxel': _number(gain),
-        'of it speckle, changes': _number(speckle),
+        'spread about the neighbours': _number(every.std()),
+        'part of it that stays with the taxel (gain)': _number(gain),
+        'part of it that changes (speckle)': _number(speckle),
         'correlation at 1 / 2 / 3': ' / '.join(_number(alike(residuals, k)) for k in (1, 2, 3)),
         'gain of rows / columns': ' / '.join(map(_number, lines)),
         'weakest row / column': ' / '.join(_number(np.exp(of)) for of in weakest),
@@ -121,7 +121,7 @@ def measure_over_time(rest: list[np.ndarray], stamped: dict[float, np.ndarray]) 
         'drift as the hand warms up [counts]': f'{np.median((last - first)[first > 0]):.1f}',
         'noise under load': f'{_percents([np.median(loaded)])} of the reading',
         'growth under a constant weight, from 1 s to its end': f'{np.median(creep):.2f} x ({len(creep)} imprints)',
-        'reads 1 to 2 s after the weight is gone': _percents([np.nanmedian(remains)]),
+        'reading 1 to 2 s after the weight was removed': _percents([np.nanmedian(remains)]),
         'sum of the readings': f'weight to the power {slope:.2f}'}
 
 
