@@ -36,7 +36,8 @@ def _is_main(row: Row) -> bool:
 VIEWS = (
     View('Errors at N = 50', 'Each cell shows the errors of centre / angle / length.', 'Errors', ('frames',),
          across('shape', ERRORS), _is_main),
-    View('By size', 'All five shapes together. Each cell shows the errors of centre / angle / length, then the region.',
+    View('By size', 'All five shapes together. Each cell shows the errors of centre / angle / length, then the '
+         'region.',
          'Against the area', ('N',),
          across('frames', lambda row: f'{row["centre / angle / length"]}; '
                                       f'{row["95 % region holds the truth"].split("%")[0]}')),
@@ -47,8 +48,8 @@ VIEWS = (
          lambda row: row['frames'] in ('clean', 'on/off')),
     View('95 % regions at N = 50', 'Required: 93-97 %.', 'Regions', ('frames',),
          columns(all=of('all'), least_of_the_five=_least)),
-    View('Which corner is the apex', 'In a nearly equilateral triangle, any corner may look like the apex. The fit then '
-         'declares symmetry 3, and the errors above allow for this. *wrong unsaid* is the share of fits that have '
+    View('Which corner is the apex', 'In a nearly equilateral triangle, any corner may look like the apex. The fit '
+         'then declares symmetry 3, and the errors above allow for this. *wrong unsaid* is the share of fits that have '
          'another corner as the apex and declare symmetry 1.', 'Corners', ('frames',),
          columns(symmetry_3=of('symmetry 3'), wrong_apex=of('wrong apex'), wrong_unsaid=of('wrong, unsaid')),
          _is_main),
