@@ -74,7 +74,8 @@ FAULTS = (
 OTHERS = (
     View('Nothing presses', 'Sequences of 50 frames at 50 Hz on square pads of 8 to 64 taxels a side, {frames} frames '
          'in each row. *Called a shape* is the share of single frames that are reported as one of the five shapes, '
-         'with its 95 % interval. For left-over taxels, the frames follow each other. *On the topic* is the longest '
+         'with its 95 % interval. Left-over taxels are known only from earlier frames, so their frames are processed '
+         'in sequence. *On the topic* is the longest '
          'time for which a stream of frames has a shape, when it is processed as in the nodes. Required: at most 0.1 % '
          'and 0.1 s.', 'Nothing presses', ('kind',),
          names('called a shape, %', 'most often', 'on the topic, s')),
