@@ -11,7 +11,8 @@ seeds from 1000; the reported seeds begin at 0. The benchmark needs MuJoCo:
     python bench/bench_grasps.py --columns touch,hold --pull
     python bench/bench_grasps.py --columns touch,shape,sensor --starts 13 --items circle,square,...  # no triangles
 
-Everything runs in real time and uses two cores. On a busy machine, the nodes get late frames and stop.
+Everything runs in real time and uses two cores. On a busy machine, the nodes receive frames too late and stop the
+gripper.
 """
 
 import argparse

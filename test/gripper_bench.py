@@ -32,7 +32,7 @@ ANSWER_TIME = 2.0  #: Time after which a goal to another process is sent again [
 
 
 class Motor:
-    """The gripper's own action. It moves to its goal, holds its place after a cancel, and lets a new goal replace it."""
+    """The gripper's own action. It moves to its goal, holds its place after a cancel, and accepts a new goal early."""
 
     def __init__(self, bench, interface, scale=1.0, offset=0.0):
         self._bench = bench
