@@ -1,8 +1,8 @@
 """Stalls of skin, adapter or driver, after which they continue. Skin and serial adapter run in a separate process.
 
 `python test/stalls.py` is that process. Each taxel value shows the SYNC that it answers, so that tests find an old
-value with a present stamp. The process reads commands from its standard input. `hold` and `release` stop and continue the
-data from the adapter to the host. `report` prints the time at which each SYNC was answered.
+value with a present stamp. The process reads commands from its standard input. `hold` and `release` stop and continue
+the data from the adapter to the host. `report` prints the time at which each SYNC was answered.
 """
 
 import ctypes
