@@ -1,7 +1,8 @@
-"""The least rectangle around contacts: bias and spread of its lengths, and what its 95 % intervals hold.
+"""Measure the smallest rectangle around contacts: bias and spread of its lengths, and coverage of its 95 % intervals.
 
 Run from the checkout: python bench/bench_box.py [--contacts 100] [--training]
-Prints a table of docs/pose_results.md on evaluation seeds, or on training seeds, on which the deviations were chosen.
+The script prints a table of docs/pose_results.md, measured on evaluation seeds. With --training, it uses the training
+seeds, on which the standard deviations were chosen.
 """
 
 import argparse
@@ -36,7 +37,7 @@ GROUPS = {'circle, square, rectangle: punches': ('circle', 'square', 'rectangle'
 
 
 class Touch(NamedTuple):
-    """A contact that was found and the places, (n, 2), that it truly covers [pitches]."""
+    """A detected contact, and the places, (n, 2), that the object really covers [pitches]."""
 
     pattern: ContactPattern
     places: np.ndarray
@@ -48,7 +49,7 @@ def oval(ratio: float):
 
 
 def drawn(rng: np.random.Generator, name: str, area: float) -> Touch:
-    """A figure under an even pressure."""
+    """Return the touch of a figure that presses evenly."""
     side = mechanics.side_of(area) + 4
     kind, on_off = name.lower().removesuffix(', on/off'), name.endswith('on/off')
     if kind == 'rectangle':
@@ -64,7 +65,7 @@ def drawn(rng: np.random.Generator, name: str, area: float) -> Touch:
 
 
 def pressed(rng: np.random.Generator, name: str, area: float) -> Touch:
-    """An indenter on an elastic half-space; the truth is its contact set."""
+    """Return the touch of an indenter on an elastic half-space. The true places are those of the computed contact."""
     indenter, tilt = (mechanics.random_punch(rng, PUNCHES[name]) if name in PUNCHES else DOMES[name](rng, 0))
     towards = rng.uniform(0, 2 * np.pi) if name in PUNCHES else 0.0
     solution = mechanics.solved(indenter, tilt, towards)
@@ -78,7 +79,7 @@ def pressed(rng: np.random.Generator, name: str, area: float) -> Touch:
 
 
 def errors(touch: Touch) -> np.ndarray:
-    """Return the long and short side, x, y and angle, then their deviations, then the true sides."""
+    """Return the errors of both sides, x, y and angle, then their standard deviations, then the true sides."""
     box = contact_box(touch.pattern)
     cos, sin = np.cos(ANGLES), np.sin(ANGLES)
     along = touch.places @ np.stack((cos, sin)), touch.places @ np.stack((-sin, cos))
@@ -111,7 +112,8 @@ def rows(count: int, purpose: Purpose) -> Iterator[list[str]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--contacts', type=int, default=100, help='of each object and size, default %(default)s')
+    parser.add_argument('--contacts', type=int, default=100,
+                        help='number of contacts of each object and size, default %(default)s')
     parser.add_argument('--training', action='store_true', help='training seeds')
     args = parser.parse_args()
     print('| object | N | long: bias, rms | short | angle: error, deviation | in 95 %: long, short, centre, angle |')

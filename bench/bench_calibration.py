@@ -1,8 +1,9 @@
-"""Sizes on skins of unknown response, before and after `tactile calibrate`'s search with one known disc.
+"""Measure fitted sizes on skins of unknown response, without and with a calibration by one known disc.
 
-Run by `make bench`, or: python bench/bench_calibration.py [--count 60] [--validation] [--edges]. Rigid punches on an
-elastic half-space; the skins differ in the depth of their taxels and in what these read of a pressure. --edges prints
-how much a fit is off by the rounding of an object's edge, which a calibration must know.
+Run by `make bench`, or: python bench/bench_calibration.py [--count 60] [--validation] [--edges]. The calibration is the
+search of `tactile calibrate`. Rigid punches press an elastic half-space. The skins differ in the depth of their taxels
+and in the curve from pressure to reading. --edges prints how the rounding of an object's edge changes a fitted size,
+because a calibration has to know the rounding.
 """
 
 import argparse
@@ -29,14 +30,16 @@ from training.ground_truth.mechanics import Solution, solve
 from training.ground_truth.seeds import Purpose, generator
 
 SEED = 70_000_000
-DEPTHS = (0.35, 0.8)  #: of the taxels [pitches]
-#: what taxels read of a pressure, both as fractions of full scale
+DEPTHS = (0.35, 0.8)  #: Depths of the taxels [pitches].
+#: Curves from pressure to reading, both as fractions of full scale.
 CURVES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     'proportional': lambda p: p, 'power 0.6': lambda p: p ** 0.6, 'power 1.3': lambda p: p ** 1.3,
     'saturating': lambda p: 1.4 * p / (p + 0.4)}
-KNOWN_AREA, SHARP = 120.0, 0.02  #: of the known disc [taxels]; rounding of its edge [radius]
-PRESSES, LEVELS = 10, 4          #: of the known disc: places, and pressures at each
-PUNCHES = 20                     #: other objects
+KNOWN_AREA = 120.0  #: Area of the known disc [taxels].
+SHARP = 0.02        #: Rounding of its edge, as a fraction of the radius.
+PRESSES = 10        #: Number of places at which the known disc is pressed.
+LEVELS = 4          #: Number of pressures at each place.
+PUNCHES = 20        #: Number of other objects.
 ROUNDINGS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25)
 
 Objects = list[tuple[Solution, Outlined]]
@@ -49,7 +52,7 @@ def known_disc(rounding: float) -> tuple[Solution, Outlined]:
 
 
 def other_objects(rng: np.random.Generator) -> Objects:
-    """Punches of the five classes, edges and tilts as in the other reports."""
+    """Return punches of the five classes, with edges and tilts as in the other reports."""
     found = []
     for number in range(PUNCHES):
         indenter, tilt = mechanics.random_punch(rng, number)
@@ -59,7 +62,7 @@ def other_objects(rng: np.random.Generator) -> Objects:
 
 
 def calibrated(rng: np.random.Generator, skin: Skin) -> FoundResponse:
-    """Press the known disc, lightly and firmly."""
+    """Return the response that is found by pressing the known disc lightly and firmly."""
     solution, outline = known_disc(SHARP)
     presses = []
     while len(presses) < PRESSES:
@@ -73,7 +76,7 @@ def calibrated(rng: np.random.Generator, skin: Skin) -> FoundResponse:
 
 
 def report(count: int, purpose: Purpose) -> None:
-    """Print a row for each skin and size: without and with the calibration."""
+    """Print one row for each skin and size, with the results without and with the calibration."""
     print('| depth | readings | N | bias % | spread % | in the 95 % region | found: exponent, depth |')
     print('| --- | --- | --- | --- | --- | --- | --- |')
     others = other_objects(generator(purpose, SEED))
@@ -94,7 +97,7 @@ def _both(before: Row, after: Row, name: str, form: str) -> str:
 
 
 def edges(count: int, purpose: Purpose) -> None:
-    """Print by how much fits of a circle are too large, by the rounding of its edge."""
+    """Print for each rounding of the edge by how much the fitted circles are too large."""
     print('| edge radius / radius | radius too large by [%] at depths of 0.3, 0.6, 1.0 pitches |')
     print('| --- | --- |')
     for number, rounding in enumerate(ROUNDINGS):
@@ -110,9 +113,9 @@ def edges(count: int, purpose: Purpose) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--count', type=int, default=60, help='frames of each skin and size')
-    parser.add_argument('--validation', action='store_true', help='seeds that are never reported')
-    parser.add_argument('--edges', action='store_true', help='only the edges, on validation seeds')
+    parser.add_argument('--count', type=int, default=60, help='number of frames of each skin and size')
+    parser.add_argument('--validation', action='store_true', help='use seeds that are never reported')
+    parser.add_argument('--edges', action='store_true', help='measure only the edges, on validation seeds')
     args = parser.parse_args()
     if args.edges:
         edges(args.count, Purpose.VALIDATION)

@@ -1,10 +1,11 @@
-"""How closes of the gripper node end where nothing is wrong, with the stages in one process and in several.
+"""Count the outcomes of closing goals of the gripper node without faults, with the stages in one or several processes.
 
-Two pads that hold an object of some 10 N see it at --rate frames a second; a gripper that obeys closes to 0 with a
-higher limit of force, so each goal should end as REACHED. Skin, stages, gripper and gripper node are processes of
-their own. A grasp that is too old stops the gripper, and ends the goal as NOT_SEEN after half a second.
+Two pads hold an object with a force of about 10 N and measure it at --rate frames per second. A simulated gripper
+executes every command and closes to 0 with a higher force limit. Each goal should therefore end as REACHED. Skin,
+stages, gripper and gripper node run in separate processes. A grasp that is too old stops the gripper, and the goal ends
+as NOT_SEEN after half a second.
 
-What other processes used meanwhile is printed: a machine that has no processor left shows late grasps.
+The script also prints the processor time of all other processes, because grasps are late on a busy machine.
 
     python bench/bench_closes.py [--closes 100] [--rate 50] [FORM ...]
 """
@@ -39,18 +40,18 @@ from tactile_node.ros.touch_client import TouchClient  # noqa: E402
 from tactile_skin.msg import Grasp  # noqa: E402
 
 GRIPPER = Path(__file__).resolve().parents[1] / 'test' / 'gripper_process.py'
-EFFORT = 19.0  # N
+EFFORT = 19.0  #: Force limit of the gripper [N].
 PARAMETERS = {'widest': 0.05, 'fast_speed': 0.02, 'slow_speed': 0.02, 'highest_force': 20.0}
-START_TIMEOUT = 60.0  # s, for the chain and the gripper to be found
-SETTLE = 5.0  # s, in which processes that have just started stop competing for the processor
-GOAL_TIMEOUT = 30.0  # s
+START_TIMEOUT = 60.0  #: Time allowed for the chain and the gripper to start [s].
+SETTLE = 5.0  #: Waiting time after the start, because starting processes compete for the processor [s].
+GOAL_TIMEOUT = 30.0  #: Time allowed for a goal [s].
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('forms', nargs='*', default=['one', 'executables'], metavar='FORM', help='of bench_launch.py')
     parser.add_argument('--closes', type=int, default=100)
-    parser.add_argument('--rate', type=float, default=50.0, help='SYNCs a second (default: %(default)s)')
+    parser.add_argument('--rate', type=float, default=50.0, help='SYNC messages per second (default: %(default)s)')
     args = parser.parse_args()
     with built_messages('control_msgs', BUILT):
         for form in args.forms:
@@ -63,7 +64,10 @@ def main() -> int:
 
 
 def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[str], float]:
-    """Return how ``number`` closes ended, what was said of those in vain, and the cores that other processes used."""
+    """Close ``number`` times.
+
+    Returns the outcomes, the messages of the failed goals, and the load of other processes [cores].
+    """
     with ExitStack() as stack:
         channel = stack.enter_context(tempfile.TemporaryDirectory()) + '/skin'
         skin = started(['simulate', '--pty', '--link', channel, '--node-id', NODE_IDS, '--shapes', 'square', '--areas',
@@ -97,7 +101,7 @@ def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[s
         counts, messages = Counter[str](), Counter[str]()
 
         def used() -> float:
-            """Return what all other processes have used [s]."""
+            """Return the processor time of all other processes [s]."""
             return busy_seconds() - cpu_seconds([skin, *chain, *gripper]) - time.process_time()
         begun, before = time.monotonic(), used()
         for _ in range(number):
@@ -111,7 +115,7 @@ def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[s
 
 
 def wait_for(node: rclpy.node.Node, condition: object) -> None:
-    """Spin until the chain, gripper and gripper node are found, and the object is seen."""
+    """Spin until the chain, the gripper and the gripper node are found and the object is seen."""
     end = time.monotonic() + START_TIMEOUT
     while not condition():
         if time.monotonic() > end:

@@ -1,11 +1,13 @@
-"""Contact events: after how much movement they are reported, how often falsely, beside a naive rule; docs/events.png.
+"""Measure contact events: the movement before they are reported, and the rate of false reports; draw docs/events.png.
 
 Run from the checkout: nice python bench/bench_events.py [slides turns quiet shaken] [--count 3] [--seconds 30]
 
-Contacts of contact mechanics slide and turn at 0.5 to 100 mm/s in any direction, or are held, quietly or while the
-force shakes by 20 % at 5 to 15 Hz. Noise 1 %, drift, hum of 50 Hz, 3 % dead taxels. The naive rule reports when the
-centre of pressure of the raw values is farther from where it was at first than a threshold, which is tuned on training
-seeds to one false report in ten minutes of a quiet hold.
+The contacts are computed by contact mechanics. They slide and turn at 0.5 to 100 mm/s in any direction, or they are
+held. A hold is quiet, or its force varies by 20 % at 5 to 15 Hz. The frames have 1 % noise, drift, hum of 50 Hz and 3 %
+dead taxels.
+
+The events are compared with a naive rule. It reports a movement when the centre of pressure of the raw values has moved
+by more than a threshold. The threshold is tuned on training seeds to one false report in ten minutes of a quiet hold.
 """
 
 import argparse
@@ -26,19 +28,21 @@ from tactile_node.pose.events import EventKind, SeenBy
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from training.ground_truth.seeds import Purpose, generator
 
-SPEEDS = (0.5, 2.0, 10.0, 20.0, 50.0, 100.0)  # mm/s
-PROMISED = {'outline': 0.3, 'centre of pressure': 0.8, 'on/off': 1.5}  # pitches
+SPEEDS = (0.5, 2.0, 10.0, 20.0, 50.0, 100.0)  #: Speeds of the contacts [mm/s].
+#: Largest movement before a report, as docs/events.md states it [pitches].
+PROMISED = {'outline': 0.3, 'centre of pressure': 0.8, 'on/off': 1.5}
+#: Length of a slide [pitches].
 FAR = {'outline': 1.4, 'centre of pressure': 1.8, 'on/off': 2.4}
 PROMISED_BY = dict(zip((SeenBy.OUTLINE, SeenBy.CENTRE_OF_PRESSURE, SeenBy.ON_OFF), PROMISED.values()))
-TURNS = tuple(kind for kind in KINDS if kind not in ('circle', 'ball', 'cone'))  # what has a direction
-MINUTES_OF_ONE = 10.0  # in which the naive rule may report falsely once
-SEED = 73_000_000  # counted up by a million when a report has prompted a change
-Found = dict[str, dict[str, list[float]]]  # after how much movement [pitches], of each way and speed
+TURNS = tuple(kind for kind in KINDS if kind not in ('circle', 'ball', 'cone'))  #: Contacts that have a direction.
+MINUTES_OF_ONE = 10.0  #: Time in which the naive rule may make one false report [min].
+SEED = 73_000_000  #: Raised by a million whenever a report has led to a change, so that new seeds are reported.
+Found = dict[str, dict[str, list[float]]]  #: Movements before the report [pitches], by way and speed.
 FOUND = ROOT / 'build/bench_events.json'
 
 
 def reported_after(frames: list[Frame], kind: EventKind, radius: float = 0.0) -> tuple[float, SeenBy]:
-    """Return after how much movement ``kind`` was reported first [pitches], and by what; inf: never."""
+    """Return the movement before the first event of ``kind`` [pitches], and how the event was seen; inf for none."""
     for frame in frames:
         for event in frame.motion.events if frame.time >= BEFORE else ():
             if event.kind is kind:
@@ -47,13 +51,13 @@ def reported_after(frames: list[Frame], kind: EventKind, radius: float = 0.0) ->
 
 
 def naive_distances(frames: list[Frame]) -> np.ndarray:
-    """Return how far the raw centre of pressure of each frame is from that of the first ones [pitches]."""
+    """Return the distance of each frame's raw centre of pressure from that of the first frames [pitches]."""
     centres = np.array([frame.naive for frame in frames])
     return np.hypot(*(centres - centres[:15].mean(0)).T)
 
 
 def naive_after(frames: list[Frame], threshold: float) -> float:
-    """Return after how much movement the naive rule reports [pitches]; inf: never."""
+    """Return the movement before the naive rule reports [pitches], or inf if it does not."""
     for frame, distance in zip(frames, naive_distances(frames)):
         if frame.time >= BEFORE and distance > threshold:
             return moved(frame.place)
@@ -61,22 +65,22 @@ def naive_after(frames: list[Frame], threshold: float) -> float:
 
 
 def naive_threshold(recogniser: VisibilityGuard, seconds: float) -> float:
-    """Return the threshold at which MINUTES_OF_ONE of quiet holds of training seeds have one false report."""
+    """Return the threshold at which quiet holds with training seeds have one false report in MINUTES_OF_ONE."""
     farthest = []
     for number, kind in enumerate(KINDS):
         rng = generator(Purpose.TRAINING, SEED + number)
         frames = Scene(rng, kind).follow(recogniser, lambda _: {}, seconds)
         farthest.append(naive_distances(frames).max())
-    most = int(len(KINDS) * seconds / 60 / MINUTES_OF_ONE)  # holds that may report
+    most = int(len(KINDS) * seconds / 60 / MINUTES_OF_ONE)  # number of holds in which the naive rule may report
     return float(np.sort(farthest)[::-1][most])
 
 
 def measure(recogniser: VisibilityGuard, what: str, count: int, naive: float, only: list[str],
             speeds: list[float]) -> Found:
-    """Print after how much movement events come; return it for each way and the naive rule [pitches]."""
+    """Print the movement before an event, and return it for each way and for the naive rule [pitches]."""
     found: Found = {}
     kinds, kind = (KINDS, EventKind.SLIDING) if what == 'slides' else (TURNS, EventKind.TURNING)
-    for way in [way for way in only if what == 'slides' or way != 'centre of pressure']:  # that shows no turn
+    for way in [way for way in only if what == 'slides' or way != 'centre of pressure']:  # it shows no turn
         found[way] = {}
         for speed in speeds:
             row, ways, rule, in_time = SPEEDS.index(speed), [], [], []
@@ -93,8 +97,8 @@ def measure(recogniser: VisibilityGuard, what: str, count: int, naive: float, on
             median, most = np.quantile(ways, (0.5, 0.9), method='nearest')
             of_rule = np.quantile(rule, 0.5, method='nearest')
             print(f'{what} {way} {speed:g} mm/s: median {median:.2f}, 90 % {most:.2f} pitches, '
-                  f'{1e3 * median * PITCH / speed:.3f} s; {sum(in_time)} of {len(ways)} within what is promised by '
-                  f'what they were seen by, and a frame; naive {of_rule:.2f}', flush=True)
+                  f'{1e3 * median * PITCH / speed:.3f} s; {sum(in_time)} of {len(ways)} within the promised movement '
+                  f'plus one frame; naive {of_rule:.2f}', flush=True)
             found[way][str(speed)] = ways
             if way == 'outline':
                 found.setdefault('naive rule', {})[str(speed)] = rule
@@ -102,7 +106,7 @@ def measure(recogniser: VisibilityGuard, what: str, count: int, naive: float, on
 
 
 def count_false(recogniser: VisibilityGuard, what: str, seconds: float, seed: int, only: list[str]) -> None:
-    """Print the false reports of holds of every kind."""
+    """Print the number of false reports in holds of every kind of contact."""
     for way in only:
         kinds: list[str] = []
         for number, kind in enumerate(KINDS):
@@ -111,7 +115,7 @@ def count_false(recogniser: VisibilityGuard, what: str, seconds: float, seed: in
             frames = scene.follow(recogniser, path, seconds)
             kinds += [f'{kind} {event.kind.name}' for frame in frames for event in frame.motion.events]
         minutes = len(KINDS) * seconds / 60
-        print(f'{what} {way}: {len(kinds)} false reports in {minutes:.1f} min, {60 * len(kinds) / minutes:.1f} an hour '
+        print(f'{what} {way}: {len(kinds)} false reports in {minutes:.1f} min, {60 * len(kinds) / minutes:.1f} per h '
               f'{kinds}', flush=True)
 
 
@@ -133,11 +137,13 @@ def draw(found: Found, file: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('what', nargs='*', default=['slides', 'turns', 'quiet', 'shaken'])
-    parser.add_argument('--count', type=int, default=1, help='of each kind, way and speed')
-    parser.add_argument('--seconds', type=float, default=30.0, help='of a hold')
-    parser.add_argument('--ways', nargs='*', default=list(PROMISED), choices=list(PROMISED), help='to measure now')
-    parser.add_argument('--speeds', nargs='*', type=float, default=list(SPEEDS), help='to measure now [mm/s]')
-    parser.add_argument('--seed', type=int, default=0, help='of the holds: further ones')
+    parser.add_argument('--count', type=int, default=1, help='number of contacts of each kind, way and speed')
+    parser.add_argument('--seconds', type=float, default=30.0, help='duration of a hold [s]')
+    parser.add_argument('--ways', nargs='*', default=list(PROMISED), choices=list(PROMISED),
+                        help='ways to measure in this run')
+    parser.add_argument('--speeds', nargs='*', type=float, default=list(SPEEDS),
+                        help='speeds to measure in this run [mm/s]')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the holds; a new seed draws further holds')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs/events.png')
     args = parser.parse_args()
     recogniser = make_recogniser()
@@ -148,7 +154,7 @@ def main() -> None:
         needs_rule = what == 'slides' and 'outline' in args.ways
         threshold = naive_threshold(recogniser, args.seconds) if needs_rule else np.inf
         found = measure(recogniser, what, args.count, threshold, args.ways, args.speeds)
-        if what == 'slides':  # the ways may be measured one by one
+        if what == 'slides':  # a run may measure a single way, so keep the results of earlier runs
             print(f'naive rule: {threshold:.2f} pitches')
             FOUND.parent.mkdir(exist_ok=True)
             before = json.loads(FOUND.read_text()) if FOUND.exists() else {}

@@ -1,16 +1,18 @@
-"""Grasps in physics, counted: blind, until touched with a force, corrected by what is felt, and held; the same starts.
+"""Count successful grasps in a physics simulation, for several ways to close and with the same starts for each way.
 
-An item is off by up to 8 mm and 15 degrees. A gripper closes on it (bench/grasp_columns.py: how), lifts it 10 cm and
-shakes it with 1 g, at which 4.9 N hold the slippery block and 6 N break the fragile one: at 2 g no force serves both.
-One force for all items, chosen on seeds from 1000 on; reported are seeds from 0 on. Needs MuJoCo:
+An item is displaced by up to 8 mm and 15 degrees. A gripper closes on the item in one of the ways of
+bench/grasp_columns.py, lifts it by 10 cm and shakes it with 1 g. At 1 g, a force of 4.9 N holds the slippery block, and
+6 N break the fragile block. At 2 g, no force would suit both. The same force is used for all items. It was chosen on
+seeds from 1000; the reported seeds begin at 0. The benchmark needs MuJoCo:
 
-    make grasps                     # 100 starts a column; a finished start is a line in build/grasps/starts.jsonl,
-                                    # a second run goes on
+    make grasps                     # 100 starts for each column; each finished start is a line in
+                                    # build/grasps/starts.jsonl, and a second run continues
     python bench/bench_grasps.py --report | --latency | --film docs/grasp.gif
     python bench/bench_grasps.py --columns touch,hold --pull
     python bench/bench_grasps.py --columns touch,shape,sensor --starts 13 --items circle,square,...  # no triangles
 
-All is in real time, and two cores at work: on a machine that does other work nodes see late, and stop.
+Everything runs in real time and uses two cores. On a busy machine, the nodes receive frames too late and stop the
+gripper.
 """
 
 import argparse
@@ -37,8 +39,8 @@ from examples.simulated_gripper.items import ITEMS
 from examples.simulated_gripper.world import AIM, SIDES, Place, random_place
 
 FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
-OWN_SESSION = ('hold', 'sensor')  # columns of other parameters, or of another world
-ENDS = ('held', 'dropped', 'broken', 'refused')  # refused: it gave up, and so did not squeeze
+OWN_SESSION = ('hold', 'sensor')  #: Columns that need other parameters or another world.
+ENDS = ('held', 'dropped', 'broken', 'refused')  #: Refused: the planner gave up before the item was squeezed.
 SPEEDS, REPEATS, LIMIT, OPENED = (0.005, 0.02, 0.05), 5, 3.0, 0.055  # m/s; of each for each of --starts; N; m
 FAST = {'slow_speed': 0.05, 'fast_speed': 0.05, 'latency': 0.02, 'gripper_effort': 20.0}
 FRAME_RATE, FILM_PRESSURE = 10, 40e3  # Hz; Pa, the brightest
@@ -46,15 +48,18 @@ FRAME_RATE, FILM_PRESSURE = 10, 40e3  # Hz; Pa, the brightest
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--starts', type=int, default=10, help='of each item (default: %(default)s)')
-    parser.add_argument('--seed', type=int, default=0, help='the first (default: %(default)s)')
+    parser.add_argument('--starts', type=int, default=10, help='number of starts of each item (default: %(default)s)')
+    parser.add_argument('--seed', type=int, default=0, help='first seed (default: %(default)s)')
     parser.add_argument('--items', default=','.join(ITEMS), metavar='NAME,...')
     parser.add_argument('--columns', default=','.join(COLUMNS), metavar='NAME,...')
     parser.add_argument('--output', type=Path, metavar='FILE')
-    parser.add_argument('--report', action='store_true', help='of what is there')
-    parser.add_argument('--pull', action='store_true', help='after the lift, with more than friction carries; no shake')
-    parser.add_argument('--latency', action='store_true', help='from a touch to the stop, and the force beyond a limit')
-    parser.add_argument('--film', type=Path, metavar='GIF', help='of a grasp in column shape: the first item and seed')
+    parser.add_argument('--report', action='store_true', help='report the finished starts')
+    parser.add_argument('--pull', action='store_true',
+                        help='pull the item down after the lift with more force than friction carries; no shake')
+    parser.add_argument('--latency', action='store_true',
+                        help='measure the time from a touch to the stop, and the force beyond a limit')
+    parser.add_argument('--film', type=Path, metavar='GIF',
+                        help='film a grasp of the first item and seed in column shape')
     args = parser.parse_args()
     args.items, args.columns = args.items.split(','), args.columns.split(',')
     args.output = args.output or FOLDER / ('pulled.jsonl' if args.pull else 'starts.jsonl')
@@ -71,7 +76,7 @@ def main() -> None:
 
 
 def start_of(name: str, seed: int) -> Place:
-    """Return where the item is: another place for each item and seed."""
+    """Return the place of the item, which is different for each item and seed."""
     return random_place(seed + 10_000 * [*ITEMS].index(name))
 
 
@@ -95,7 +100,7 @@ def run(args: argparse.Namespace, link: Path) -> None:
         world = WatchedWorld(ITEMS[name], AIM, own == 'sensor')
         with (Session(world, link, HOLD if own == 'hold' else PARAMETERS) as session,
               args.output.open('a', encoding='utf-8') as file):
-            gc.freeze()  # a full collection would delay a sweep
+            gc.freeze()  # a full garbage collection would delay a sweep
             for seed, column in starts:
                 record = grasped(session, column, ITEMS[name], start_of(name, seed), args.pull)
                 print(json.dumps({'column': column, 'item': name, 'seed': seed, **record}), file=file, flush=True)
@@ -106,12 +111,12 @@ def run(args: argparse.Namespace, link: Path) -> None:
 
 
 def report(found: dict, args: argparse.Namespace) -> None:
-    """Print and draw what became of the starts that every column has."""
+    """Print and draw the results of the starts that are finished in every column."""
     seeds = range(args.seed, args.seed + args.starts)
     starts = [(name, seed) for name in args.items for seed in seeds
               if all((column, name, seed) in found for column in args.columns)]
     if not starts:
-        print('no start is finished in all columns')
+        print('No start is finished in all columns.')
         return
     print(f'{len(starts)} starts; held (95 %); dropped, broken, refused\n{"":20}'
           + ''.join(f'{column:>34}' for column in args.columns))
@@ -180,7 +185,7 @@ def _draw(rows: dict[str, list[list[int]]], args: argparse.Namespace, file: Path
 
 
 def measure_latency(args: argparse.Namespace, link: Path) -> None:
-    """Close on the item in the middle at one speed, up to a force and until touched."""
+    """Measure the delay from a touch to the stop, and the force beyond a limit, for closes on a centred item."""
     from grasp_columns import closed
     from grasp_session import PARAMETERS, Session, WatchedWorld
     for speed in SPEEDS:
@@ -202,11 +207,11 @@ def measure_latency(args: argparse.Namespace, link: Path) -> None:
                              (f'N beyond a limit of {LIMIT:g} N', beyond)):
             numbers = np.percentile(values, (50, 99)) if values else (np.nan, np.nan)
             print(f'{1e3 * speed:.0f} mm/s: {name}: p50 {numbers[0]:.2f}, p99 {numbers[1]:.2f} ({len(values)})')
-        print(f'    goals that ended for what was not seen: {again}', flush=True)
+        print(f'    goals that ended because pads were not seen: {again}', flush=True)
 
 
 def film(args: argparse.Namespace, link: Path) -> None:
-    """Record a grasp in real time, and draw it afterwards: scene, and what both pads feel."""
+    """Record a grasp in real time, and draw the scene and the pressures on both pads afterwards."""
     import mujoco
     from grasp_columns import grasped
     from grasp_session import Session, WatchedWorld

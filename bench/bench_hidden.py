@@ -1,12 +1,14 @@
-"""Contacts cut by what is not seen: how often right, how often confident and wrong. Part of `make bench`.
+"""Measure recognition of partly hidden contacts: share of right and of confident wrong answers. Part of `make bench`.
 
-Contacts of 12-100 taxels in general position, nominal pressures (1 % noise, blur, tilt) and on/off, 600 of each case
-(dead taxels: 2000). Hidden: lost TPDOs of 8 taxels in a row, single ones anywhere over the contact or adjacent rows of
-8 columns or of the whole pad, or dead taxels anywhere. The recogniser alone, and with hidden taxels read in several
-ways (`shape/completion.py`). Weights of the readings were chosen on validation seeds.
+The first table has contacts of 12-100 taxels in general position, with nominal pressures (1 % noise, blur, tilt) and
+on/off. There are 600 contacts for each case, and 2000 with dead taxels. The hidden taxels are lost TPDOs of 8 taxels
+in a row, or dead taxels anywhere. Lost TPDOs lie anywhere over the contact, or they form adjacent rows of 8 columns or
+of the whole pad. The recogniser answers once without and once with several readings of the hidden taxels
+(`shape/completion.py`). The weights of the readings were chosen on validation seeds.
 
-Then whole sessions: contacts of 40-100 taxels on a 16x16 pad of 32 TPDOs, some of which never arrive; single frames as
-shipped, and ten frames fused. Last, contacts of which little is hidden: named, and named where all of them is seen.
+The second table has whole sessions: contacts of 40-100 taxels on a 16x16 pad with 32 TPDOs, some of which never arrive.
+It shows single frames as shipped, and ten fused frames. The third table has contacts with few hidden taxels, and the
+same contacts without hidden taxels.
 """
 
 import sys
@@ -34,8 +36,10 @@ from training.ground_truth.seeds import Purpose, generator
 PRESSURE = Conditions(tilt=0.2, blur=0.5, noise=0.01)
 AREAS, TPDO, SURE = (12, 100), 8, 0.9
 PAD, PAD_TPDOS, LOST_AREAS, LOST_CONTACTS, LOST_SEED = 16, 32, (40, 100), 500, 34_000
-LITTLE = 0.15  #: of the contact and the taxels around it
-LITTLE_CONTACTS, LITTLE_MISSING, LITTLE_SEED = 2000, (1, 10), 35_000  #: TPDOs that are missing: least, most
+LITTLE = 0.15  #: Share of the contact and of the taxels around it, below which little is hidden.
+LITTLE_CONTACTS = 2000
+LITTLE_MISSING = (1, 10)  #: Smallest and largest number of missing TPDOs.
+LITTLE_SEED = 35_000
 CASES = (('nothing', 0), ('TPDOs', 2), ('TPDOs', 4), ('adjacent rows', 2), ('adjacent rows', 3), ('adjacent rows', 5),
          ('dead', 0.03))
 
@@ -62,7 +66,7 @@ def main() -> None:
 
 
 def lost_tpdos() -> None:
-    """Of PAD_TPDOS TPDOs of 8 taxels, how many are missing, anywhere or in a row."""
+    """Print a table of sessions in which some of the PAD_TPDOS TPDOs are missing, anywhere or in a row."""
     recogniser = make_recogniser()
     print('\n| missing TPDOs | frames | wrong and sure, one frame | fused | little hidden: right and sure, one frame '
           '| fused |\n' + '| --- ' * 6 + '|')
@@ -86,7 +90,7 @@ def lost_tpdos() -> None:
 
 
 def little_hidden() -> None:
-    """Print how many contacts with less than LITTLE hidden are named, and how many of the same seen as a whole."""
+    """Print how many contacts with less than LITTLE hidden are right, and how many without hidden taxels."""
     recogniser = make_recogniser()
     print(f'\n| less than {LITTLE:.0%} hidden | contacts | right | right, all seen | wrong and sure |\n'
           + '| --- ' * 5 + '|')
@@ -106,7 +110,7 @@ def little_hidden() -> None:
 
 def session(rng: np.random.Generator, name: str, missing: int, in_a_row: bool,
             on_off: bool) -> tuple[Shape, list[ContactPattern], float]:
-    """Shape, patterns of ten frames, and how much of the contact and the taxels around it is hidden."""
+    """Return the shape, the patterns of ten frames, and the hidden share of the contact and the taxels around it."""
     contact, lost, press = _on_pad(rng, name), lost_taxels(rng, missing, in_a_row), thresholds(on_off)
     frames = [read_contact(rng, contact, on_off) for _ in range(1 if on_off else 10)]
     patterns = [PatternExtractor(press).extract(np.where(lost, np.nan, frame)) for frame in frames]
@@ -144,7 +148,7 @@ def misleads(truth: Shape, found: Recognition) -> bool:
 
 
 def contacts(kind: str, amount: float, on_off: bool) -> list[tuple[Shape, ContactPattern]]:
-    """Shapes and patterns; a contact of which nothing is seen is left out."""
+    """Return shapes and patterns of contacts, without contacts of which nothing is seen."""
     rng, found = generator(Purpose.EVALUATION, 32_000 + int(10 * amount) + 100 * on_off), []
     press = 0.5 if on_off else 0.25
     for k in range(2000 if kind == 'dead' else 600):
@@ -159,7 +163,7 @@ def contacts(kind: str, amount: float, on_off: bool) -> list[tuple[Shape, Contac
 
 
 def hidden(rng: np.random.Generator, pressed: np.ndarray, kind: str, amount: float) -> np.ndarray:
-    """Which taxels are not seen."""
+    """Return the hidden taxels, bool (rows, cols)."""
     taxels = np.zeros(pressed.shape, bool)
     rows, cols = np.flatnonzero(pressed.any(1)), np.flatnonzero(pressed.any(0))
     blocks = range((cols[0] - 1) // TPDO, (cols[-1] + 1) // TPDO + 1)

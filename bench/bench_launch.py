@@ -1,16 +1,19 @@
-"""What the nodes of a gripper cost: start, memory, CPU and latency, in one process and in several.
+"""Measure the cost of the nodes of a gripper: start, memory, CPU and latency, in one process and in several.
 
-Two pads of 16x16 taxels at --rate frames a second; the simulated skin is its own process behind a pseudo-terminal
-(slcan), as an adapter would be, sends each frame when a wire would have carried it, and this process is the consumer.
-109 frames a second are 95 % of what the wire carries. Of each form, the median of --repeat runs and the best:
+The gripper has two pads of 16x16 taxels with --rate frames per second; 109 frames per second are 95 % of the capacity
+of the wire. The simulated skin is a separate process behind a pseudo-terminal (slcan), like an adapter. It sends each
+CAN frame at the time at which a wire would have carried it. This process is the consumer. The script prints the median
+of --repeat runs of each form, and the quietest run:
 
     python bench/bench_launch.py [--repeat 5] [--seconds 20] [--rate 50] [--against OTHER/.venv] [FORM ...]
 
-What is subscribed to is made: --grasp measures what a planner pays and gets, which reads `grasp` alone, by SYNCs of
-which both pads arrive in one grasp. --against measures another installation by turns with this one, on the same
-machine in the same minutes. Figures of a machine that does other work are too high: each run waits until it is idle
-(at most --patience seconds), what other processes used meanwhile is printed, and so is the run in which that was
-least.
+The nodes compute only topics that have a subscriber. With --grasp, the consumer subscribes to `grasp` alone, as a
+planner does, and counts the SYNC messages for which both pads arrive in one grasp. --against measures another
+installation alternately with this one, so that both run on the same machine in the same minutes.
+
+On a busy machine, the results are too high. Each run therefore waits until the machine is idle, for at most --patience
+seconds. The script prints the load of other processes during the runs. The quietest run is the one with the smallest
+load of other processes.
 """
 
 import argparse
@@ -28,27 +31,29 @@ from pathlib import Path
 PADS, NODE_IDS = ('left', 'right'), '32,64'
 BRINGUP = ('bringup', '--pads', ','.join(PADS))
 OF_BUS = ('--interface', 'slcan', '--node-id', NODE_IDS, '--channel')
-#: The processes of each form, as words behind `tactile bringup`; that of the driver is the last.
+#: The processes of each form, as arguments of `tactile bringup`. The last process is that of the driver.
 FORMS = {
     'one': [()],
     'driver_apart': [('--side', 'perception'), ('--side', 'bus')],
-    'executables': []}  # one node a process, as `ros2 run` starts them
-ROWS = {'first_shapes': 's from start to a shape of both pads',
-        'start_cpu': 's of CPU that all processes have used until then', 'pss': 'MB, PSS of all processes',
-        'largest': 'MB, PSS of the largest process', 'cpu': '% of one core, all processes',
-        'taxels_p50': 'ms from SYNC to <pad>/taxels at the consumer, median', 'taxels_p99': '..., p99',
-        'carried_taxels_p50': 'ms from the end of the last TPDO on the wire to <pad>/taxels at the consumer, median',
-        'carried_taxels_p99': '..., p99', 'carried_shape_p50': '... to <pad>/shape, median',
+    'executables': []}  # one process for each node, as `ros2 run` starts them
+ROWS = {'first_shapes': 'time from the start to a shape of both pads [s]',
+        'start_cpu': 'CPU time of all processes until then [s]', 'pss': 'PSS of all processes [MB]',
+        'largest': 'PSS of the largest process [MB]', 'cpu': 'CPU load of all processes [% of one core]',
+        'taxels_p50': 'time from SYNC to <pad>/taxels at the consumer, median [ms]', 'taxels_p99': '..., p99',
+        'carried_taxels_p50': 'time from the end of the last TPDO on the wire to <pad>/taxels, median [ms]',
+        'carried_taxels_p99': '..., p99', 'carried_shape_p50': '... to <pad>/shape, median [ms]',
         'carried_shape_p99': '..., p99',
-        'shape_p50': 'ms from SYNC to <pad>/shape at the consumer, median', 'shape_p99': '..., p99',
-        'rate': 'shapes a second of each pad', 'per_frame': 'ms of CPU a pad frame, all processes',
-        'both': '% of the SYNCs of which both pads arrived in one grasp',
-        'both_p50': 'ms from SYNC to the first such grasp, median', 'both_p99': '..., p99',
-        'others': '% of one core that all other processes used meanwhile, without skin and consumer'}
-START_TIMEOUT, SETTLE = 60.0, 3.0  # s
-IDLE = 0.15  # of one core
+        'shape_p50': 'time from SYNC to <pad>/shape at the consumer, median [ms]', 'shape_p99': '..., p99',
+        'rate': 'shapes of each pad [1/s]', 'per_frame': 'CPU time of all processes for a frame of a pad [ms]',
+        'both': 'SYNC messages for which both pads arrived in one grasp [%]',
+        'both_p50': 'time from SYNC to the first such grasp, median [ms]', 'both_p99': '..., p99',
+        'others': 'CPU load of all other processes, without skin and consumer [% of one core]'}
+START_TIMEOUT = 60.0  #: Time allowed for the start [s].
+SETTLE = 3.0          #: Waiting time after the first shapes [s].
+IDLE = 0.15           #: Load below which the machine counts as idle [cores].
 TOPICS = ('taxels', 'shape', 'carried_taxels', 'carried_shape', 'both')
-ANSWER, SWEEP = 55e-6 + 300e-6, 32 * 135e-6  # s: SYNC and the delay of the simulated skin; TPDOs of a pad on the wire
+ANSWER = 55e-6 + 300e-6  #: Duration of SYNC, and delay of the simulated skin [s].
+SWEEP = 32 * 135e-6      #: Duration of the TPDOs of a pad on the wire [s].
 TICKS = os.sysconf('SC_CLK_TCK')
 
 
@@ -57,8 +62,8 @@ def main() -> int:
     parser.add_argument('forms', nargs='*', default=['one', 'driver_apart'], metavar='FORM')
     parser.add_argument('--repeat', type=int, default=3)
     parser.add_argument('--seconds', type=float, default=20.0, help='length of a measurement')
-    parser.add_argument('--rate', type=float, default=50.0, help='SYNCs a second (default: %(default)s)')
-    parser.add_argument('--patience', type=float, default=60.0, help='longest wait for an idle machine')
+    parser.add_argument('--rate', type=float, default=50.0, help='SYNC messages per second (default: %(default)s)')
+    parser.add_argument('--patience', type=float, default=60.0, help='longest wait for an idle machine [s]')
     parser.add_argument('--against', type=Path, help='virtual environment of another installation')
     parser.add_argument('--grasp', action='store_true', help='subscribe to grasp alone')
     parser.add_argument('--single', action='store_true', help='one run of one form, as JSON')
@@ -84,7 +89,7 @@ def main() -> int:
 
 
 def run_once(prefix: Path, form: str, args: argparse.Namespace) -> dict[str, float]:
-    """One run in a separate process, with the interpreter and the messages of the installation at ``prefix``."""
+    """Return one run in a separate process, with interpreter and messages of the installation at ``prefix``."""
     environment = {name: value for name, value in os.environ.items()
                    if name not in ('LD_LIBRARY_PATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE')}
     environment |= {'AMENT_PREFIX_PATH': str(prefix), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
@@ -95,7 +100,7 @@ def run_once(prefix: Path, form: str, args: argparse.Namespace) -> dict[str, flo
 
 
 def measured(form: str, seconds: float, rate: float, of_grasp: bool) -> dict[str, float]:
-    """Start skin and nodes, measure for ``seconds`` and end them."""
+    """Start skin and nodes, measure for ``seconds``, and stop them."""
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         channel = f'{folder}/skin'
@@ -134,7 +139,7 @@ def measured(form: str, seconds: float, rate: float, of_grasp: bool) -> dict[str
 
 
 class Consumer:
-    """Subscribes taxels and shapes of all pads; ``late``: time from acquisition stamp to arrival [s]."""
+    """Subscribes to taxels and shapes of all pads. ``late`` holds the times from acquisition stamp to arrival [s]."""
 
     def __enter__(self) -> 'Consumer':
         import rclpy
@@ -143,7 +148,7 @@ class Consumer:
         rclpy.init()
         self.node = rclpy.create_node('consumer')
         self.late: dict[str, list[float]] = {topic: [] for topic in TOPICS}
-        self.pads: set[str] = set()  # of which a shape has arrived
+        self.pads: set[str] = set()  # pads of which a shape has arrived
         self.subscribe()
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
@@ -158,7 +163,7 @@ class Consumer:
                                           lambda message, pad=pad: self._on_shape(pad, message), 50)
 
     def counted(self, elapsed: float, rate: float) -> dict[str, float]:
-        """Return what was counted in ``elapsed`` [s] at ``rate`` SYNCs a second."""
+        """Return the counts of the last ``elapsed`` seconds at ``rate`` SYNC messages per second."""
         return {'rate': len(self.late['shape']) / len(PADS) / elapsed}
 
     def __exit__(self, *exception) -> None:
@@ -199,7 +204,7 @@ class GraspConsumer(Consumer):
 
     def _on_grasp(self, message) -> None:
         self.pads |= {pad for pad, state in zip(PADS, message.side_states) if state}
-        sides = getattr(message, 'sides', ())  # of commit 23bca48
+        sides = getattr(message, 'sides', ())  # messages of commit 23bca48 have sides
         left, right = (side.sequence for side in sides) if sides else message.sequences
         if left == right > self._last:
             self._last = left
@@ -234,19 +239,19 @@ def ended(processes: list[subprocess.Popen]) -> None:
 
 
 def cpu_seconds(processes: list[subprocess.Popen]) -> float:
-    """User and system time of the processes (proc(5), stat)."""
+    """Return the user and system time of the processes [s] (proc(5), stat)."""
     fields = [Path(f'/proc/{process.pid}/stat').read_text().rsplit(')', 1)[1].split() for process in processes]
     return sum(int(each[11]) + int(each[12]) for each in fields) / TICKS
 
 
 def busy_seconds() -> float:
-    """What all processors have worked: all of the first line of /proc/stat but idle and iowait (proc(5))."""
+    """Return the busy time of all processors [s]: the first line of /proc/stat without idle and iowait (proc(5))."""
     fields = [int(word) for word in Path('/proc/stat').read_text().split('\n', 1)[0].split()[1:9]]
     return (sum(fields) - fields[3] - fields[4]) / TICKS
 
 
 def wait_until_idle(patience: float) -> None:
-    """Return when the machine has used less than IDLE of one core for a second, or ``patience`` is over."""
+    """Wait until the load was below IDLE for one second, for at most ``patience`` seconds."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
         before = busy_seconds()
@@ -256,13 +261,13 @@ def wait_until_idle(patience: float) -> None:
 
 
 def pss(process: subprocess.Popen) -> float:
-    """Memory of a process, its share of what others map too [MB]."""
+    """Return the proportional set size (PSS) of a process [MB]."""
     lines = Path(f'/proc/{process.pid}/smaps_rollup').read_text().splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith('Pss:')) / 1024
 
 
 def percentile(values: list[float], share: int) -> float:
-    """In milliseconds."""
+    """Return a percentile of ``values`` [s] in milliseconds."""
     return 1e3 * sorted(values)[min(len(values) - 1, len(values) * share // 100)]
 
 

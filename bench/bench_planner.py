@@ -1,9 +1,10 @@
-"""The planner example in a loop with a simulated gripper: does its advice lead to contacts that oppose?
+"""Run the planner example in a loop with a simulated gripper, and count how often its advice leads to a good grasp.
 
-50 random starts that it can correct, and 20 that it cannot. Of a run that ends with "done": where the object truly is.
-The chain from taxels to the grasp message is that of the nodes, called in one process. The advice was changed after
-runs on seeds 900 to 949, and MAX_MISALIGNMENT (3, not 2 degrees) was chosen on these here; seeds 6000 to 6049, run once
-afterwards, gave 50 of 50, too. Part of `make bench`; a number as argument is that of the starts.
+There are 50 random starts that the planner can correct, and 20 that it cannot. If a run ends with "done", the script
+checks the true place of the object. The chain from taxels to the grasp message calls the functions of the nodes in one
+process. The advice was changed after runs on seeds 900 to 949, and MAX_MISALIGNMENT (3, not 2 degrees) was chosen on
+the seeds used here. Seeds 6000 to 6049 were run once afterwards; 50 of 50 starts were right, too. The script is part of
+`make bench`. Its optional argument is the number of starts.
 """
 
 import sys
@@ -28,12 +29,12 @@ STARTS, SEED = 50, 4000
 KINDS = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle', 'ball')
 BEGIN, PERIOD, OPEN_TIME = 100.0, 0.08, 0.24  # s
 GAIN, SHIFT_ERROR, TURN_ERROR = 0.05, 0.0003, radians(0.5)  # of a move, standard deviations
-TOLERANCE = 1.25                 # of the planner's bars, for what is measured is not the truth
+TOLERANCE = 1.25  #: Factor on the planner's limits, because the planner measures with errors.
 FAULTS = ('misses a pad', 'nothing there', 'a pad is silent', 'half a pad is hidden', 'larger than a pad')
 
 
 class Run(NamedTuple):
-    """How one start ended."""
+    """Result of one start."""
 
     kind: str
     is_done: bool
@@ -45,7 +46,7 @@ class Run(NamedTuple):
 
     @property
     def is_right(self) -> bool:
-        """It is done, and the contacts truly oppose where the planner wants them."""
+        """True if the run is done and the contacts really oppose each other at the planned place."""
         return self.is_done and opposes(self.after)
 
 
@@ -56,7 +57,7 @@ def opposes(placed: Placed) -> bool:
 
 
 def off_edge(placed: Placed) -> float:
-    """Angle between the pad's axes and the edge that is nearest to one; 0 for what is round."""
+    """Return the smallest angle between an edge of the object and an axis of the pad; 0 for round objects."""
     if placed.thing.face.shape == 'circle':
         return 0.0
     corners = placed.thing.face.outline()
@@ -65,7 +66,7 @@ def off_edge(placed: Placed) -> float:
 
 
 class Simulation:
-    """One start; ``fault``: one of FAULTS, or none; ``patience``: of the loop [s]."""
+    """Simulates one start. ``fault`` is one of FAULTS or empty, ``patience`` that of the loop [s]."""
 
     def __init__(self, seed: int, kind: str, fault: str = '', patience: float = PATIENCE):
         self._random = np.random.default_rng(seed)
@@ -93,7 +94,7 @@ class Simulation:
             self._send_open()
 
     def _settled(self, closed: Closed):
-        """What the loop orders once it has waited, and the midpoint of the grasp then."""
+        """Return the command of the loop after its waiting time, and the midpoint of the grasp."""
         self._loop.closed(self._now)
         while True:
             grasp = self._sent(closed.values, closed.gap)
@@ -102,7 +103,7 @@ class Simulation:
                 return order, np.array((grasp.midpoint.x, grasp.midpoint.y, grasp.midpoint.z))
 
     def _send_open(self) -> None:
-        """Frames of a gripper that is open; the noise of the pads shows."""
+        """Send frames of an open gripper, which show the noise of the pads."""
         for _ in range(round(OPEN_TIME / PERIOD)):
             self._sent((np.zeros((16, 16)),) * 2, 0.08)
 
@@ -119,7 +120,7 @@ class Simulation:
         return grasp
 
     def _moved(self, correction, middle: np.ndarray) -> Placed:
-        """The gripper's move, as wrong as a gripper's moves are; a regrasp moves by the error alone."""
+        """Return the place after a move with the errors of a gripper. A regrasp moves by the error alone."""
         gain = 1 + GAIN * self._random.standard_normal()
         shift = gain * np.array(correction.shift) + SHIFT_ERROR * self._random.standard_normal(2)
         turn = gain * (np.array(correction.tilt) + (0.0, 0.0, correction.angle))

@@ -1,9 +1,9 @@
-"""Pose, size, their covariance, fusion: how good and how fast, beside simple alternatives, in one run.
+"""Measure accuracy and time of pose, size, their covariance and fusion, and compare them with simple alternatives.
 
 Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate]
-Writes docs/pose_results.md and the tables that it is made of; with --page it measures nothing, but writes the page of
-the recorded tables again. ``--calibrate`` instead prints the factors of tactile_node/pose/model_error.py, found on
-training seeds; everything else here is measured on evaluation seeds.
+The script writes docs/pose_results.md and the tables of this page, measured on evaluation seeds. With --page, it
+measures nothing and writes the page again from the recorded tables. With --calibrate, it only prints the factors of
+tactile_node/pose/model_error.py, found on training seeds.
 """
 
 import argparse
@@ -35,12 +35,13 @@ from training.ground_truth.seeds import Purpose, generator
 
 AREA = 50
 AREAS = (12, 20, 35, 50, 100)
-TARGETS = {'centre': 0.05, 'angle': 1.5, 'length': 2.0}  # medians at N = 50 on clean pressure frames
+#: Required medians at N = 50 on clean pressure frames.
+TARGETS = {'centre': 0.05, 'angle': 1.5, 'length': 2.0}
 SEED = 5
 
 
 class Report:
-    """Tables, and notes about them, that go to the terminal and into ``folder``, of the recorded ones."""
+    """Writes tables and notes about them to the terminal and into ``folder``, the folder of the recorded tables."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -83,14 +84,14 @@ class Fitted:
         self.handedness = [same_handedness(fit, sample.contact) for fit, sample in pairs]
 
     def distances(self) -> np.ndarray:
-        """Squared Mahalanobis distance of the truth, as a share of the 95 % region's: inside below 1."""
+        """Squared Mahalanobis distance of the truth, as a share of that of the 95 % region; below 1 if inside."""
         vectors = [each.vector for each in self.errors]
         squared = [vector @ np.linalg.solve(fit.covariance, vector) for fit, vector in zip(self.fits, vectors)]
         return np.array(squared) / chi2.ppf(0.95, len(vectors[0]))
 
 
 def median(values) -> str:
-    """With a 95 % interval from order statistics, which assumes nothing of the distribution."""
+    """Return the median with a 95 % interval from order statistics, which is valid for every distribution."""
     values = np.sort([value for value in values if value == value])
     if not len(values):
         return '-'
@@ -168,7 +169,7 @@ def corners(report: Report, fitted: dict) -> None:
 
 
 def times(report: Report, fitted: dict) -> None:
-    """10th percentile; median; 95th percentile [ms]."""
+    """Report the 10th percentile, median and 95th percentile of the time of a fit [ms]."""
     rows = [[condition, *(f'{np.percentile(of.times, 10):.2f}; {np.median(of.times):.2f}; '
                           f'{np.percentile(of.times, 95):.2f}' for of in (fitted[condition, s] for s in CLASSES))]
             for condition in CONDITIONS]
@@ -177,32 +178,32 @@ def times(report: Report, fitted: dict) -> None:
     for _ in range(repeats):
         np.add(ten, ten)
     add = (process_time() - begin) / repeats * 1e6
-    report.say(f'- for comparison, adding two arrays of ten numbers took {add:.2f} us here: a busy machine '
-               'stretches all of these')
+    report.say(f'- for comparison, the sum of two arrays of ten numbers took {add:.2f} us; on a busy machine, all '
+               'times are longer')
     samples = fitted['dead 3 %', 'rectangle'].samples
     begin = process_time()
     for sample in samples:
         contact_moments(sample.values, sample.mask, 0.002, 'Pa')
-    report.say(f'- contact_moments: {(process_time() - begin) / len(samples) * 1e3:.3f} ms a frame (mean)')
+    report.say(f'- contact_moments: {(process_time() - begin) / len(samples) * 1e3:.3f} ms per frame (mean)')
     report.table('Time of one fit', ['frames', *CLASSES], rows)
 
 
 def calibrate(count: int) -> None:
-    """Print the factor that each kind of fit needs, over all conditions and areas, from training seeds."""
+    """Print the factor that each kind of fit needs, over all conditions and areas, on training seeds."""
     for shape in CLASSES:
         for name, chosen in (('pressure', [c for c in CONDITIONS if c != 'on/off']), ('on/off', ['on/off'])):
             shares = np.concatenate([Fitted(shape, condition, area, count * (6 if name == 'on/off' else 1),
                                             purpose=Purpose.TRAINING).distances()
                                      for condition in chosen for area in (20, 35, 50, 100)])
-            print(f'{shape:20}{name:10}{len(shares):6} fits: factor of the covariance now in force, times '
+            print(f'{shape:20}{name:10}{len(shares):6} fits: current factor of the covariance, times '
                   f'{np.percentile(shares, 95):.3f}', flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--patterns', type=int, default=200, help='of each shape and condition; default 200')
+    parser.add_argument('--patterns', type=int, default=200, help='contacts of each shape and condition; default 200')
     parser.add_argument('--calibrate', action='store_true')
-    parser.add_argument('--page', action='store_true', help='measure nothing, write the page of the recorded tables')
+    parser.add_argument('--page', action='store_true', help='only write the page from the recorded tables')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs')
     args = parser.parse_args()
     if args.page:
@@ -218,8 +219,8 @@ def main() -> None:
     pose_mechanics.report(report.table, max(args.patterns // 2, 20))
     pose_fusion.measure(report)
     (report.folder / 'about.txt').write_text(
-        f'Written by `python bench/bench_pose.py --patterns {args.patterns}`: {args.patterns} fresh contacts a cell, '
-        'evaluation seeds.\n', encoding='utf-8')
+        f'Written by `python bench/bench_pose.py --patterns {args.patterns}`: {args.patterns} new contacts '
+        'in each cell, evaluation seeds.\n', encoding='utf-8')
     return pose_summary.PAGE.write(args.output)
 
 

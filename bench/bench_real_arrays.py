@@ -1,10 +1,11 @@
-"""How well contacts on real arrays are recognised, as shipped and without options.
+"""Measure how well contacts on real arrays are recognised by the recogniser as shipped, without options.
 
     python bench/bench_real_arrays.py --tekscan DIR --weiss DIR --vitac DIR [--labels FILE] [--weights FILE] [--network]
 
-DIR: copies of the public repositories TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
-peter-kiechle/tactile-sensors and jsheng45/ViTac-Tactile-Sensing. Without one, one line says so. A row is a visible
-class; intervals are bootstraps over objects, a grasp's pads among them.
+Each DIR is a copy of a public repository: TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
+peter-kiechle/tactile-sensors or jsheng45/ViTac-Tactile-Sensing. If a copy is missing, the script prints one line about
+it. Each row of the table is a visible class. The intervals are bootstraps over objects; all pads of a grasp belong to
+one object.
 """
 
 import argparse
@@ -27,10 +28,10 @@ from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
 
 SURE = 0.9
-WITHOUT_SHAPE = ('foreign', 'none')  #: labels: no shape is the right answer
+WITHOUT_SHAPE = ('foreign', 'none')  #: Labels for which any of the five shapes is a wrong answer.
 PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
 SEED, DRAWS = 20_261_123, 2000
-BINS = 10  #: confidences are sorted into so many for the calibration error
+BINS = 10  #: Number of bins of confidence for the calibration error.
 
 
 class Answer(NamedTuple):
@@ -57,14 +58,14 @@ class Answer(NamedTuple):
 def answers(labelled: list[Labelled], data: Path, weights: str, network: bool) -> list[Answer]:
     recogniser = make_recogniser(file=weights)
     if network:
-        recogniser = recogniser._method  # without the rules in front of it
+        recogniser = recogniser._method  # the network without the rules in front of it
     frames = read_frames(labelled[0].array, data, [one.frame for one in labelled])
     return [Answer(one, recogniser.recognise(PatternExtractor().extract(frame)))
             for one, frame in zip(labelled, frames)]
 
 
 def interval(found: list[Answer]) -> tuple[float, float]:
-    """Bounds of 95 % of the share right, by bootstrap over objects."""
+    """Return the 95 % interval of the share of right answers, by bootstrap over objects."""
     by_object = defaultdict(list)
     for answer in found:
         by_object[answer.of.object].append(answer.is_right)
@@ -87,7 +88,7 @@ def rows_of(array: str, found: list[Answer]) -> list[tuple]:
 
 
 def worst_objects(found: list[Answer]) -> str:
-    """The share right of each object, by visible class, the worst first."""
+    """Return the share of right answers for each object and visible class, the worst first."""
     by_object = defaultdict(list)
     for answer in found:
         by_object[f'{answer.of.object} ({answer.of.label})'].append(answer.is_right)
@@ -96,7 +97,7 @@ def worst_objects(found: list[Answer]) -> str:
 
 
 def calibration(found: list[Answer]) -> tuple[float, float]:
-    """Expected calibration error of the answers, and the mean log score of what was seen [nat]."""
+    """Return the expected calibration error of the answers, and the mean log score of the label [nat]."""
     confidence = np.array([answer.found.confidence for answer in found])
     right = np.array([answer.is_right for answer in found], float)
     given = [max(float(answer.found.probabilities[Shape(answer.wanted)]), 1e-6) for answer in found]
@@ -112,8 +113,8 @@ def main() -> int:
     for array, place in PLACES.items():
         parser.add_argument(f'--{array}', type=Path, help=f'folder with {place}')
     parser.add_argument('--labels', type=Path, default=LABELS)
-    parser.add_argument('--weights', default='', help='instead of config/recogniser.npz')
-    parser.add_argument('--network', action='store_true', help='without the rules in front of the network')
+    parser.add_argument('--weights', default='', help='model to use instead of config/recogniser.npz')
+    parser.add_argument('--network', action='store_true', help='leave out the rules in front of the network')
     args = parser.parse_args()
     every = read_labels(args.labels)
     table = Table('Real arrays', f'largest visible contact, frame by frame; sure: confidence {SURE} or more',

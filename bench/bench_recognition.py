@@ -1,10 +1,12 @@
-"""How well shapes are recognised: ours beside a small CNN and OpenCV contours with 300 trees.
+"""Measure how well shapes are recognised, and compare with a small CNN and with OpenCV contours and 300 trees.
 
-Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. Both
-anchors are trained in this run, on the samples of `make train`. Writes tables/, blind_spots.csv, the pages and a
-picture; with --page FOLDER it measures nothing, but writes the pages of the tables in FOLDER again. With --validation
-seeds, and families of foreign and blemished figures, are such that are never reported: what choices in the training
-are judged by. With --alone there are no anchors, and neither torch nor OpenCV is needed: .venv/bin/python does.
+Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. The script
+trains the CNN and the trees (the anchors) on the samples of `make train`. It writes tables/, blind_spots.csv, the pages
+and a picture.
+
+With --page FOLDER, the script measures nothing and writes the pages again from the tables in FOLDER. With --validation,
+it uses seeds and families of foreign and blemished figures that are never reported; choices in the training are made
+with these. With --alone, it leaves out the anchors and needs neither torch nor OpenCV, so .venv/bin/python can run it.
 """
 
 import argparse
@@ -40,7 +42,7 @@ from training.ground_truth.seeds import Purpose
 
 
 class Clock:
-    """Says what is going on, and since when."""
+    """Prints the progress with the time since the start."""
 
     def __init__(self):
         self._begin = perf_counter()
@@ -68,14 +70,15 @@ def main() -> int:
         found[name] = section
         for table in section:
             print(table.plain(), flush=True)
-        write_report([name for name in args.only if name in found], found, args)  # what there is, if it is ended
+        # after each section, so that an interrupted run leaves a report
+        write_report([name for name in args.only if name in found], found, args)
     clock(f'written to {args.output}')
     return 0
 
 
 def trained_anchors(args: argparse.Namespace, amount: Amount, clock: Clock) -> dict[bool, list]:
-    """Return the CNN and the trees by kind of frame, trained now."""
-    import cv2  # with torch in .venv-bench alone
+    """Train the CNN and the trees, and return them by kind of frame."""
+    import cv2  # like torch, only in .venv-bench
     import torch
 
     from bench.recognition.anchor_training import train_anchors
@@ -85,7 +88,7 @@ def trained_anchors(args: argparse.Namespace, amount: Amount, clock: Clock) -> d
 
 
 def write_report(names: Sequence[str], found: dict[str, list[Table]], args: argparse.Namespace) -> None:
-    """Write the CSV files and the pages of the sections that are done."""
+    """Write the CSV files and the pages of the finished sections."""
     recorded = [table for name in names for table in found[name]]
     missing = [name for name in args.only if name not in found]
     for table in recorded:
@@ -103,8 +106,8 @@ def write_pages(folder: Path, recorded: Collection[str] | None = None) -> None:
 
 
 def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, list[Table]]]:
-    """Yield the sections as they are done, ``jobs`` at a time; what measures time runs alone, after the others."""
-    fork = get_context('fork')  # which shares the anchors
+    """Yield the finished sections. ``jobs`` sections run at a time; those that measure time run alone at the end."""
+    fork = get_context('fork')  # forked processes share the anchors
     waiting, running = sorted((name for name in names if name not in ALONE), key=lambda name: name != LONGEST), {}
     while waiting or running:
         while waiting and len(running) < jobs:
@@ -130,14 +133,14 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--quick', action='store_true', help='a few minutes, wide intervals, anchors half trained')
     parser.add_argument('--only', nargs='+', choices=list(SECTIONS), default=list(SECTIONS), metavar='SECTION',
-                        help=f'of {", ".join(SECTIONS)}; default all')
-    parser.add_argument('--validation', action='store_true', help='what is never reported, to choose by')
-    parser.add_argument('--page', type=Path, metavar='FOLDER', help='measure nothing, write the pages of FOLDER/tables')
+                        help=f'sections to measure, of {", ".join(SECTIONS)}; default all')
+    parser.add_argument('--validation', action='store_true', help='use seeds and families that are never reported')
+    parser.add_argument('--page', type=Path, metavar='FOLDER', help='only write the pages from FOLDER/tables')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
-    parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help="folder of training's samples")
-    parser.add_argument('--jobs', type=int, default=2, help='processes, default %(default)s')
+    parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help='folder of the training samples')
+    parser.add_argument('--jobs', type=int, default=2, help='number of processes, default %(default)s')
     parser.add_argument('--weights', default='recogniser.npz')
-    parser.add_argument('--alone', action='store_true', help='without anchors, and the sections that are about them')
+    parser.add_argument('--alone', action='store_true', help='leave out the anchors and the sections about them')
     args = parser.parse_args()
     if args.alone:
         args.only = [name for name in args.only if name not in AGAINST_ANCHORS]

@@ -1,8 +1,9 @@
-"""Faulty taxels: how many are found, how soon, and how many healthy ones are accused. Part of `make bench`.
+"""Measure how many faulty taxels are found, how soon, and how many healthy taxels are reported. Part of `make bench`.
 
-A pad of 16x16 taxels of 8 bits is touched 100 times by random shapes of 40 to 80 taxels, anywhere (some half off it),
-0.4 s each, 50 frames a second; with two taxels of each fault within the middle 10x10, and once with none. Thresholds
-were chosen on seeds below 10, rules changed after runs on 5000 to 6009; these are others.
+Random shapes of 40 to 80 taxels touch a pad of 16x16 taxels with 8 bits 100 times, for 0.4 s each, at 50 frames per
+second. They touch anywhere, and some lie half beyond the edge. Two taxels of each fault lie within the middle 10x10
+taxels. One more run has no faults. The thresholds were chosen on seeds below 10, and rules were changed after runs on
+seeds 5000 to 6009. This script uses other seeds.
 """
 
 import sys
@@ -22,7 +23,7 @@ from tactile_node.skin.layout_file import load_layout
 
 SEEDS = range(7000, 7010)
 RATE, TOUCHES, PRESSED, RELEASED, EACH, LIMIT, NOISE = 50, 100, 20, 10, 2, 10e3, 400.0
-MARGIN = 4  # taxels around the pad in which a contact may lie too
+MARGIN = 4  #: Margin around the pad in which a contact may also lie [taxels].
 KINDS = tuple(kind for kind in TaxelFault if kind)
 
 
@@ -45,12 +46,12 @@ def main() -> None:
     for kind in KINDS:
         print(f'{kind.name.lower():10} found {found[kind]} of {EACH * len(SEEDS)}, after '
               f'{np.median(times[kind]):.1f} s (median), {max(times[kind]):.1f} s (most)')
-    print(f'called by another name at first: {wrong}; healthy taxels ever accused: {accused} of {healthy}')
-    print(f'{cost(layout.rows, layout.cols):.0f} us a frame of {layout.rows}x{layout.cols}')
+    print(f'first reported as another fault: {wrong}; healthy taxels reported as faulty: {accused} of {healthy}')
+    print(f'{cost(layout.rows, layout.cols):.0f} us for each frame of {layout.rows}x{layout.cols} taxels')
 
 
 def placed(random: np.random.Generator, rows: int, cols: int, each: int) -> np.ndarray:
-    """Faults by taxel, none outside the middle, where touches come."""
+    """Return the fault of each taxel. Only taxels in the middle are faulty, because touches reach them often."""
     truth = np.zeros((rows, cols), np.uint8)
     middle = [(row, col) for row in range(3, rows - 3) for col in range(3, cols - 3)]
     chosen = random.permutation(len(middle))[:each * len(KINDS)]
@@ -83,7 +84,7 @@ def sweeps(layout, truth: np.ndarray, seed: int) -> Iterator[tuple[float, np.nda
 
 
 def touch(random: np.random.Generator, rows: int, cols: int, full: float) -> np.ndarray:
-    """Pressures of a contact drawn on a larger pad, as far as it lies on ours."""
+    """Return the pressures of a contact that may lie partly beyond the pad's edge."""
     size = rows + 2 * MARGIN, cols + 2 * MARGIN
     contact = random_contact(random, random.choice(CLASSES), random.uniform(40, 80), *size)
     down, right = random.integers(0, 2 * MARGIN, 2, endpoint=True)
@@ -96,7 +97,7 @@ def full_scale(layout) -> float:
 
 
 def cost(rows: int, cols: int, frames: int = 5000) -> float:
-    """Microseconds a frame of noise, the usual case."""
+    """Return the time for a frame of noise, the usual case [us]."""
     detector = FaultDetector(rows, cols, LIMIT)
     values = NOISE * np.random.default_rng(0).standard_normal((100, rows, cols))
     none = np.zeros((rows, cols), bool)

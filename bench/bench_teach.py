@@ -1,9 +1,11 @@
-"""Shapes taught from 30 touches: what is recognised, what the five shapes lose, what becomes of foreign objects.
+"""Teach shapes from 30 touches, and measure the recognition of these, of the five shapes and of foreign objects.
 
-python bench/bench_teach.py [--quick]. Part of `make bench`; about ten minutes. Each shape is taught on its own, from
-30 touches of about 50 taxels on a simulated 16x16 skin, and again from 30 touches computed by contact mechanics. Then
-fresh touches, contacts of the five shapes and the foreign figures of the recognition report, none of which `tactile
-teach` has seen, are recognised without and with the taught shape, each by one frame. Seeds are those of evaluation;
+    python bench/bench_teach.py [--quick]
+
+The script is part of `make bench` and takes about ten minutes. Each shape is taught separately from 30 touches of about
+50 taxels on a simulated 16x16 skin, and again from 30 touches computed by contact mechanics. The script then recognises
+new touches, contacts of the five shapes and the foreign figures of the recognition report, without and with the taught
+shape. `tactile teach` has seen none of these. Each touch is one frame. The seeds are those of the evaluation. The
 constants of the method were chosen on validation seeds.
 """
 
@@ -46,16 +48,17 @@ from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.seeds import Purpose, generator
 
 SEED, TOUCHES, AREA, PAD = 77_000, 30, 50.0, 16
-LOADS = (0, 0, 0.3, 0.8, 1, 1, 1, 1, 0.7, 0.2, 0)  #: of the frames of one touch
+LOADS = (0, 0, 0.3, 0.8, 1, 1, 1, 1, 0.7, 0.2, 0)  #: Load in each frame of a touch.
 FULL = (1,)
 COUNTS = {'touches': 400, 'of each size': 500, 'mechanics': 120, 'foreign': 50}
 SIZES = (25.0, 40.0, 50.0, 63.0, 100.0)
-SAME = {'cross': ('cross',), 'l': ('L',), 'slot': ('ellipse',)}  #: families of foreign figures that are such a shape
+#: Families of foreign figures that are the taught shape.
+SAME = {'cross': ('cross',), 'l': ('L',), 'slot': ('ellipse',)}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split(':')[0])
-    parser.add_argument('--quick', action='store_true', help='a tenth of the contacts')
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--quick', action='store_true', help='use a tenth of the contacts')
     parser.add_argument('--shapes', nargs='*', default=list(NAMED), choices=list(NAMED))
     args = parser.parse_args()
     counts = {name: max(count // (10 if args.quick else 1), 10) for name, count in COUNTS.items()}
@@ -101,7 +104,7 @@ def taught_by(world, rng: np.random.Generator, silhouette: Silhouette, backgroun
 
 def generated(rng: np.random.Generator, silhouette: Silhouette, count: int,
               loads: Sequence[float] = LOADS) -> Iterator[np.ndarray]:
-    """Frames of touches of the generator: blurred coverage, tilted, noise."""
+    """Yield frames of touches by the generator, which draws blurred coverage with tilt and noise."""
     for _ in range(count):
         figure = random_figure(rng, silhouette, AREA * rng.uniform(0.95, 1.05), PAD, PAD)
         pressure, tilt, blur = rng.uniform(0.2, 0.8), rng.uniform(-0.03, 0.03, 2), rng.uniform(0.3, 0.7)
@@ -112,7 +115,7 @@ def generated(rng: np.random.Generator, silhouette: Silhouette, count: int,
 
 def computed(rng: np.random.Generator, silhouette: Silhouette, count: int,
              loads: Sequence[float] = LOADS) -> Iterator[np.ndarray]:
-    """Frames of touches of contact mechanics: one punch with a rounded edge, on one skin, tilted as it comes."""
+    """Yield frames of touches by contact mechanics: one punch with a rounded edge on one skin, at random tilts."""
     punch = punch_of(silhouette, compression=0.03, rounding=0.02)
     depth = rng.uniform(0.3, 0.7)
     solutions = [mechanics.solved(punch, rng.uniform(0, 0.3), rng.uniform(0, 2 * np.pi)) for _ in range(min(count, 30))]
@@ -126,7 +129,7 @@ def computed(rng: np.random.Generator, silhouette: Silhouette, count: int,
 
 
 def punch_of(silhouette: Silhouette, compression: float, rounding: float) -> Indenter:
-    """A prism of area 1 with an edge rounded by so much of the root of its area."""
+    """Return a prism of area 1. ``rounding`` is that of its edge, as a fraction of the root of its area."""
     upright = Figure(silhouette, 1.0, x=0.0, y=0.0)
     rows, cols = (silhouette.distance > 0).nonzero()
     x, y = (cols - silhouette.middle[0]) * upright.cell, (rows - silhouette.middle[1]) * upright.cell
@@ -145,7 +148,7 @@ def firm(frames: Iterator[np.ndarray]) -> list[ContactPattern]:
 
 
 def five_contacts(counts: dict[str, int]) -> Iterator[tuple[tuple[str, bool], ContactPattern]]:
-    """Shape, whether of about 50 taxels, and pattern: of the generator, and of the reported contact mechanics."""
+    """Yield (shape, True for about 50 taxels) and pattern of contacts by the generator and by contact mechanics."""
     rng = generator(Purpose.EVALUATION, SEED + 9000)
     for area in SIZES:
         for k in range(counts['of each size'] * (2 if area == AREA else 1)):
@@ -161,7 +164,7 @@ def five_contacts(counts: dict[str, int]) -> Iterator[tuple[tuple[str, bool], Co
 
 
 def foreign_contacts(count: int) -> Iterator[tuple[str, ContactPattern]]:
-    """Family and pattern of ``count`` figures of each family, of 35 to 70 taxels."""
+    """Yield family and pattern of ``count`` figures of each family, with 35 to 70 taxels."""
     for number, (family, drawing) in enumerate(foreign.FAMILIES.items()):
         rng = generator(Purpose.EVALUATION, SEED + 9100 + number)
         for stamp in foreign.bank(rng, family, drawing, count):
@@ -170,7 +173,7 @@ def foreign_contacts(count: int) -> Iterator[tuple[str, ContactPattern]]:
 
 
 def loss(cases: list[tuple[bool, bool, bool]]) -> str:
-    """Percentage points of the five that are right no more."""
+    """Return by how many percentage points the recognition of the five shapes falls."""
     was, now = (np.mean([each[k] for each in cases]) for k in (0, 1))
     return f'{100 * (was - now):.2f} of {100 * was:.1f} %'
 

@@ -1,4 +1,4 @@
-"""What bench_events measures on: contacts of contact mechanics that are held, slide or turn, and what is reported."""
+"""Simulated contacts for bench_events.py: contacts of contact mechanics that are held, slide or turn."""
 
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
@@ -13,16 +13,25 @@ from tactile_node.simulator.world import CLASSES
 from training.ground_truth.layer import sample, stress_field
 
 KINDS = (*CLASSES, 'ball', 'cylinder', 'cone')
-PITCH, RATE, SIDE, FULL_SCALE = 0.002, 50.0, 24, 100e3  # m, Hz, taxels, Pa
-NOISE, DEAD, GAIN_DRIFT, ZERO_DRIFT, HUM = 0.01, 0.03, 0.05, 0.01, 0.005  # parts of full scale; drifts in ten minutes
-SHAKE, SHAKEN = 0.2, (5.0, 15.0)  # part of the force; Hz
-STILL, BEFORE = 0.6, 1.5  # s after and before a movement
+PITCH = 0.002         #: [m]
+RATE = 50.0           #: [Hz]
+SIDE = 24             #: Rows and columns of the pad.
+FULL_SCALE = 100e3    #: [Pa]
+NOISE = 0.01          #: Standard deviation of the noise [fraction of full scale].
+DEAD = 0.03           #: Share of dead taxels.
+GAIN_DRIFT = 0.05     #: Largest relative drift of the gain in ten minutes.
+ZERO_DRIFT = 0.01     #: Largest drift of the zero in ten minutes [fraction of full scale].
+HUM = 0.005           #: Largest amplitude of the mains hum [fraction of full scale].
+SHAKE = 0.2           #: Amplitude of the varying force [fraction of the force].
+SHAKEN = (5.0, 15.0)  #: Range of its frequency [Hz].
+STILL = 0.6           #: Rest after a movement [s].
+BEFORE = 1.5          #: Rest before a movement [s].
 QUIET = {'dx': 0.0, 'dy': 0.0, 'turn': 0.0, 'force': 1.0}
-Path: TypeAlias = Callable[[float], dict[str, float]]  # at a time [s], what differs from QUIET
+Path: TypeAlias = Callable[[float], dict[str, float]]  #: Returns what differs from QUIET at a time [s].
 
 
 class Frame(NamedTuple):
-    """What was reported of one frame, and where the contact was."""
+    """One frame: the reported motion, and the true place of the contact."""
 
     time: float
     place: dict[str, float]
@@ -31,7 +40,7 @@ class Frame(NamedTuple):
 
 
 class Scene:
-    """A contact of one kind on a pad; ``way``: outline, centre of pressure or on/off."""
+    """A contact of one kind on a pad. ``way`` is the way to see it: outline, centre of pressure or on/off."""
 
     def __init__(self, rng: np.random.Generator, kind: str, way: str = 'outline', dead: float = DEAD):
         draw = {'ball': mechanics.random_ball, 'cylinder': mechanics.random_cylinder, 'cone': mechanics.random_cone}
@@ -49,7 +58,10 @@ class Scene:
         self._hum, self._mains = rng.uniform(0, HUM), 50 + rng.uniform(-0.3, 0.3)
 
     def values(self, time: float, dx: float, dy: float, turn: float, force: float) -> np.ndarray:
-        """Return taxel values; ``dx``, ``dy`` [pitches] and ``turn`` [rad] from its place, ``force``: 1 is its own."""
+        """Return the taxel values of the contact.
+
+        ``dx``, ``dy`` [pitches] and ``turn`` [rad] are its displacement, ``force`` is a factor on its force.
+        """
         stress = sample(self._field, self._x + dx, self._y + dy, self._angle + turn, SIDE, SIDE)
         drift, noise = time / 600, NOISE * self._rng.standard_normal(stress.shape)
         values = self._pressure * force * (1 + self._gain * drift) * stress + self._zero * drift + noise
@@ -60,7 +72,7 @@ class Scene:
         return values
 
     def follow(self, recogniser: VisibilityGuard, path: Path, seconds: float, stamp: float = 1e3) -> list[Frame]:
-        """Return what is reported while the contact goes along ``path``."""
+        """Return the frames while the contact moves along ``path``."""
         pipeline = ContactPipeline(recogniser, fits=self._way != 'centre of pressure')
         taxels, frames = Taxels(PITCH, '1' if self._way == 'on/off' else 'Pa'), []
         for time in np.arange(round(seconds * RATE)) / RATE:
@@ -74,7 +86,7 @@ class Scene:
 
 
 def slide(rng: np.random.Generator, speed: float, far: float) -> tuple[Path, float]:
-    """Return a path that slides ``far`` [pitches] at ``speed`` [mm/s], and how long it takes [s]."""
+    """Return a path that slides by ``far`` [pitches] at ``speed`` [mm/s], and its duration [s]."""
     direction, rate = rng.uniform(0, 2 * np.pi), speed * 1e-3 / PITCH
 
     def path(time: float) -> dict[str, float]:
@@ -84,7 +96,7 @@ def slide(rng: np.random.Generator, speed: float, far: float) -> tuple[Path, flo
 
 
 def turn(rng: np.random.Generator, speed: float, far: float, radius: float) -> tuple[Path, float]:
-    """Return the same of a turn, by the way of the farthest corner."""
+    """Return a path that turns until the farthest corner has moved by ``far``, and its duration [s]."""
     rate, sign = speed * 1e-3 / PITCH, rng.choice((-1, 1))
 
     def path(time: float) -> dict[str, float]:
@@ -98,5 +110,5 @@ def shaken(rng: np.random.Generator) -> Path:
 
 
 def moved(place: dict[str, float], radius: float = 0.0) -> float:
-    """Return how far a contact has come [pitches]."""
+    """Return the distance that a contact has moved [pitches]."""
     return float(np.hypot(place['dx'], place['dy']) + abs(place['turn']) * radius)

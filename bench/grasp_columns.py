@@ -1,9 +1,11 @@
-"""Ways to close a gripper on an item that is not quite where the hand is sent, and what they knew of it.
+"""Ways to close a gripper on an item that is displaced from its expected place, and what the grasp knew of the item.
 
-`blind`: the gripper's own action, to the item's width. `touch`: the gripper node, up to a force. `shape`: closed with a
-light force, corrected by examples/planner_client.py and examples/grasp_loop.py, then squeezed with that force.
-`hold`: as `touch`, and the force is kept, and raised where the item slides. `sensor`: as `shape`, where MuJoCo's own
-tactile sensor gives the pressures.
+- `blind`: the gripper's own action closes to the width of the item.
+- `touch`: the gripper node closes up to a force.
+- `shape`: the gripper node closes with a light force. examples/planner_client.py and examples/grasp_loop.py correct the
+  hand. The gripper then squeezes with the force of `touch`.
+- `hold`: like `touch`; the gripper node then keeps the force, and raises it when the item slides.
+- `sensor`: like `shape`, with the pressures of MuJoCo's own tactile sensor.
 """
 
 import time
@@ -23,23 +25,26 @@ from examples.simulated_gripper.model import MAX_GAP
 from examples.simulated_gripper.world import GRAVITY, SIDES, Outcome, Place
 from tactile_skin.msg import Grasp
 
-FORCE = 5.0           # N, one for all items: chosen on seeds of validation
-TOUCH = 2.0           # N, lightly: of less, faces that are pressed obliquely are too narrow to show how
-SQUEEZE = 0.01        # m by which a blind planner closes to less than the item's width
-LIFT, SHAKE = 0.1, 1.0  # m, times gravity
-CLEARANCE = 0.012     # m of the gap beyond that of the grasp, while the hand is corrected
-PULL_SPEED, PULL_TIME = 0.003, 12.0  # m/s, s: farther than a pad reaches
-BEYOND = 1.3          # times what friction carries of FORCE on both pads
-AFTER = 0.5           # s after the shake
-TRIES = 4            # goals to close, each from an open gripper, while they end by one of
+FORCE = 5.0         #: Force for all items, chosen on validation seeds [N].
+#: Light force [N]. With less force, the contact of an oblique face is too narrow to show its direction.
+TOUCH = 2.0
+SQUEEZE = 0.01      #: Difference between the item's width and the goal of a blind planner [m].
+LIFT = 0.1          #: Height of the lift [m].
+SHAKE = 1.0         #: Acceleration of the shake [g].
+CLEARANCE = 0.012   #: Gap beyond that of the grasp while the hand is corrected [m].
+PULL_SPEED = 0.003  #: Speed of the pull [m/s].
+PULL_TIME = 12.0    #: Duration of the pull, so that the item leaves the pads [s].
+BEYOND = 1.3        #: Pulling force, as a multiple of the friction of FORCE on both pads.
+AFTER = 0.5         #: Waiting time after the shake [s].
+TRIES = 4           #: Largest number of goals to close while they end with one of UNSEEN; each starts open.
 UNSEEN = ('NOT_SEEN', 'FORCE_NOT_KNOWN', 'LOST')
-LOOK = 0.02           # s between two questions to the planner
+LOOK = 0.02         #: Time between two requests to the planner [s].
 
 Record = dict[str, Any]
 
 
 def grasped(session: Session, column: str, item: Item, place: Place, is_pulled: bool = False) -> Record:
-    """Put ``item`` at ``place``, close, lift, and shake or pull; what became of it, and what was seen on the way."""
+    """Put ``item`` at ``place``, close, lift, and shake or pull; return the record of this start."""
     world = session.world
     session.place(place)
     begin, left_out = time.monotonic(), world.left_out
@@ -61,7 +66,7 @@ def grasped(session: Session, column: str, item: Item, place: Place, is_pulled: 
 
 
 def _pulled(session: Session, item: Item) -> float:
-    """Pull the item down with more than friction carries; how far it slid before it was dropped [mm]."""
+    """Pull the item down with more force than friction carries; return how far it slid before it was dropped [mm]."""
     world = session.world
     before, end, slid = world.item_in(SIDES[0]).translation[1], world.now + PULL_TIME, 0.0
     world.pull(PULL_SPEED, BEYOND * 2 * item.friction * FORCE - item.mass * GRAVITY)
@@ -91,13 +96,13 @@ def _touch(session: Session, item: Item) -> Record:
 
 
 def _hold(session: Session, item: Item) -> Record:
-    session.drive(MAX_GAP, touch=True)  # ends the hold of the start before
+    session.drive(MAX_GAP, touch=True)  # ends the hold of the previous start
     session.holds.clear()
     return _touch(session, item)
 
 
 def closed(session: Session, effort: float = 0.0) -> list[str]:
-    """Close by the gripper node; how each goal ended. After what it did not see it opens and closes again."""
+    """Close with the gripper node and return the outcome of each goal; open and try again after UNSEEN."""
     endings = [session.drive(0.0, effort=effort, touch=True)]
     while endings[-1] in UNSEEN and len(endings) < TRIES:
         reopen(session)
@@ -128,7 +133,7 @@ def _shape(session: Session, item: Item) -> Record:
 
 
 def _ordered(session: Session, loop: GraspLoop):
-    """What the loop orders once it has waited, and the grasp by which."""
+    """Return the command of the loop after its waiting time, and the grasp that it is based on."""
     loop.closed(time.monotonic())
     while True:
         correction, grasp = session.decide()
@@ -139,9 +144,9 @@ def _ordered(session: Session, loop: GraspLoop):
 
 
 def _correct(session: Session, correction: Correction, grasp: Grasp) -> None:
-    """Move the hand as far as it can: along x and up, and about the vertical, about the grasp's midpoint.
+    """Move the hand along x and up, and turn it about a vertical axis through the midpoint of the grasp.
 
-    In the left pad's frame the hand's x is x, its y is z and up is -y. It has no joint to turn about the others.
+    The hand has no joints for other rotations. In the left pad's frame, the hand's x is x, its y is z, and up is -y.
     """
     hand = session.hand
     turn = -correction.tilt[1]
@@ -156,7 +161,7 @@ def _turned(vector: np.ndarray, angle: float) -> np.ndarray:
 
 
 def belief(grasp: Grasp, session: Session, item: Item) -> Record:
-    """Return what the grasp says of the item, and how wrong that is: sizes, place [mm], yaw [degrees]; no bounds."""
+    """Return the class that the grasp reports, and the errors of sizes and place [mm] and yaw [degrees]; no bounds."""
     pose, sides = session.world.item_in('left'), np.array(item.face.dimensions[:len(grasp.dimensions)])
     believed: Record = {'class': grasp.class_name, 'confidence': grasp.confidence}
     if not grasp.line_is_bound:

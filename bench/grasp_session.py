@@ -1,7 +1,7 @@
-"""The bench of bench_grasps.py for one item: physics, skin and the gripper's action here, the nodes in processes.
+"""Test bench of bench_grasps.py for one item.
 
-`tactile bringup` and `touch_gripper` run as on a robot; the planner is a node of this process. The machine has to keep
-up: everything is in real time.
+Physics, skin, the gripper's action and the planner node run in this process. `tactile bringup` and `touch_gripper` run
+in their own processes, as on a robot. Everything runs in real time, so the machine has to be fast enough.
 """
 
 import subprocess
@@ -39,22 +39,25 @@ PARAMETERS: Mapping[str, Any] = MappingProxyType({
     'fast_speed': 0.02, 'slow_speed': 0.003, 'touch_force': 2.0, 'gripper_effort': 10.0})
 HOLD: Mapping[str, Any] = MappingProxyType({
     **PARAMETERS, 'hold': True, 'slide_force_step': 1.0, 'hold_travel': 0.02, 'highest_force': 9.0})
-TIMEOUT, LOOK = 60.0, 0.005  # s
-PATIENCE = 30.0  # s, for a goal: what rocks between the pads never rests, and the gripper's own action never ends
-FELT = 2 * NOISE * FULL_SCALE  # Pa, of the taxel that is pressed most: pads find a contact below their noise floor
+TIMEOUT = 60.0  #: Longest wait for a condition [s].
+LOOK = 0.005    #: Time between two checks of the condition [s].
+#: Longest wait for a goal [s]. If an item rocks between the pads, the gripper's own action never ends.
+PATIENCE = 30.0
+#: Highest reading of a pad that counts as felt [Pa]. The pads may find a contact even below their noise floor.
+FELT = 2 * NOISE * FULL_SCALE
 
 
 class WatchedWorld(World):
-    """A world that notes the largest forces, when a sampled frame first feels anything, and the command to stop."""
+    """A world that records the largest forces, and the times of the first touched frame and of the stop command."""
 
     def __init__(self, *args: Any):
         self.watch()
         super().__init__(*args)
 
     def watch(self) -> None:
-        """Forget what was noted."""
+        """Clear the record."""
         self.peaks = dict.fromkeys(SIDES, 0.0)  #: [N]
-        self.felt_at = self.stopped_at = np.nan  #: of the steady clock [s]
+        self.felt_at = self.stopped_at = np.nan  #: times on the steady clock [s]
 
     def pressures(self, side: str) -> np.ndarray:
         values = super().pressures(side)
@@ -72,7 +75,7 @@ class WatchedWorld(World):
 
 
 class PlannerNode(Node):
-    """Hears grasps and outcomes, and sends goals to both actions."""
+    """Planner that subscribes to grasps and outcomes, and sends goals to both actions."""
 
     def __init__(self) -> None:
         super().__init__('planner')
@@ -83,7 +86,7 @@ class PlannerNode(Node):
         self.create_subscription(GripperOutcome, 'touch_gripper/outcome', self._on_outcome, 10)
 
     def decide(self) -> tuple[Correction, Grasp]:
-        """Return what to do now, and the latest grasp."""
+        """Return the next correction and the latest grasp."""
         return self._planner.decide(time.monotonic()), self.grasp
 
     def _on_outcome(self, outcome: GripperOutcome) -> None:
@@ -98,7 +101,7 @@ class PlannerNode(Node):
 
 
 class Session(ExitStack):
-    """A context with everything that one ``world`` needs; ``link``: a path for the adapter's port."""
+    """A context with everything that one ``world`` needs. ``link`` is a path for the port of the adapter."""
 
     def __init__(self, world: WatchedWorld, link: Path, parameters: Mapping[str, Any] = PARAMETERS):
         super().__init__()
@@ -125,7 +128,7 @@ class Session(ExitStack):
             word for name, value in self._parameters.items() for word in ('-p', f'{name}:={value}')))
         self.until(lambda: self._node.gripper.server_is_ready() and self._node.touch.is_ready)
         self.until_open()
-        self.wait(1.0)  # until ages are known in each process
+        self.wait(1.0)  # each process has to estimate the age of frames first
 
     def _start(self, *words: Any) -> None:
         process = subprocess.Popen([*map(str, words)], env=environment_with('control_msgs'))
@@ -133,7 +136,7 @@ class Session(ExitStack):
         self.callback(process.terminate)
 
     def until(self, condition: Callable[[], object]) -> None:
-        """Wait until it is true. Raises TimeoutError."""
+        """Wait until ``condition`` is true. Raises TimeoutError after TIMEOUT."""
         end = time.monotonic() + TIMEOUT
         while not condition():
             if time.monotonic() > end or self._bench.failures:
@@ -141,31 +144,31 @@ class Session(ExitStack):
             time.sleep(LOOK)
 
     def until_open(self) -> None:
-        """Wait until the grasp says that both pads are seen and empty, and how far the gripper is open."""
+        """Wait until the grasp reports that both pads are seen and empty, and reports the opening of the gripper."""
         self.until(lambda: self._node.grasp.fresh and self._node.grasp.contact == Grasp.NO_CONTACT
                    and abs(self._node.grasp.gap - self.world.gap) < 5e-4)
 
     def wait(self, seconds: float) -> None:
-        """Let so much time of the physics pass."""
+        """Wait for a time of the physics simulation [s]."""
         end = self.world.now + seconds
         self.until(lambda: self.world.now >= end)
 
     def place(self, place: Place) -> None:
-        """Begin again, with the item at ``place`` and the hand open; wait until the pads are seen so."""
+        """Begin a new start with the item at ``place`` and an open hand; wait until both pads are seen empty."""
         self.world.place(place)
         self.world.watch()
-        self.hand = dict.fromkeys(AXES, 0.0)  #: where it was sent
+        self.hand = dict.fromkeys(AXES, 0.0)  #: goal of each axis
         self.until_open()
 
     def move(self, **goals: float) -> None:
-        """Move the hand, and wait until it is there."""
+        """Move the hand, and wait until it has reached ``goals``."""
         self.hand |= goals
         self.world.move(**goals)
         self.until(lambda: not self.world.is_moving)
         self.wait(0.1)
 
     def drive(self, position: float, *, effort: float = 0.0, touch: bool = False) -> str:
-        """Send the gripper to a gap, by its own action or until it ``touch``es; how the goal ended."""
+        """Send the gripper to a gap by its own action or, with ``touch``, by the gripper node; return the outcome."""
         end = time.monotonic() + PATIENCE
         if touch:
             sent = self._node.touch.send(position, effort=effort)
@@ -185,7 +188,7 @@ class Session(ExitStack):
 
     @property
     def holds(self) -> list[str]:
-        """How holds have ended."""
+        """Outcomes of the holds."""
         return self._node.holds
 
     def decide(self) -> tuple[Correction, Grasp]:
@@ -193,7 +196,7 @@ class Session(ExitStack):
 
 
 def started_rclpy() -> ExitStack:
-    """Return a context with rclpy, whose signal handlers would end it before the nodes."""
+    """Return a context with rclpy, without its signal handlers, which would shut it down before the nodes."""
     stack = ExitStack()
     rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     stack.callback(rclpy.try_shutdown)

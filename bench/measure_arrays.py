@@ -1,11 +1,11 @@
-"""What real arrays do to a contact, as a page: gains, speckle, weak lines, cross-talk, noise, creep, rims, bars.
+"""Measure how real arrays change a contact: gains, speckle, weak lines, cross-talk, noise, creep, rims, bars.
 
     python bench/measure_arrays.py --tekscan DIR --weiss DIR --vitac DIR [--output DIR]
 
-DIR: copies of the public repositories TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
-peter-kiechle/tactile-sensors and jsheng45/ViTac-Tactile-Sensing; without one, one line says so. The generator's own
-frames (training/real_arrays.py) are measured in the same way, and only they are drawn. Read is what is open: of the
-first two the frames that are labelled. The page is written where --output is given.
+Each DIR is a copy of a public repository: TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
+peter-kiechle/tactile-sensors or jsheng45/ViTac-Tactile-Sensing. If a copy is missing, the script prints one line about
+it. From the first two, only the labelled frames are read. The frames of the generator (training/real_arrays.py) are
+measured in the same way, and only these are shown as a picture. With --output, the script writes a page.
 """
 
 import argparse
@@ -28,40 +28,43 @@ from bench.recognition.real_frames import PADS, TEKSCAN, VITAC, VITAC_PAD, WEISS
 from tactile_node.shape.recognition import Shape
 from training.real_arrays import random_touch, read_by
 
-PROFILES = 'pressure_profiles'  #: of peter-kiechle/tactile-sensors
+PROFILES = 'pressure_profiles'  #: Folder in peter-kiechle/tactile-sensors.
 STAMPED, HEATED = (f'{PROFILES}/{name}' for name in (
     'calibration_weight_and_temperature/room temperature', 'calibration_noise/temperature-noise.dsa'))
-STAMPED_PAD, WEIGHTS = 1, {'A': 200, 'B': 300, 'C': 400, 'D': 500, 'E': 600, 'F': 700, 'G': 800, 'H': 900}  # [g]
-STEP = 10  #: every so many frames of ViTac: 0.1 s
+STAMPED_PAD = 1
+WEIGHTS = {'A': 200, 'B': 300, 'C': 400, 'D': 500, 'E': 600, 'F': 700, 'G': 800, 'H': 900}  #: [g]
+STEP = 10  #: Every 10th frame of ViTac is used, one in 0.1 s.
 PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
 DRAWN, SEED = 1500, 20_261_123
 PICTURE, ROWS, COLS = 'real_arrays.png', 3, 8
 
-CONTACTS = ('Tekscan 50x28, 8-bit JPEG: 500 frames of ten objects. Weiss hand, fingers of 14x6 and 13x6, 12 bits, '
-            'readings below 100 cut off: the frame of most pressure of each pad and grasp. ViTac 12x32, soft covers, '
-            'scaled frame by frame: every tenth frame. Drawn: 1,500 frames of training/real_arrays.py, each with other '
-            'gains, which count as speckle.')
-TIME = ('The Weiss hand alone: at rest while it warms up, and under a square stamp of 1.1 cm² with 200 to 900 g. Of '
-        'all this the generator draws the noise alone.')
-METHOD = ('A contact is what `tactile classify` finds without options, with the pieces torn off it, from 9 taxels on; '
-          '`bench/recognition/array_measures.py` says how each quantity is estimated. The fixed profile of a curved '
-          'finger or cover counts as gain; weak taxels in a large contact count as hollow (ViTac).')
+CONTACTS = ('*tekscan* has 50x28 taxels and stores 8-bit JPEG pictures; 500 frames of ten objects are used. *weiss* is '
+            'a hand whose finger pads have 14x6 and 13x6 taxels with 12 bits; it cuts off readings below 100. The '
+            'frame with the highest total pressure of each pad and grasp is used. *vitac* has 12x32 taxels with soft '
+            'covers and scales each frame separately; every tenth frame is used. *drawn* are 1,500 frames of '
+            'training/real_arrays.py. Each of these has different gains, so the gains count as speckle.')
+TIME = ('These quantities were measured only on the Weiss hand. The hand was at rest while it warmed up, and a square '
+        'stamp of 1.1 cm² pressed it with 200 to 900 g. The generator draws only the noise.')
+METHOD = ('The contacts are those that `tactile classify` finds without options, from 9 taxels, together with the '
+          'pieces that are torn off them. `bench/recognition/array_measures.py` describes the estimate of each '
+          'quantity. The fixed profile of a curved finger or cover counts as gain. Weak taxels in a large contact '
+          'count as hollow (ViTac).')
 HOW = {
-    'readings': 'all below, domes, tilt',
-    'spread': 'all below',
-    'gain': '0-0.3 in the log',
-    'speckle': '0-0.5 in the log, smoothed by 0 or 0.4-1.2 taxels',
-    'rows, columns': '0-0.2 in the log',
-    'weakest': '0.05-0.6 of 4 % of the lines, in half of the frames',
-    'rings': 'blur of 0-0.9 taxels, 0-15 % of two neighbours',
-    'cross-talk': '0-6 % of the highest of a line',
-    'noise': '0-2 % of full scale; 0-20 % of the level cut off',
-    'hollow': '30 % of circles, squares, rectangles with room',
+    'readings': 'all effects below, domes, tilt',
+    'spread': 'all effects below',
+    'gain': '0-0.3 of the logarithm',
+    'speckle': '0-0.5 of the logarithm, smoothed by 0 or 0.4-1.2 taxels',
+    'rows, columns': '0-0.2 of the logarithm',
+    'weakest': 'factor 0.05-0.6 on 4 % of the lines, in half of the frames',
+    'rings': 'blur of 0-0.9 taxels, 0-15 % from two neighbours',
+    'cross-talk': '0-6 % of the highest reading of a line',
+    'noise': '0-2 % of full scale; readings below 0-20 % of the level cut off',
+    'hollow': '30 % of the circles, squares and rectangles that are large enough',
     'bars': '60 % of the rectangles, 2.2:1 to 30:1'}
 
 
 def groups_of(array: str, data: Path) -> list[Group]:
-    """Return the open frames of an array, of each pad or cover apart."""
+    """Return the frames of an array that are used, in one group for each pad or cover."""
     names = [one.frame for one in read_labels() if one.array == array]
     if array == 'tekscan':
         return [Group(list(read_frames(array, data, names)), 255)]
@@ -75,7 +78,7 @@ def groups_of(array: str, data: Path) -> list[Group]:
 
 
 def drawn() -> list[Group]:
-    """Return frames of the generator, by size of the pad."""
+    """Return frames of the generator in one group for each size of pad."""
     rng, by_pad = np.random.default_rng(SEED), defaultdict(list)
     while sum(map(len, by_pad.values())) < DRAWN:
         if (touch := random_touch(rng, None)) is not None:
@@ -90,7 +93,7 @@ def labelled_bars(array: str) -> str:
 
 
 def draw(path: Path, groups: list[Group]) -> None:
-    """Draw frames of the generator, a pad a column."""
+    """Draw frames of the generator, one size of pad in each column."""
     figure, axes = plt.subplots(ROWS, COLS, figsize=(12, 4.5), layout='constrained')
     for k, axis in enumerate(axes.flat):
         axis.imshow(groups[k % len(groups)].frames[k // len(groups)], cmap='viridis', origin='lower')

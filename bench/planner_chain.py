@@ -1,4 +1,4 @@
-"""From taxels to the grasp message without nodes: the same functions that the nodes call, and a clock that is given."""
+"""The chain from taxels to the grasp message without nodes: the functions of the nodes, with a simulated clock."""
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import ContactShape, Grasp
 
 PITCH, UNIT = 0.002, 'Pa'
-DELAY = 0.02  # s from an acquisition to its grasp
-EPOCH = 1.7e9  # s
+DELAY = 0.02   #: Time from an acquisition to its grasp [s].
+EPOCH = 1.7e9  #: [s]
 
 
 class _Pad:
@@ -34,7 +34,7 @@ class _Pad:
 
 
 class Chain:
-    """Both pads and the grasp. Times [s] are of one steady clock."""
+    """Both pads and the grasp. All times are on one steady clock [s]."""
 
     def __init__(self) -> None:
         recogniser = make_recogniser('learned', '')
@@ -45,7 +45,7 @@ class Chain:
         self._times = dict.fromkeys(SIDES, -np.inf)
 
     def grasp(self, values: dict[str, np.ndarray], gap: float, now: float) -> Grasp:
-        """Take a frame of each pad that sends one, acquired ``now``; return the grasp DELAY later."""
+        """Process one frame of each pad in ``values``, acquired ``now``, and return the grasp DELAY later."""
         for side, frame in values.items():
             self._latest[side], self._times[side] = self._pads[side].shape(frame, now), now
             self._tracker.update(side, side_result(self._latest[side], now), now + DELAY, gap)

@@ -1,9 +1,10 @@
-"""A gripper with two tactile pads and an object between: where the pads touch follows from where it is.
+"""Simulated gripper with two tactile pads and an object between them.
 
-The object is fixed: a prism with an outline of the five classes, or a rod with two ball ends. Each skin is an elastic
-foundation (pressure in proportion to how deep the object is in it), so that an oblique face presses one side more and
-lifts off on the other. Each pad closes until its force is that of a light grasp. The gripper's frame is that of the
-grasp node's defaults: the left pad at z = -gap/2, looking along z, the right one facing it, y reversed.
+The object does not move. It is a prism with an outline of one of the five classes, or a rod with two ball ends. Each
+skin is an elastic foundation: the pressure is proportional to the depth of the object in the skin. An oblique face
+therefore presses more on one side and lifts off on the other. Each pad closes until it presses with the force of a
+light grasp. The gripper's frame is that of the grasp node's defaults: the left pad is at z = -gap/2 and faces along z.
+The right pad faces the left one, with y reversed.
 """
 
 from dataclasses import dataclass, replace
@@ -15,46 +16,49 @@ from scipy.spatial.transform import Rotation
 
 from tactile_node.simulator.world import Contact, random_contact
 
-ROWS, PITCH = 16, 0.002                 # sim16x16.yaml, both ways
+ROWS = 16      #: Rows and columns, as in sim16x16.yaml.
+PITCH = 0.002  #: [m]
 SPAN = (ROWS - 1) * PITCH
-FULL_SCALE, STIFFNESS = 100e3, 25e6     # Pa; Pa/m: a silicone of E* = 0.1 MPa, 4 mm thick
-FORCE = 6.0                             # N, of a light grasp
-BLUR, NOISE = 0.5, 0.005                # pitches; fraction of full scale
-FINE = 6                                # points of a taxel, both ways
+FULL_SCALE = 100e3  #: [Pa]
+STIFFNESS = 25e6    #: Silicone with E* = 0.1 MPa, 4 mm thick [Pa/m].
+FORCE = 6.0    #: Force of a light grasp [N].
+BLUR = 0.5     #: Standard deviation of the blur [pitches].
+NOISE = 0.005  #: Standard deviation of the noise [fraction of full scale].
+FINE = 6       #: Points of a taxel in each direction.
 AIM = (SPAN / 2, SPAN / 2)
 NO_TURN = Rotation.identity()
-REACH = 6.4                             # pitches, of a face from its centre
+REACH = 6.4  #: Distance from the centre to the end of a face [pitches].
 
 
 @dataclass(frozen=True)
 class Thing:
-    """What stands between the pads: its faces in pitches, its length along the closing direction in metres."""
+    """An object between the pads: faces in pitches, length along the closing direction in metres."""
 
-    face: Contact                       # about the origin
+    face: Contact                       #: centred on the origin
     length: float
-    ball: float = 0.0                   # radius of ball ends [m]; 0: flat faces
+    ball: float = 0.0                   #: radius of ball ends [m]; 0 for flat faces
 
 
 @dataclass(frozen=True)
 class Placed:
-    """Where a thing is in the gripper's frame."""
+    """An object at a place in the gripper's frame."""
 
     thing: Thing
-    centre: np.ndarray                  # [m]
-    turn: Rotation                      # of its frame, z along its length
-    ends: tuple[bool, bool] = (True, True)  # which of its faces a pad can reach
+    centre: np.ndarray                  #: [m]
+    turn: Rotation                      #: rotation of the object's frame, whose z lies along its length
+    ends: tuple[bool, bool] = (True, True)  #: True for each face that a pad can reach
 
     def moved(self, shift=(0.0, 0.0), about=(0.0, 0.0, 0.0), by: Rotation = NO_TURN) -> 'Placed':
-        """Of a gripper that has shifted by ``shift`` [m], and then turned ``by`` a rotation about a point."""
+        """Return the place after the gripper has shifted by ``shift`` [m] and then turned ``by`` about a point."""
         centre = self.centre - np.array((*shift, 0.0))
         return replace(self, centre=about + by.inv().apply(centre - about), turn=by.inv() * self.turn)
 
     def end(self, side: int) -> np.ndarray:
-        """The middle of the face that the left (0) or the right (1) pad touches [m]."""
+        """Return the middle of the face that the left (0) or the right (1) pad touches [m]."""
         return self.centre + self.turn.apply((0.0, 0.0, (side - 0.5) * self.thing.length))
 
     def touched(self, side: int) -> np.ndarray:
-        """Where the left (0) or the right (1) pad touches: the middle of a face, the top of a ball [m]."""
+        """Return the place that the left (0) or right (1) pad touches: middle of a face, or top of a ball [m]."""
         reach = 1 if side else -1
         inward = self.turn.apply((0.0, 0.0, -reach * self.thing.ball))
         return self.end(side) + inward + (0.0, 0.0, reach * self.thing.ball)
@@ -68,23 +72,23 @@ class Placed:
 
 
 class Truth(NamedTuple):
-    """What a planner wants to bring to 0."""
+    """The errors that a planner tries to bring to 0."""
 
-    offset: float        # [m]
-    misalignment: float  # [rad]
-    off_aim: float       # of the left contact [m]
+    offset: float        #: [m]
+    misalignment: float  #: [rad]
+    off_aim: float       #: distance of the left contact from its goal [m]
 
 
 class Closed(NamedTuple):
-    """Both pads after closing: taxels [Pa], NaN where they have none; ``gap`` [m]."""
+    """Both pads after closing: taxel values [Pa], NaN for places without a taxel, and ``gap`` [m]."""
 
     values: tuple[np.ndarray, np.ndarray]
     gap: float
-    placed: Placed       # seen from the gripper's middle
+    placed: Placed       #: place of the object from the gripper's middle
 
 
 def close(placed: Placed) -> Closed:
-    """Close both pads until each presses with FORCE, or finds nothing."""
+    """Close both pads until each presses with FORCE or finds no object."""
     pressed = [_pressed(placed, side) for side in (0, 1)]
     levels = [level for _, level in pressed]
     middle = np.array((0.0, 0.0, sum(levels) / 2))
@@ -97,7 +101,7 @@ def noisy(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def random_thing(random: np.random.Generator, kind: str) -> Thing:
-    """Of a class, or a 'ball' ended rod; its face fits on the pad with a taxel around it, at any angle."""
+    """Return an object of a class, or a rod with 'ball' ends. At any angle, one taxel fits around its face."""
     while True:
         face = random_contact(random, 'circle' if kind == 'ball' else kind, random.uniform(25, 45))
         if face.reach <= REACH:
@@ -107,7 +111,7 @@ def random_thing(random: np.random.Generator, kind: str) -> Thing:
 
 
 def random_place(random: np.random.Generator, thing: Thing, shift: float = 0.006, tilt: float = 0.14) -> Placed:
-    """Off the aim by up to ``shift`` [m] each way, tilted by up to ``tilt`` [rad], at any angle."""
+    """Return a place at a random angle, up to ``shift`` [m] off in each direction, tilted by up to ``tilt`` [rad]."""
     size, way = tilt * np.sqrt(random.random()), random.uniform(0, 2 * np.pi)
     turn = (Rotation.from_rotvec((size * np.cos(way), size * np.sin(way), 0.0))
             * Rotation.from_euler('z', random.uniform(0, 2 * np.pi)))
@@ -115,11 +119,11 @@ def random_place(random: np.random.Generator, thing: Thing, shift: float = 0.006
 
 
 def _pressed(placed: Placed, side: int) -> tuple[np.ndarray, float]:
-    """Pressures by taxel of the gripper's x and y, and where along z the pad has stopped [m]."""
-    reach = 1 if side else -1           # which way the pad is
+    """Return the pressures by taxel along the gripper's x and y, and the place along z where the pad stopped [m]."""
+    reach = 1 if side else -1           # direction of the pad along z
     steps = (np.arange(ROWS * FINE) + 0.5) / FINE - 0.5
     x, y = np.meshgrid(steps * PITCH, steps * PITCH)
-    height = reach * _face(placed, side, x, y)  # towards the pad; -inf where the object is not
+    height = reach * _face(placed, side, x, y)  # towards the pad; -inf beside the object
     if not placed.ends[side] or not np.isfinite(height).any():
         return np.zeros((ROWS, ROWS)), reach * placed.thing.length / 2
     taxels, level = foundation(height, FORCE)
@@ -129,7 +133,8 @@ def _pressed(placed: Placed, side: int) -> tuple[np.ndarray, float]:
 def foundation(height: np.ndarray, force: float) -> tuple[np.ndarray, float]:
     """Return the pressures by taxel [Pa], and the height at which the skin stops when it carries ``force`` [N].
 
-    ``height``: of an object towards the skin [m], at FINE points of a taxel both ways; -inf where it is not.
+    ``height`` is that of an object towards the skin [m], at FINE points of a taxel in each direction; -inf beside the
+    object.
     """
     area = (PITCH / FINE)**2
     high = height[np.isfinite(height)].max()
@@ -144,7 +149,7 @@ def foundation(height: np.ndarray, force: float) -> tuple[np.ndarray, float]:
 
 
 def _face(placed: Placed, side: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """z of the face at x, y [m]; infinite, away from the pad, where the object is not."""
+    """Return z of the face at x, y [m]; beside the object, infinity away from the pad."""
     reach, end, away = (1 if side else -1), placed.end(side), -np.inf if side else np.inf
     if placed.thing.ball:
         radius = placed.thing.ball

@@ -1,8 +1,8 @@
-"""Finds the table of tactile_node/pose/model_error.py on computed contacts of training solutions.
+"""Determine the table of tactile_node/pose/model_error.py on computed contacts of training solutions.
 
 Run from the checkout: python bench/pose_calibration.py [--frames 3000] [--build build]
-The first run solves the indenters of the training (some minutes) unless `make train` has. What it prints replaces the
-table; a second run then changes little. Punches and domes have tables apart.
+The first run solves the indenters of the training in some minutes, unless `make train` has solved them. Replace the
+table by the output of this script; a second run then changes little. Punches and domes have separate tables.
 """
 
 import argparse
@@ -36,17 +36,17 @@ from training.ground_truth.seeds import Purpose, generator
 from training.mechanics import solution_pool
 
 SEED = 950_000
-TILT = 0.4            #: beyond, more than the fit's model is wrong
-AREAS = 22.0, 130.0   #: log-uniform
-OUTLIERS = 4.0        #: of the residuals, in robust standard deviations, do not count
+TILT = 0.4            #: Largest tilt. Beyond it, other errors than those of the fit's model appear.
+AREAS = 22.0, 130.0   #: Range of the areas, log-uniform [taxels].
+OUTLIERS = 4.0        #: Residuals beyond this many robust standard deviations are left out.
 TERMS = len(ModelError._fields) - 1
-#: Parameters without a bias, for the shape looks the same from both sides.
+#: Parameters without a bias, because the shape looks the same from both sides.
 SYMMETRIC = {Shape.CIRCLE: (0, 1), Shape.SQUARE: (0, 1, 2), Shape.RECTANGLE: (0, 1, 2), Shape.RIGHT_TRIANGLE: (),
              Shape.ISOSCELES_TRIANGLE: (0, 2)}
 
 
 def frames(folder: Path, shape: Shape, is_punch: bool, count: int) -> list[Pressed]:
-    """Flat punches or domes of one class, at any pose, depth and pressure."""
+    """Return frames of flat punches or domes of one class, at any pose, depth and pressure."""
     rng = generator(Purpose.TRAINING, SEED + list(OUTLINES).index(shape))
     solutions = [(solution, outlined(solution)) for solution in solution_pool(folder)
                  if _is_meant(solution, shape, is_punch)]
@@ -65,12 +65,15 @@ def _is_meant(solution: Solution, shape: Shape, is_punch: bool) -> bool:
 
 
 def fitted(shape: Shape, drawn: list[Pressed]) -> list[tuple[Pressed, ShapeFit]]:
-    """The frames of which there is a fit, with it."""
+    """Return the frames that have a fit, each with its fit."""
     return [(frame, fit) for frame in drawn if (fit := fit_shape(frame.values, frame.mask, shape)) is not None]
 
 
 def calibrated(shape: Shape, indenter: Indenter, drawn: list[tuple[Pressed, ShapeFit]]) -> ModelError:
-    """The table's row from what fits leave after the row in force; fits by another pressure do not count."""
+    """Return the new row of the table, from the errors left by the current row.
+
+    Fits with the pressure of another kind of indenter are left out.
+    """
     errors, causes, spreads, deviations = [], [], [], []
     for frame, fit in drawn:
         if fit.indenter is not indenter:
@@ -92,13 +95,17 @@ def calibrated(shape: Shape, indenter: Indenter, drawn: list[tuple[Pressed, Shap
 
 
 def _is_same(fit: ShapeFit, error: np.ndarray) -> bool:
-    """Mirrored, or another corner as the apex, is another error than a length's."""
+    """Return True unless the fit is mirrored or has another corner as its apex, which is no error of a length."""
     return abs(error[2]) < 0.3 if fit.symmetry in (1, 3) else True
 
 
 def _row(symmetric: tuple[int, ...], in_force: ModelError, errors: np.ndarray, causes: np.ndarray, spreads: np.ndarray,
          noise: np.ndarray) -> ModelError:
-    """``errors``: (K, p); ``causes``: (K, TERMS); ``noise``: (K, p), what the fits state, without the model error."""
+    """Return a row of the table from K fits with p parameters.
+
+    ``errors`` and ``noise`` are (K, p), ``causes`` is (K, TERMS). ``noise`` is the stated deviation without
+    model error.
+    """
     terms, deviation = np.array(in_force[:-1], float), []
     for parameter, found in enumerate(errors.T):
         residual, used = found, np.ones(len(found), bool)
@@ -115,7 +122,7 @@ def _row(symmetric: tuple[int, ...], in_force: ModelError, errors: np.ndarray, c
 
 
 def _robust(values: np.ndarray) -> float:
-    """Half of the range that 95 % of them are in, as a standard deviation: regions are of 95 %."""
+    """Return a standard deviation from the range of 95 % of the values, because the regions are 95 % regions."""
     low, high = np.quantile(values, (0.025, 0.975))
     return float(high - low) / 2 / 1.96
 

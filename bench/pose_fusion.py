@@ -1,4 +1,4 @@
-"""Simulated sequences of frames: how soon a change of shape is followed, how much the shape flickers."""
+"""Measure on simulated sequences how soon a change of shape is followed, and how much the reported shape flickers."""
 
 from dataclasses import replace
 from time import process_time
@@ -16,17 +16,18 @@ from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import CLASSES, random_contact
 from training.ground_truth.seeds import Purpose, generator
 
-PERIOD = 0.01   # [s]
-FRAMES = 60     # of each of two shapes, one straight after the other
-CREEP = 0.01    # how far a contact moves a frame [pitches]
+PERIOD = 0.01   #: [s]
+FRAMES = 60     #: Number of frames of each of two shapes, without a break between the shapes.
+CREEP = 0.01    #: Movement of a contact from frame to frame [pitches].
 SKIN = Skin(blur=0.5, noise=0.02, dead=0.0)
 SEQUENCES = 40
 
 
 def measure(report) -> None:
     settings = FusionSettings()
-    report.say(f'Stated latency: {settings.frames_to_follow(PERIOD, 100.0)} frames when each is 100:1 for the new '
-               f'shape, {settings.frames_to_follow(PERIOD, 10.0)} at 10:1; contact and loss of contact: none.')
+    report.say(f'Stated latency: {settings.frames_to_follow(PERIOD, 100.0)} frames if each frame gives odds of 100:1 '
+               f'to the new shape, {settings.frames_to_follow(PERIOD, 10.0)} frames at 10:1. The beginning and the end '
+               'of a contact have no latency.')
     rows = []
     for method in METHODS:
         for area in (20, 50):

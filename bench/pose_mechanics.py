@@ -1,6 +1,7 @@
-"""Fits of contacts computed by contact mechanics: a world whose pressure is not the fit's model.
+"""Fit contacts that were computed by contact mechanics, whose pressure differs from the model of the fit.
 
-The truth is the contact set of the solver: the outline of the same shape that covers it best, found on its fine grid.
+The truth comes from the contact set of the solver. It is the outline of the same shape that covers this set best on the
+solver's fine grid.
 """
 
 from collections.abc import Callable
@@ -25,19 +26,19 @@ from training.ground_truth.seeds import Purpose, generator
 
 AREAS = (25, 50, 100)
 FLAT, CUT = 'flat punches', 'flat punches over the edge'
-MOST_CUT = 1 / 3  #: of a contact beyond the pad's edge
-SEED = 61_000_000  # counted up by a million when a report has prompted a change
+MOST_CUT = 1 / 3  #: Largest share of a contact beyond the pad's edge.
+SEED = 61_000_000  #: Raised by a million whenever a report has led to a change, so that new seeds are reported.
 
 
 class Outlined(NamedTuple):
-    """The contact set of a solution as a shape: lengths in square roots of its area, origin at the indenter's."""
+    """The contact set of a solution as a shape. Unit of length: root of its area; origin: that of the indenter."""
 
     parameters: np.ndarray
     handedness: int
 
 
 class Pressed(NamedTuple):
-    """A frame, its contact and where it is [pitches]."""
+    """A frame with its contact and the contact's place [pitches]."""
 
     shape: Shape
     values: np.ndarray
@@ -46,20 +47,20 @@ class Pressed(NamedTuple):
 
 
 class Skin(NamedTuple):
-    """One that presses share: the depth of its taxels [pitches], and what they read of a pressure [full scale]."""
+    """A skin: the depth of its taxels [pitches], and the curve from pressure to reading [full scale]."""
 
     depth: float
     curve: Callable[[np.ndarray], np.ndarray]
 
 
 class Row(NamedTuple):
-    """What fits of one kind of indenter and size found."""
+    """Results of the fits for one kind of indenter and size."""
 
     name: str
     area: float
     errors: list[Error]
     signed: np.ndarray   #: mean relative error of the lengths of each fit [%]
-    inside: np.ndarray   #: bool: the 95 % region holds the truth
+    inside: np.ndarray   #: bool, True if the 95 % region contains the truth
     residuals: np.ndarray
 
     @property
@@ -73,7 +74,7 @@ class Row(NamedTuple):
 
 
 def outlined(solution: Solution) -> Outlined:
-    """Return the shape that covers the contact set best; its cells are small, so that an on/off fit is exact."""
+    """Return the shape that covers the contact set best. An on/off fit is exact, because the cells are small."""
     part = Part(gather(solution.contact, solution.contact))
     fit = in_metres(search(part.evidence, Shape(solution.label)), part, solution.cell)
     parameters = fit.parameters.copy()
@@ -83,7 +84,10 @@ def outlined(solution: Solution) -> Outlined:
 
 def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area: float,
             skin: Skin | None = None) -> Pressed:
-    """Press ``solution`` at any pose, pressure and, without a ``skin``, depth; its contact covers ``area`` taxels."""
+    """Press ``solution`` with a contact of ``area`` taxels at a random pose and pressure.
+
+    The depth of the taxels is that of ``skin``, or random without a skin.
+    """
     shape, depth, pressure = Shape(solution.label), rng.uniform(*mechanics.DEPTH), rng.uniform(*mechanics.PRESSURE)
     depth = skin.depth if skin else depth
     side, angle = mechanics.side_of(area) + 4, rng.uniform(0, 2 * np.pi)
@@ -100,7 +104,7 @@ def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area:
 
 
 def draw(rng: np.random.Generator, name: str, area: float, count: int) -> list[Pressed]:
-    """``count`` frames of one kind of indenter, one solution a frame."""
+    """Return ``count`` frames of one kind of indenter, each with its own solution."""
     frames = []
     for number in range(count):
         indenter, tilt = mechanics.ROWS[FLAT if name == CUT else name](rng, number)
@@ -112,7 +116,7 @@ def draw(rng: np.random.Generator, name: str, area: float, count: int) -> list[P
 
 
 def _cut(rng: np.random.Generator, frame: Pressed) -> Pressed:
-    """Drop columns of the pad with up to MOST_CUT of the contact."""
+    """Return the frame without columns of the pad that contain up to MOST_CUT of the contact."""
     lost = np.cumsum(frame.mask.sum(0)) / frame.mask.sum()
     first = int(np.searchsorted(lost, MOST_CUT * rng.random(), side='right')) + 1
     values, truth = frame.values[:, first:], frame.truth - np.eye(len(frame.truth))[0] * first
@@ -120,12 +124,12 @@ def _cut(rng: np.random.Generator, frame: Pressed) -> Pressed:
 
 
 def error_of(fit: ShapeFit, truth: np.ndarray) -> Error:
-    """Of a fit, by the symmetry that it declares."""
+    """Return the error of a fit under the symmetry that the fit declares."""
     return error_from(fit.parameters, fit.symmetry, truth, len(fit.dimensions))
 
 
 def measure(name: str, area: float, frames: list[Pressed], response: SkinResponse | None = None) -> Row:
-    """Fit the frames of which a contact is found; ``response``: of a calibrated skin."""
+    """Fit the frames in which a contact is found. ``response`` is that of a calibrated skin."""
     if response:
         linear = [response.curve(frame.values) for frame in frames]
         frames = [frame._replace(values=values, mask=find_contact(values, unit=None).mask)
@@ -143,7 +147,7 @@ def measure(name: str, area: float, frames: list[Pressed], response: SkinRespons
 
 def report(table: Callable[[str, list[str], list[list[str]]], None], count: int,
            purpose: Purpose = Purpose.EVALUATION) -> None:
-    """Make the table of what fits of ``count`` frames of each kind and size find."""
+    """Make the table of the fits of ``count`` frames for each kind of indenter and size."""
     rows = []
     for number, (name, area) in enumerate((name, area) for name in (*mechanics.ROWS, CUT) for area in AREAS):
         found = measure(name, area, draw(generator(purpose, SEED + number), name, area, count))

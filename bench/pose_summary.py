@@ -1,15 +1,16 @@
-"""The page of results of pose, size and fusion: what a reader decides by, of the tables that runs have recorded.
+"""The page with the results of pose, size and fusion. It shows the most important columns of the recorded tables.
 
-bench_pose.py records its own. Those of bench_box.py and bench_calibration.py are copied from what these print.
+bench_pose.py records its own tables. The tables of bench_box.py and bench_calibration.py are copied from their output.
 """
 
 from bench.recognition.views import Page, Row, View, across, columns, names, of
 
-FOLDER = 'pose_tables'  #: folder of the recorded tables, beside the page
-READING = ('Errors are medians: of the centre in pitches, of the angle in degrees (by the symmetry that the fit '
-           'declares), of the worst length in per cent. *N*: taxels of the contact. *Region*: share whose '
-           'true parameters are all in the 95 % region, in per cent. Intervals and '
-           f'95th percentiles: CSV files of `{FOLDER}/`. Where it fails: [pose.md](pose.md).')
+FOLDER = 'pose_tables'  #: Folder of the recorded tables, next to the page.
+READING = ('All errors are medians. The error of the centre is in pitches. The error of the angle is in degrees and '
+           'allows for the symmetry that the fit declares. The error of the length is that of the worst length, in per '
+           'cent. *N* is the number of taxels of the contact. *Region* is the share of fits whose true parameters are '
+           f'all within the 95 % region, in per cent. The CSV files in `{FOLDER}/` contain the intervals and the 95th '
+           'percentiles. [pose.md](pose.md) describes where the fit fails.')
 ERRORS = of('centre', 'angle', 'length %')
 
 
@@ -33,43 +34,53 @@ def _is_main(row: Row) -> bool:
 
 
 VIEWS = (
-    View('Errors at N = 50', 'Centre / angle / length.', 'Errors', ('frames',), across('shape', ERRORS), _is_main),
-    View('By size', 'The five shapes together: centre / angle / length; region.', 'Against the area', ('N',),
+    View('Errors at N = 50', 'Each cell shows the errors of centre / angle / length.', 'Errors', ('frames',),
+         across('shape', ERRORS), _is_main),
+    View('By size', 'All five shapes together. Each cell shows the errors of centre / angle / length, then the '
+         'region.',
+         'Against the area', ('N',),
          across('frames', lambda row: f'{row["centre / angle / length"]}; '
                                       f'{row["95 % region holds the truth"].split("%")[0]}')),
-    View('Beside simple alternatives', 'The five shapes together, N = 50: centre / angle / length. Moments: closed '
-         'forms up to the fourth moment, which assume the shape too. Rectangle: the least one about the taxels.',
+    View('Beside simple alternatives', 'All five shapes together at N = 50. Each cell shows the errors of centre / '
+         'angle / length. *ours* is the fit of this package. *moments* uses closed forms up to the fourth moment, '
+         'which also assume the shape. *least rectangle* is the smallest rectangle around the taxels.',
          'Beside simple alternatives', ('frames',), names('ours', 'moments', 'least rectangle'),
          lambda row: row['frames'] in ('clean', 'on/off')),
-    View('95 % regions at N = 50', 'Wanted: 93-97 %.', 'Regions', ('frames',),
+    View('95 % regions at N = 50', 'Required: 93-97 %.', 'Regions', ('frames',),
          columns(all=of('all'), least_of_the_five=_least)),
-    View('Which corner is the apex', 'A nearly equilateral triangle may show three apexes: the fit '
-         'says symmetry 3, and the errors above count by that. Wrong, unsaid: the apex is another corner and the fit '
-         'says symmetry 1.', 'Corners', ('frames',),
+    View('Which corner is the apex', 'In a nearly equilateral triangle, any corner may look like the apex. The fit '
+         'then declares symmetry 3, and the errors above allow for this. *wrong unsaid* is the share of fits that have '
+         'another corner as the apex and declare symmetry 1.', 'Corners', ('frames',),
          columns(symmetry_3=of('symmetry 3'), wrong_apex=of('wrong apex'), wrong_unsaid=of('wrong, unsaid')),
          _is_main),
-    View('On contact mechanics', 'Rigid objects on an elastic half-space, taxels under a layer of unknown depth, '
-         'pressure 5-80 % of full scale, noise 1 %, 3 % dead; {fits} contacts a cell. The truth is the outline of the '
-         'contact set. By N: bias / spread (half of the 16-84 % range) of the mean length / centre / angle / region. '
-         'Wanted of flat punches: at most 3, 3, 0.03, 0.5; of all regions: 92-98 %.', 'Contact mechanics', ('object',),
-         across('N', of('bias', 'spread', 'centre', 'angle', 'in the 95 % region'))),
-    View('A calibrated skin', '`python bench/bench_calibration.py`: punches of the five shapes, 60 frames a cell, '
-         'reporting seeds, on skins whose response is not given to the fit: readings grow as the pressure, as its '
-         'power 0.6 or 1.3, or saturate; depth in pitches. Without -> with `tactile calibrate`, by N: bias of the '
-         'length; region.', 'Calibrated skin', ('depth', 'readings'),
+    View('On contact mechanics', 'Rigid objects press an elastic half-space. The taxels lie under a layer of unknown '
+         'depth. The pressure is 5-80 % of full scale, with 1 % noise and 3 % dead taxels; {fits} contacts in each '
+         'cell. The true outline is that of the computed contact. The columns are N. Each cell shows the bias / spread '
+         '(half of the 16-84 % range) of the mean length / error of the centre / error of the angle / region. Required '
+         'for flat punches: at most 3, 3, 0.03 and 0.5. Required for all regions: 92-98 %.', 'Contact mechanics',
+         ('object',), across('N', of('bias', 'spread', 'centre', 'angle', 'in the 95 % region'))),
+    View('A calibrated skin', 'In `python bench/bench_calibration.py`, punches of the five shapes press skins whose '
+         'response the fit does not know; 60 frames in each cell, evaluation seeds. The readings are proportional to '
+         'the pressure or to its power 0.6 or 1.3, or they saturate. The depth is in pitches. The columns are N. Each '
+         'cell shows the bias of the length without -> with `tactile calibrate`, then the region without -> with it.',
+         'Calibrated skin', ('depth', 'readings'),
          across('N', lambda row: f'{row["bias before"]} -> {row["bias after"]}; '
                                  f'{row["inside before"]} -> {row["inside after"]}'), lambda row: row['N'] != '50'),
-    View('The least rectangle', '`python bench/bench_box.py --contacts 40`, evaluation seeds. Punches, balls, '
-         'cylinders and cones are those of the contact mechanics below 1.2 pitches of skin, noise 1 %, 3 % dead; '
-         'others have an even pressure, blur 0.5, noise 1 %, 2 % dead. By N: bias of the long side / of the short one '
-         '/ error of the angle / share in the 95 % interval, the least of long, short, centre, angle.',
+    View('The least rectangle', 'This table is from `python bench/bench_box.py --contacts 40` with evaluation seeds. '
+         'Punches, balls, cylinders and cones are those of contact mechanics under 1.2 pitches of skin, with 1 % noise '
+         'and 3 % dead taxels. The other objects press evenly, with a blur of 0.5 pitches, 1 % noise and 2 % dead '
+         'taxels. The columns are N. Each cell shows the bias of the long side / bias of the short side / error of the '
+         'angle / share of true values in the 95 % interval. The last number is the smallest share of long side, short '
+         'side, centre and angle.',
          'Least rectangle', ('object',), across('N', _box), lambda row: row['N'] in ('12', '100')),
-    View('Time of one fit', 'Processor time, one core [ms].', 'Time of one fit', ('frames',),
+    View('Time of one fit', 'Processor time on one core [ms].', 'Time of one fit', ('frames',),
          lambda rows: {shape: _median(rows[0], shape) for shape in rows[0] if shape != 'frames'},
          lambda row: row['frames'] in ('clean', 'on/off')),
-    View('Fusion of successive frames', '40 sequences at 100 Hz: 60 frames of one shape, then at once 60 of another '
-         '(no frame between them empty), creeping 0.01 pitch a frame, blur 0.5, noise 2 %. *Settled*: from 100 ms '
-         '(200 ms after a change) on. *Flicker*: changes of the shape reported, beside the true one, per 100 frames.',
+    View('Fusion of successive frames', 'There are 40 sequences at 100 Hz. Each has 60 frames of one shape and then 60 '
+         'frames of another shape, without an empty frame between them. The contact creeps by 0.01 pitches per frame, '
+         'with a blur of 0.5 pitches and 2 % noise. *settled* is the share of right frames from 100 ms after the '
+         'beginning, or from 200 ms after the change. *flicker* is the number of changes of the reported shape per 100 '
+         'frames, without the true change.',
          'Fusion of successive frames', ('recogniser', 'N'),
          columns(right_single=of('right, single frames'),
                  settled=of('right, fused, from 100 ms (200 ms after a change) on'),

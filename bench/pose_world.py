@@ -1,4 +1,4 @@
-"""What bench_pose measures on: frames of contacts of known pose, errors against it, simple alternatives."""
+"""World of bench_pose.py: frames of contacts with known pose, errors of fits, and simple alternatives to a fit."""
 
 from typing import NamedTuple
 
@@ -15,14 +15,15 @@ from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import Contact, random_contact
 
 PAD = 36
-PRESS, RELEASE = 15_000.0, 12_000.0  # of a mean pressure of 50 000 Pa
+PRESS = 15_000.0    #: Press threshold for a mean pressure of 50 000 Pa [Pa].
+RELEASE = 12_000.0  #: Release threshold [Pa].
 
 
 class Condition(NamedTuple):
-    """How frames are made; ``skin`` None: on/off patterns."""
+    """Conditions of the frames. If ``skin`` is None, they are on/off patterns."""
 
     skin: Skin | None
-    tilt: float = 0.0  #: uniform up to this, along x and y [relative rise a pitch]
+    tilt: float = 0.0  #: largest tilt along x and y, uniform [relative rise per pitch]
 
 
 CONDITIONS = {
@@ -53,16 +54,16 @@ def draw(rng: np.random.Generator, shape: str, area: float, condition: Condition
 
 
 class Error(NamedTuple):
-    """Of one fit, in pitches, degrees, percent."""
+    """Errors of one fit in pitches, degrees and per cent."""
 
     centre: float
     angle: float
-    length: float       #: the worst dimension's
-    vector: np.ndarray  #: of all parameters, the angle by the fit's symmetry
+    length: float       #: error of the worst dimension
+    vector: np.ndarray  #: errors of all parameters; that of the angle allows for the fit's symmetry
 
 
 def truth(contact: Contact) -> tuple[np.ndarray, int]:
-    """Parameters of the contact's outline and its handedness."""
+    """Return the parameters of the contact's outline, and its handedness."""
     outline = OUTLINES[Shape(contact.shape)]
     angle = (contact.angle,) if outline.symmetry else ()
     return np.array((contact.x, contact.y, *angle, *contact.dimensions[:len(outline.dimensions)])), contact.handedness
@@ -73,7 +74,7 @@ def error(parameters: np.ndarray, symmetry: int, contact: Contact) -> Error:
 
 
 def error_from(parameters: np.ndarray, symmetry: int, true: np.ndarray, count: int) -> Error:
-    """Of ``parameters`` against the ``true`` ones, the last ``count`` of which are dimensions."""
+    """Return the error of ``parameters``. The last ``count`` of the ``true`` parameters are dimensions."""
     vector = parameters - true
     if symmetry:
         period = 2 * np.pi / symmetry
@@ -83,7 +84,7 @@ def error_from(parameters: np.ndarray, symmetry: int, true: np.ndarray, count: i
 
 
 def by_moments(sample: Sample) -> np.ndarray:
-    """Closed forms from moments of the contact's own values up to the fourth: `pose.first_guess` alone."""
+    """Return the parameters of `pose.first_guess`: closed forms of the contact's moments up to the fourth."""
     values = np.where(sample.mask & np.isfinite(sample.values), sample.values, 0).astype(float)
     rows, cols = np.nonzero(values > 0)
     shape = Shape(sample.contact.shape)
@@ -91,7 +92,7 @@ def by_moments(sample: Sample) -> np.ndarray:
 
 
 def by_rectangle(sample: Sample) -> np.ndarray:
-    """The least rectangle about the contact's taxel squares; its sides as the shape's dimensions."""
+    """Return the sides of the smallest rectangle around the contact's taxels as the dimensions of the shape."""
     rows, cols = np.nonzero(sample.mask)
     squares = np.concatenate([np.column_stack((cols + dx, rows + dy)) for dx in (-.5, .5) for dy in (-.5, .5)])
     hull = squares[spatial.ConvexHull(squares).vertices]

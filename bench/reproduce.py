@@ -1,4 +1,4 @@
-"""The paper's figures re-drawn, its claims re-measured, as a page and as CSV: `make reproduce`.
+"""Draw the paper's figures again and measure its claims again, as a page and as CSV: `make reproduce`.
 
     python bench/reproduce.py --output DIR [--patterns N] [--training N] [--seed N] [--jobs N] [--curves FILE]
 """
@@ -24,15 +24,16 @@ LEAST_TRAINING = 600
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_output_option(parser, type=Path, required=True, metavar='DIR', help='made where it does not exist')
+    add_output_option(parser, type=Path, required=True, metavar='DIR', help='folder, created if it does not exist')
     parser.add_argument('--patterns', type=int, default=2000, metavar='N',
-                        help='fresh patterns at each size, default %(default)s')
+                        help='number of new patterns at each size, default %(default)s')
     parser.add_argument('--training', type=int, default=12_000, metavar='N',
-                        help='patterns for the curves fitted again and for the learner, default %(default)s')
+                        help='number of patterns to fit the curves and the learner, default %(default)s')
     parser.add_argument('--seed', type=int, default=0, help='default %(default)s')
-    parser.add_argument('--jobs', type=int, default=os.cpu_count() or 1, help='processes, default %(default)s')
+    parser.add_argument('--jobs', type=int, default=os.cpu_count() or 1,
+                        help='number of processes, default %(default)s')
     parser.add_argument('--curves', default='volf_curves.yaml', metavar='FILE',
-                        help="the published method's curves, default config/%(default)s")
+                        help='curves of the published method, default config/%(default)s')
     try:
         return run(parser.parse_args(argv))
     except TactileError as error:
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     if args.patterns < 15 or args.training < LEAST_TRAINING or args.seed < 0 or args.jobs < 1:
         raise InputError('arguments of reproduce', expected='--patterns >= 15, --seed >= 0, --jobs >= 1 and '
                          f'--training >= {LEAST_TRAINING}', got=f'--patterns {args.patterns} --seed {args.seed} '
-                         f'--jobs {args.jobs} --training {args.training}', remedy='Ask for more.')
+                         f'--jobs {args.jobs} --training {args.training}', remedy='Give larger numbers.')
     classifier = VolfClassifier.from_file(config_path(args.curves))
     args.output.mkdir(parents=True, exist_ok=True)
     for name in (PAGE_FILE, *TABLES):

@@ -1,14 +1,20 @@
-"""Two pads at the bus's full load for a long time: TPDOs lost, memory, latency from SYNC to taxel frame over time.
+"""Run two pads at full bus load for a long time, and record lost TPDOs, memory and the latency from SYNC to frame.
 
-Run by `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes 10] [--rate 115]. The simulated skin
-is its own process behind a pseudo-terminal (slcan), as an adapter would be, and sends each frame when a wire would
-have carried it; the driver is the supervised one that the driver node runs. At 115 sweeps a second two pads of 16x16
-taxels of 8 bits fill a bus of 1 Mbit/s (64 TPDOs of 135 bits each, with the most stuff bits): heartbeats and SDOs come
-on top, so now and then a device leaves out a sweep ("sweeps skipped"). What the sender did, how late it was by the
-clock of its wire and what processor time it took are columns apart from the driver's. Where it may, all runs at a
-raised priority, as a robot's drivers do. A third process only sleeps, a millisecond at a time, and reports how long the
-machine itself stood still at most. The driver refuses so full a bus unless with ``allow_full_bus``, as here.
-Writes soak.csv; ends with 1 when a TPDO that was sent was lost or came too late.
+Run by `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes 10] [--rate 115]
+
+- The simulated skin is a separate process behind a pseudo-terminal (slcan), like an adapter. It sends each CAN frame at
+  the time at which a wire would have carried it. Its columns show what it sent, how late it was by the clock of its
+  wire, and its processor time.
+- The driver is the supervised driver that the driver node runs. It refuses such a full bus without
+  ``allow_full_bus``, which is set here.
+- At 115 sweeps per second, two pads of 16x16 taxels with 8 bits fill a bus of 1 Mbit/s: 64 TPDOs of 135 bits each, with
+  the largest number of stuff bits. Heartbeats and SDOs come in addition, so a device sometimes skips a sweep ("sweeps
+  skipped").
+- If the system allows it, all processes run at a raised priority, like the drivers of a robot.
+- A third process only sleeps for one millisecond at a time. It reports the longest time for which the machine stood
+  still.
+
+The script writes soak.csv. Its exit code is 1 if a TPDO that was sent was lost or came too late.
 """
 
 import argparse
@@ -44,12 +50,12 @@ from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
 NODES, LAYOUT, TPDOS = (32, 64), 'sim16x16.yaml', 32  #: a sweep of each node
-FULL_LOAD = 115.0  #: sweeps a second
+FULL_LOAD = 115.0  #: Sweeps per second that fill the bus.
 PERCENTILES = (50, 99, 99.9, 100)
 SENDER_LATE = ('p50', 'p99', 'max')
-NAP = 1e-3  #: s
-REPORT_TIMEOUT = 10.0  #: s
-NICE = -10  #: of driver and skin
+NAP = 1e-3  #: Duration of a sleep of the process that only sleeps [s].
+REPORT_TIMEOUT = 10.0  #: Longest wait for a report of the skin [s].
+NICE = -10  #: Nice value of driver and skin.
 COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received', 'TPDOs lost', 'bus load %',
            'machine still ms', *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB', 'driver CPU %',
            'wire load %', 'busiest 0.1 s %', 'sweeps skipped', 'not read',
@@ -57,18 +63,18 @@ COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received
 
 
 class Row(NamedTuple):
-    """One window; counts are of this window alone."""
+    """Results of one window of time. The counts are for this window alone."""
 
     minutes: float
     frames: int
     incomplete: int
     missing: int  #: TPDOs of these sweeps that were not received
-    lost: int     #: TPDOs received too late, or of no use otherwise
+    lost: int     #: TPDOs that were received, but too late or unusable for another reason
     load: float
-    stall: float  #: the longest time for which the machine did not run a process that only sleeps [ms]
-    latency: tuple[float, ...]  #: PERCENTILES [ms]
+    stall: float  #: longest time for which the machine did not run the process that only sleeps [ms]
+    latency: tuple[float, ...]  #: latency at PERCENTILES [ms]
     memory: float               #: resident memory of the driver's process [MB]
-    cpu: float                  #: of the driver's process, share of a core
+    cpu: float                  #: load of the driver's process [cores]
     sender: WireReport
 
     def cells(self) -> list[str]:
@@ -85,7 +91,7 @@ class Row(NamedTuple):
 
 
 class SkinProcess:
-    """The simulated skin, which runs until ``end``; ``port`` is the adapter's, which it has opened."""
+    """The simulated skin, which runs until ``end``. ``port`` is the port of the adapter that it has opened."""
 
     def __init__(self, folder: Path, layout: str, nodes: Sequence[int]):
         self.port, self._file = str(folder / 'can'), folder / 'wire.jsonl'
@@ -97,7 +103,7 @@ class SkinProcess:
             sys.exit('the simulated skin has not started')
 
     def report(self) -> WireReport:
-        """Return what the wire carried since the report before."""
+        """Return what the wire has carried since the previous report."""
         self._process.send_signal(signal.SIGUSR1)
         end = time.monotonic() + REPORT_TIMEOUT
         while time.monotonic() < end:
@@ -114,7 +120,7 @@ class SkinProcess:
 
 
 class Latencies:
-    """From SYNC to the taxel frame in hand [s], since the last call."""
+    """Collects the latencies from SYNC to the arrival of the taxel frame [s] since the last call."""
 
     def __init__(self):
         self._taken, self._lock = array('d'), threading.Lock()
@@ -130,10 +136,10 @@ class Latencies:
 
 
 class StallWatch:
-    """A process that only sleeps: ``take`` gives by how much it overslept at most [s] since the last call."""
+    """A process that only sleeps. ``take`` returns its largest delay since the last call [s]."""
 
     def __init__(self):
-        context = multiprocessing.get_context('fork')  # begun before there are threads
+        context = multiprocessing.get_context('fork')  # fork before any thread is started
         self._longest = context.Value('d', 0.0)
         self._process = context.Process(target=self._watch, daemon=True)
         self._process.start()
@@ -158,7 +164,7 @@ class StallWatch:
 
 
 class Soak:
-    """A running driver, and the fate of its taxels so far."""
+    """A running driver, with the counts of its taxel frames."""
 
     def __init__(self, driver: Supervisor, latencies: Latencies, stalls: StallWatch, skin: SkinProcess):
         self.driver = driver
@@ -192,7 +198,7 @@ class Soak:
 
     @property
     def growth(self) -> float:
-        """Of memory from the end of the first tenth, when all is warm, to the end [MB]."""
+        """Growth of the memory from the end of the first tenth to the end [MB]; the first tenth is the warm-up."""
         memory = [row.memory for row in self.rows]
         return memory[-1] - memory[len(memory) // 10]
 
@@ -202,11 +208,11 @@ def resident() -> float:
 
 
 def priority() -> str:
-    """Raise that of this process and of all that it will start, where that is allowed; what it is now."""
+    """Raise the priority of this process and its future children if that is allowed; return the result as text."""
     try:
         os.setpriority(os.PRIO_PROCESS, 0, NICE)
     except PermissionError:
-        return f'that of any other process; nice {NICE} is not allowed here'
+        return f'normal, because nice {NICE} is not allowed here'
     return f'nice {NICE}, driver and skin'
 
 
@@ -247,7 +253,7 @@ def main() -> int:
         skin = SkinProcess(Path(folder), LAYOUT, NODES)
         try:
             print(f'two pads, {args.rate:g} sweeps/s each, {args.minutes:g} minutes; full load is {FULL_LOAD:g}, '
-                  'above what the driver takes without allow_full_bus')
+                  'which the driver accepts only with allow_full_bus')
             print('  '.join(COLUMNS), flush=True)
             soak = run(args, skin, stalls)
         finally:
@@ -256,7 +262,7 @@ def main() -> int:
     write(args.output, soak.rows)
     missing, lost = sum(row.missing for row in soak.rows), sum(row.lost for row in soak.rows)
     skipped = sum(row.sender.skipped for row in soak.rows) * TPDOS
-    print(f'TPDOs not received: {missing}, of these not sent by the device: {skipped}; received and lost: {lost}; '
+    print(f'TPDOs not received: {missing}, not sent by the device: {skipped}; received and lost: {lost}; '
           f'memory growth after the first tenth: {soak.growth:+.1f} MB; table in {args.output}')
     return int(missing + lost > skipped)
 
@@ -264,8 +270,9 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--minutes', type=float, default=10, help='default %(default)s')
-    parser.add_argument('--rate', type=float, default=FULL_LOAD, help='sweeps a second, default %(default)s')
-    parser.add_argument('--window', type=float, default=10, help='seconds a row of the table, default %(default)s')
+    parser.add_argument('--rate', type=float, default=FULL_LOAD, help='sweeps per second, default %(default)s')
+    parser.add_argument('--window', type=float, default=10,
+                        help='duration of a row of the table [s], default %(default)s')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
     return parser.parse_args()
 

@@ -1,8 +1,10 @@
-"""Message packages that PyPI lacks: their interfaces, and one that is built or generated where ROS does not have it.
+"""Message packages that are not on PyPI. They are built or generated from their interfaces if ROS does not have them.
 
-A build takes 20 s of processor time, once, and can send its messages. Generated Python classes take 1 s and cannot.
+A build takes 20 s of processor time, once, and its messages can be sent. Generated Python classes take 1 s, and their
+messages cannot be sent.
 
-Only what our code uses of them, by the names of the real packages: geometry2, MoveIt 2, ros2_control, tactile_toolbox.
+The module contains only the interfaces that our code uses, under the names of the real packages: geometry2, MoveIt 2,
+ros2_control and tactile_toolbox.
 
     python test/built_messages.py PACKAGE ...
 """
@@ -24,7 +26,7 @@ from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[1]
 MESSAGES, BUILT = ROOT / 'msg', ROOT / 'build' / 'messages'
-#: package -> the packages that it needs, and its messages and actions
+#: For each package, the packages that it needs, and its messages and actions.
 INTERFACES: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     'tf2_msgs': (('geometry_msgs',), {'TFMessage': 'geometry_msgs/TransformStamped[] transforms'}),
     'tactile_msgs': (('std_msgs', 'sensor_msgs'), {
@@ -53,14 +55,14 @@ bool stalled
 bool reached_goal
 ---
 sensor_msgs/JointState state'''}),
-    # As another version of this package could have it: two fields in another order, which no length gives away.
+    # As in another version of this package: two fields are in another order, which the length does not show.
     'tactile_skin': (('std_msgs', 'builtin_interfaces'), {
         'TaxelArray': (MESSAGES / 'TaxelArray.msg').read_text(encoding='utf-8').replace(
             'uint32 rows\nuint32 cols\n', 'uint32 cols\nuint32 rows\n')})}
 
 
 def source(name: str) -> dict[str, str]:
-    """The files of package ``name``."""
+    """Return the files of package ``name``."""
     needs, messages = INTERFACES[name]
     depend = ''.join(f'<depend>{each}</depend>' for each in needs)
     find = '\n'.join(f'find_package({each} REQUIRED)' for each in needs)
@@ -83,13 +85,13 @@ ament_package()''',
 
 @contextmanager
 def built_messages(name: str, folder: Path) -> Iterator[None]:
-    """Make package ``name`` importable: the installed one, or one that is built in ``folder`` (about 10 s), once."""
+    """Make package ``name`` importable: the installed one, or one that is built once in ``folder`` (about 10 s)."""
     if importlib.util.find_spec(name):
         yield
         return
     modules = built(name, folder)
     prefix = modules.parents[2]
-    for library in prefix.glob('lib/*.so'):  # rosidl opens them by name: those that are loaded are found
+    for library in prefix.glob('lib/*.so'):  # load them, because rosidl opens them by name
         ctypes.CDLL(str(library))
     with _importable(name, modules):
         yield
@@ -97,7 +99,7 @@ def built_messages(name: str, folder: Path) -> Iterator[None]:
 
 @contextmanager
 def generated_messages(name: str) -> Iterator[None]:
-    """Make package ``name`` importable: the installed one, or its Python classes alone, which DDS cannot send."""
+    """Make package ``name`` importable: the installed one, or only its Python classes, which DDS cannot send."""
     if importlib.util.find_spec(name):
         yield
         return
@@ -106,7 +108,7 @@ def generated_messages(name: str) -> Iterator[None]:
         sources, modules = Path(folder, 'source'), Path(folder, 'modules')
         _write_source(name, sources)
         interfaces = [f'{sources}:{path.relative_to(sources)}' for path in sources.glob('*/*')]
-        with redirect_stdout(io.StringIO()):  # it names each file
+        with redirect_stdout(io.StringIO()):  # the generator prints each file name
             GeneratePython('py').generate(name, interfaces, [f'{sys.prefix}/share'], modules / name)
         with _importable(name, modules):
             yield
@@ -124,14 +126,14 @@ def _importable(name: str, modules: Path) -> Iterator[None]:
 
 
 def environment_with(name: str) -> dict[str, str]:
-    """Return the environment of a process that imports package ``name``, which can be imported here."""
+    """Return the environment for a process that imports package ``name``. The package must be importable here."""
     modules = Path(importlib.import_module(name).__file__).parents[1]
     paths = {'PYTHONPATH': modules, 'LD_LIBRARY_PATH': modules.parents[2] / 'lib'}
     return {**os.environ, **{key: f'{path}:{os.environ.get(key, "")}' for key, path in paths.items()}}
 
 
 def built(name: str, folder: Path) -> Path:
-    """Build package ``name`` in ``folder``, once, whatever is installed; return its folder of Python modules."""
+    """Build package ``name`` once in ``folder``, even if it is installed; return its folder of Python modules."""
     folder = folder / name / _fingerprint(name)
     folder.mkdir(parents=True, exist_ok=True)
     prefix, is_built = folder / 'install', folder / 'is_built'
@@ -145,7 +147,7 @@ def built(name: str, folder: Path) -> Path:
 
 
 def _fingerprint(name: str) -> str:
-    """Of what the build depends on: the sources, the environment and when the environment was installed."""
+    """Return a fingerprint of the sources, of the environment and of its time of installation."""
     std_msgs = Path(importlib.util.find_spec('std_msgs').origin)
     facts = [source(name), sys.prefix, sys.version, std_msgs.stat().st_mtime_ns]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]

@@ -1,6 +1,7 @@
-"""Every quantity of the paper computed slowly and plainly, straight from its definition.
+"""Compute every quantity of the paper directly from its definition, slowly and simply.
 
-Shares no code with tactile_node: nested loops over taxels, dense matrices, numpy's dense eigenvalues.
+The module shares no code with tactile_node. It uses nested loops over taxels, dense matrices and numpy's dense
+eigenvalues.
 """
 
 import math
@@ -17,7 +18,7 @@ def taxels(mask):
 
 
 def entry(p, q, k):
-    """A(i,j) for the taxels p and q."""
+    """Return A(i,j) for the taxels p and q."""
     step = (q[0] - p[0], q[1] - p[1])
     if step == (0, 0):
         return 4.0 if k == 5 else 20 / 6
@@ -27,7 +28,7 @@ def entry(p, q, k):
 
 
 def dense(points, k):
-    """A of the taxels ``points`` in the order given."""
+    """Return A of the taxels ``points`` in the given order."""
     return np.array([[entry(p, q, k) for q in points] for p in points]).reshape(len(points), len(points))
 
 
@@ -38,13 +39,13 @@ def border(points, k):
 
 
 def inside(mask):
-    """The number of active taxels whose four edge neighbours are all active."""
+    """Return the number of active taxels whose four edge neighbours are all active."""
     active = set(taxels(mask))
     return sum(all((r + dr, c + dc) in active for dr, dc in EDGES) for r, c in active)
 
 
 def of_matrix(points, k):
-    """Eigenvalue, information measures, centre of gravity of A_k of ``points``."""
+    """Return eigenvalue, information measures and centre of gravity of A_k of ``points``."""
     n = len(points)
     a = dense(points, k)
     s = [sum(a[i]) for i in range(n)]
@@ -62,7 +63,7 @@ def of_matrix(points, k):
 
 
 def of_pattern(mask):
-    """All features of one pattern by the names of `tactile features`."""
+    """Return all features of one pattern, by the names of `tactile features`."""
     points = taxels(mask)
     found = {'N': len(points), 'P05': len(border(points, 5)), 'P09': len(border(points, 9))}
     sets = {'': points, '_border5': border(points, 5), '_border9': border(points, 9)}

@@ -1,4 +1,4 @@
-"""What the CAN tests share: a pad small enough to compute by hand, a driver and a skin on one bus."""
+"""Helpers that the CAN tests share: a pad that is small enough to compute by hand, a driver and a skin on one bus."""
 
 import os
 import pty
@@ -25,17 +25,17 @@ from tactile_node.skin.pads import make_pad, make_pads, with_dictionaries
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
-#: The same tests run on a real Linux CAN stack, where all share one channel: `make socketcan`
+#: `make socketcan` runs the same tests on a real Linux CAN stack, on which all tests share one channel.
 INTERFACE = os.environ.get('TACTILE_TEST_INTERFACE', 'virtual')
 
 
 def channel_of(name: str) -> str:
-    """The channel that stands for a test's own bus."""
+    """Return the channel that a test uses as its own bus."""
     return name if INTERFACE == 'virtual' else 'vcan0'
 
 
 class TooSlowError(AssertionError):
-    """The machine had more to do than it can in real time, so the test proves nothing; conftest.py skips it."""
+    """The machine was too slow for real time, so the test proves nothing. conftest.py skips such a test."""
 
 
 def is_overloaded() -> bool:
@@ -44,7 +44,7 @@ def is_overloaded() -> bool:
 
 
 class Served:
-    """A hand-written device: its ``_serve`` runs on a thread until ``_ends``; use with ``with``."""
+    """Context with a hand-written device. Its ``_serve`` runs on a thread until ``_ends`` is set."""
 
     def __init__(self, channel: str):
         self._bus = can.Bus(channel, interface=INTERFACE)
@@ -65,7 +65,7 @@ class Served:
 
 
 class Master:
-    """A bare CAN bus beside simulated skins: what a hand-written master sends and receives."""
+    """A bare CAN bus with simulated skins, for a hand-written master."""
 
     def __init__(self, name: str):
         self.bus = other_bus(name)
@@ -74,7 +74,7 @@ class Master:
         self.bus.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
 
     def sdo(self, request: str) -> str:
-        """The answer of node 32 to an SDO request, as hex."""
+        """Return the answer of node 32 to an SDO request, as hex."""
         self.send(0x620, request)
         while (answer := self.bus.recv(60)).arbitration_id != 0x5A0:
             pass
@@ -82,7 +82,7 @@ class Master:
 
 
 class SkinMaster(Master):
-    """A master beside one simulated pad, node 32; use with ``with``."""
+    """Context with a master and one simulated pad, node 32."""
 
     def __init__(self, name: str, layout: str, source: Callable[[float], np.ndarray]):
         super().__init__(name)
@@ -98,11 +98,11 @@ class SkinMaster(Master):
 
 
 def other_bus(name: str) -> can.BusABC:
-    """Another participant on the bus ``name``."""
+    """Return another participant on the bus ``name``."""
     return can.Bus(channel_of(name), interface=INTERFACE)
 
 
-#: 3 x 2 taxels, one row a TPDO: value = 2 (counts - 10) Pa
+#: Layout with 3 x 2 taxels and one row in each TPDO; value = 2 (counts - 10) Pa.
 TINY = '''
 rows: 3
 cols: 2
@@ -129,14 +129,14 @@ def wait_until(condition: Callable[[], bool], timeout: float = 60.0) -> bool:
 
 
 class Loss(NamedTuple):
-    """So many CAN frames of a pad were lost for one reason."""
+    """A number of CAN frames of a pad that were lost for one reason."""
 
     reason: LossReason
     can_frames: int = 1
 
 
 def telling(assembler: PadAssembler, drop_incomplete: bool = False) -> PadAssembler:
-    """The assembler, whose calls also give, after the frames, what they have lost."""
+    """Return the assembler with calls that return the lost CAN frames after the taxel frames."""
     def with_losses(call: Callable[..., Frames], *given: object) -> tuple[TaxelFrame | Loss, ...]:
         before, frames = assembler.statistics().losses, taxel_frames(call(*given))
         after = assembler.statistics().losses
@@ -149,13 +149,13 @@ def telling(assembler: PadAssembler, drop_incomplete: bool = False) -> PadAssemb
 
 
 def only(outcome: Sequence[TaxelFrame | Loss]) -> TaxelFrame | Loss | None:
-    """What alone has come of a CAN frame or a SYNC; None where nothing has."""
+    """Return the only result of a CAN frame or a SYNC, or None if there is no result."""
     assert len(outcome) <= 1, outcome
     return outcome[0] if outcome else None
 
 
 def is_balanced(assembler) -> bool:
-    """Whether each CAN frame that an assembler has received is used, pending or lost."""
+    """Return True if each CAN frame that the assembler has received is used, pending or lost."""
     counts = assembler.statistics()
     return (counts.received == counts.used + counts.pending + sum(counts.losses.values())
             and counts.used == sum(counts.used_by_node))
@@ -167,7 +167,7 @@ def taxel_frames(results: Sequence[TaxelFrame | Loss]) -> list[TaxelFrame]:
 
 @contextmanager
 def serial_line() -> Iterator[tuple[int, str]]:
-    """A pseudo-terminal: the descriptor of the adapter's end, and the port that a client opens."""
+    """Yield the descriptor of the adapter's end of a pseudo-terminal, and the port that a client opens."""
     adapter, client = pty.openpty()
     tty.setraw(client)
     try:
@@ -178,7 +178,7 @@ def serial_line() -> Iterator[tuple[int, str]]:
 
 
 class Bench:
-    """A simulated skin and a driver on their own virtual bus; use with ``with``. ``wire``: see SkinSimulator."""
+    """Context with a simulated skin and a driver on their own virtual bus. ``wire`` is that of SkinSimulator."""
 
     def __init__(self, channel: str, layout: str = 'sim16x16.yaml', nodes: tuple[int, ...] = (32,),
                  source=None, wire: WireSettings | None = None, eds: str = '', **settings: Any):
@@ -205,7 +205,7 @@ class Bench:
         self.log.__exit__()
 
     def supervise(self) -> None:
-        """Take a Supervisor in place of the bare SkinBus."""
+        """Use a Supervisor instead of the bare SkinBus."""
         self.driver = Supervisor(self.settings, self.pads, lambda *given: self.frames.put(given))
 
     def run(self) -> None:
@@ -217,19 +217,19 @@ class Bench:
         return [self.frames.get(timeout=60) for _ in range(count)]
 
     def take_whole(self, count: int) -> list:
-        """The next frames that miss nothing: on a busy machine some TPDOs come late, and are lost as late."""
+        """Return the next frames that are whole. On a busy machine, some TPDOs are late, so other frames are not."""
         frames = []
         while len(frames) < count:
             frames += [item for item in self.take(1) if item[1].missing_can_frames == 0]
         return frames
 
     def take_until(self, wanted: Callable[[TaxelFrame], bool]) -> TaxelFrame:
-        """The next frame that is ``wanted``."""
+        """Return the next frame for which ``wanted`` returns True."""
         while not wanted(frame := self.take(1)[0][1]):
             pass
         return frame
 
     def forget(self) -> None:
-        """Drop the frames not yet taken; for a stopped driver."""
+        """Drop the frames that were not taken yet. The driver has to be stopped."""
         while not self.frames.empty():
             self.frames.get()

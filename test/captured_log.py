@@ -1,20 +1,20 @@
-"""What the package logs, kept as records for tests that run longer than one caplog phase or outside pytest."""
+"""Keep the log records of the package, for tests that run longer than one caplog phase or outside pytest."""
 
 import logging
 from collections import deque
 from typing import NamedTuple
 
-KEPT = 10_000  # of a fuzzing run of hours only the last ones
+KEPT = 10_000  #: Number of records that are kept, because a fuzzing run takes hours.
 
 
 class Logged(NamedTuple):
     level: int
     message: str
-    fact: object  #: the fault, error, EMCY or command that the record reports, None for any other
+    fact: object  #: the fault, error, EMCY or command that the record reports; None for other records
 
 
 class CapturedLog(logging.Handler):
-    """Keeps what the loggers of ``tactile_node`` report from INFO on; use with ``with``."""
+    """Context that keeps the records of the loggers of ``tactile_node`` from level INFO."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
@@ -47,15 +47,15 @@ class CapturedLog(logging.Handler):
 
     @property
     def facts(self) -> list[object]:
-        """What the records report beside their text, oldest first."""
+        """Facts of all records, oldest first."""
         return [record.fact for record in self._records.copy() if record.fact is not None]
 
     @property
     def error_facts(self) -> list[object]:
-        """Those of the warnings and errors, oldest first."""
+        """Facts of the warnings and errors, oldest first."""
         return [record.fact for record in self.records if record.level >= logging.WARNING and record.fact is not None]
 
     @property
     def errors(self) -> list[str]:
-        """The warnings and errors, oldest first."""
+        """Texts of the warnings and errors, oldest first."""
         return [record.message for record in self._records.copy() if record.level >= logging.WARNING]

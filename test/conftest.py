@@ -1,4 +1,4 @@
-"""For every test: ROS stays on this machine, each run of pytest in its own domain."""
+"""Set-up of all tests: ROS stays on this machine, and each run of pytest has its own domain."""
 
 import fcntl
 import gc
@@ -13,11 +13,12 @@ from typing import TextIO
 
 import pytest
 
-DOMAINS = range(1, 101)  #: 101 is the highest whose ports Linux gives to no one else; test_tutorial.py needs it empty
+#: Linux uses the ports of domains up to 101 for nothing else. test_tutorial.py needs domain 101.
+DOMAINS = range(1, 101)
 
 
 def lock_domain() -> tuple[int, TextIO]:
-    """Return a ROS domain that no other run of these tests uses, and the file whose lock keeps it."""
+    """Return a ROS domain that no other run of these tests uses, and the file whose lock reserves it."""
     for domain in DOMAINS:
         lock = Path(tempfile.gettempdir(), f'tactile_skin_ros_domain_{domain}').open('w')
         try:
@@ -35,7 +36,7 @@ os.environ['ROS_DOMAIN_ID'] = str(DOMAIN)
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_call(item):
-    """A test in real time is skipped where the machine does not keep up: TooSlowError of can_bench.py."""
+    """Skip a test in real time if the machine is too slow (TooSlowError of can_bench.py)."""
     outcome = yield
     error = outcome.excinfo[1] if outcome.excinfo else None
     if type(error).__name__ == 'TooSlowError':
@@ -46,8 +47,8 @@ def pytest_runtest_call(item):
 def pytest_runtest_teardown(item):
     """Destroy the ROS nodes that a test leaves in reference cycles.
 
-    The garbage collector would destroy several at once, in the middle of another test. Fast DDS then hung for ever in
-    `DomainParticipant::set_listener`, once in a run, after test_hand_over.py had left four participants.
+    The garbage collector would destroy several nodes at once during another test. Fast DDS then hung forever in
+    `DomainParticipant::set_listener`. This happened once in a run, after test_hand_over.py had left four participants.
     """
     yield
     if item.get_closest_marker('ros'):
@@ -55,11 +56,11 @@ def pytest_runtest_teardown(item):
 
 
 def processor_time() -> float:
-    """Return the processor time [s] that this process and its ended children have used."""
+    """Return the processor time of this process and of its finished children [s]."""
     return sum(os.times()[:4])
 
 
-#: A mark in a module's text, and the statement that gives marks to all tests of a module
+#: A mark in the text of a module, and the statement that gives marks to all tests of a module.
 MARK = re.compile(r'pytest\.mark\.(ros|bus|slow)')
 MODULE_MARKS = re.compile(r'^pytestmark = (\[.*?\]|.*?)$', re.MULTILINE | re.DOTALL)
 
@@ -70,9 +71,9 @@ def pytest_addoption(parser):
 
 
 def pytest_ignore_collect(collection_path, config):
-    """Leave out the files of other parts, and those without a test of this run.
+    """Ignore the files of other parts, and files without a test of this run.
 
-    Importing all of them takes 15 s in each lane.
+    The import of all files would take 15 s in each lane.
     """
     if collection_path.suffix != '.py' or collection_path.parent != Path(__file__).parent:
         return None
@@ -83,7 +84,7 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def may_have_tests(path, markexpr):
-    """Return whether the file may have a test with the marks of ``markexpr``, by its text: it is not imported."""
+    """Return True if, by its text alone, the file may have a test with the marks of ``markexpr``."""
     if not markexpr:
         return True
     text = path.read_text()
@@ -95,9 +96,9 @@ def may_have_tests(path, markexpr):
                for ros, bus, slow in itertools.product(*choices))
 
 
-#: Names of the files that may have a test with the marks of this run
+#: Names of the files that may have a test with the marks of this run.
 FILES = pytest.StashKey[list]()
-#: Test file -> processor time [s] of collecting it and running its tests
+#: For each test file, the processor time to collect it and to run its tests [s].
 PROCESSOR_TIME = pytest.StashKey[Counter]()
 
 
@@ -106,7 +107,7 @@ def pytest_configure(config):
 
 
 def pytest_collection_finish():
-    """Leave all that is imported out of later collections: each takes 0.15 s otherwise, and some tests ask for one."""
+    """Exclude the imported objects from later garbage collections, which would otherwise take 0.15 s each."""
     gc.freeze()
 
 
@@ -127,14 +128,14 @@ def pytest_terminal_summary(terminalreporter, config):
             terminalreporter.write_line(f'{seconds:8.1f} s  {name}')
 
 
-#: What a module of tests may import where there is none: how to get it
+#: Modules that a test file may import although they are missing, with the reason.
 OF_ROS = {'rclpy': 'ROS 2 is not installed', 'tactile_skin': 'the messages are not built: run `make setup`',
           **{name: f'{name} is not installed' for name in ('py_trees', 'rosidl_adapter', 'xacro')}}
 
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_make_collect_report(collector):
-    """A module of tests of ROS nodes is skipped, with the reason, where ROS 2 or our messages are missing."""
+    """Skip test files of ROS nodes, with the reason, if ROS 2 or our messages are missing."""
     outcome = yield
     report = outcome.get_result()
     missing = getattr(report.call.excinfo and report.call.excinfo.value.__cause__, 'name', None) or ''
@@ -146,7 +147,7 @@ def pytest_make_collect_report(collector):
 
 @pytest.fixture
 def ros():
-    """Run ROS; what is added to the stack ends before it."""
+    """Run ROS. Everything that a test adds to the stack ends before ROS."""
     import rclpy
     rclpy.init()
     with ExitStack() as stack:
@@ -173,7 +174,7 @@ def control_msgs():
 
 @pytest.fixture(scope='session')
 def collision_object_message():
-    """What MoveIt's planning scene takes."""
+    """The message that MoveIt's planning scene accepts."""
     from built_messages import generated_messages
     with generated_messages('moveit_msgs'):
         from moveit_msgs.msg import CollisionObject
@@ -182,7 +183,7 @@ def collision_object_message():
 
 @pytest.fixture(scope='session')
 def tactile_state_message():
-    """What tactile_toolbox takes."""
+    """The message that tactile_toolbox accepts."""
     from built_messages import generated_messages
     with generated_messages('tactile_msgs'):
         from tactile_msgs.msg import TactileState

@@ -1,4 +1,4 @@
-"""The message of diagnostics for one state of a bus, as the driver makes it."""
+"""Make the diagnostic message for one state of a bus, as the driver makes it."""
 
 from types import MappingProxyType
 

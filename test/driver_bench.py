@@ -1,4 +1,4 @@
-"""The driver node on the bus of a FaultBench and a listener to its topics; the test spins both while it waits."""
+"""The driver node on the bus of a FaultBench, and a listener to its topics. The test spins both while it waits."""
 
 import gc
 from concurrent.futures import Future
@@ -18,7 +18,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 class DriverBench(RosBench):
-    """One pad of ``bench``, whose messages are kept; ``given``: parameters of the driver."""
+    """The driver of one pad of ``bench``, with all its messages. ``given`` are parameters of the driver."""
 
     def __init__(self, stack: ExitStack, bench: FaultBench, **given: Any):
         super().__init__(stack)
@@ -34,12 +34,12 @@ class DriverBench(RosBench):
         self.status = self.listen(SkinStatus, '/skin_driver/status', STATUS_QOS)
 
     def _forget(self) -> None:
-        """rclpy ends a lifecycle node when it is collected, and then takes /rosout from a new node of its name."""
+        """Drop the node now. If rclpy collects it later, it takes /rosout away from a new node of the same name."""
         del self.node
         gc.collect()
 
     def listen(self, kind: type, topic: str, qos: Any = 10) -> list:
-        """Return the list that messages are added to as they come."""
+        """Return the list to which messages are added when they arrive."""
         heard: list = []
         self.listener.create_subscription(kind, topic, heard.append, qos)
         return heard
@@ -55,7 +55,7 @@ class DriverBench(RosBench):
         return call.result()
 
     def start(self) -> None:
-        """Start the driver; return when bus and node are well."""
+        """Start the driver, and wait until bus and node work without a fault."""
         self.node.autostart()
         self.until(lambda: (OK, OK) in self.levels, 'never OK')
 
@@ -64,7 +64,7 @@ class DriverBench(RosBench):
 
     @property
     def levels(self) -> list[tuple[bytes, ...]]:
-        """Levels of each message of /diagnostics, of the bus first."""
+        """Levels of each message of /diagnostics, that of the bus first."""
         return [tuple(status.level for status in message.status) for message in self.diagnostics]
 
     @property

@@ -1,4 +1,4 @@
-"""A virtual bus whose adapter can be pulled out, and one that loses frames: what a test needs to break."""
+"""A virtual bus with faults for tests: its adapter can be pulled out, or can lose frames."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -10,18 +10,19 @@ from tactile_node.errors import BusError
 
 
 class Adapter:
-    """Opens buses in place of ``open_bus``; every fault acts on the ones open now and on those to come."""
+    """Opens buses in place of ``open_bus``. Each fault affects the open buses and all buses that are opened later."""
 
     def __init__(self):
-        self.lost: list[bytes] = []  #: what was not handed over
+        self.lost: list[bytes] = []  #: data of the frames that were not passed on
         self.opened = 0
         self.mend()
 
     def mend(self) -> None:
-        """Take all faults off."""
+        """Remove all faults."""
         self.is_plugged = self.can_send = True
-        self.lost_ids: set[int] = set()  #: CAN identifiers that the adapter does not hand over
-        self.tamper: Callable[[can.Message], Iterable[can.Message]] | None = None  #: what is handed over instead
+        self.lost_ids: set[int] = set()  #: CAN identifiers whose frames the adapter does not pass on
+        #: returns the frames to pass on instead
+        self.tamper: Callable[[can.Message], Iterable[can.Message]] | None = None
 
     def open(self, interface: str, channel: str, bitrate: int) -> can.BusABC:
         if not self.is_plugged:

@@ -1,7 +1,7 @@
-"""A gripper with its own action, what its pads read of a spring, and a client: nodes of one executor.
+"""A gripper with its own action, pads that feel a spring, and a client, as nodes of one executor.
 
-Time is virtual. In each STEP the gripper moves and the pads feel it. Only a bench whose gripper node or pads are in
-another process runs in real time.
+Time is virtual. In each STEP, the gripper moves and the pads feel the result. A bench runs in real time only if its
+gripper node or its pads are in another process.
 """
 
 import math
@@ -22,42 +22,44 @@ from tactile_node.ros.time_messages import time_message
 from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import ContactShape, Grasp, GripperOutcome
 
-STEP = 0.01  # s, of the motor
-STEPS = 2  # of the motor in a period of the frames
-PERIOD = STEPS * STEP  # s, of the frames
-THRESHOLD = 0.05  # N from which on a pad is touched
-AGE = 0.015  # s, of a grasp when it is sent
-START = 0.06  # m, opening
-ANSWER_TIME = 2.0  # s after which a goal to another process is sent again
+STEP = 0.01  #: Period of the motor [s].
+STEPS = 2  #: Number of periods of the motor in a period of the frames.
+PERIOD = STEPS * STEP  #: Period of the frames [s].
+THRESHOLD = 0.05  #: Force from which on a pad is touched [N].
+AGE = 0.015  #: Age of a grasp when it is sent [s].
+START = 0.06  #: Opening at the start [m].
+ANSWER_TIME = 2.0  #: Time after which a goal to another process is sent again [s].
 
 
 class Motor:
-    """The gripper's own action: it goes where it is sent, holds where it is cancelled, and preempts."""
+    """The gripper's own action. It moves to its goal, holds its place after a cancel, and accepts a new goal early."""
 
     def __init__(self, bench, interface, scale=1.0, offset=0.0):
         self._bench = bench
         self.interface, self.scale, self.offset = interface, scale, offset
         self.opening, self.slowness = START, 1.0
-        self.rejects = self.cancels = self.stays = False  # goals; it was cancelled; it refuses to be
-        self.never_ends = False  # a command that the next one replaces
-        self.is_terse = False  # its results are empty
-        self.is_silent = False  # its server answers nothing
-        self.goes_on = False  # its hardware carries out the last command while its server is silent
-        self.is_hasty = False  # it says at once that it is there
-        self.coasts = False  # it goes on where it was sent when it is cancelled
+        self.rejects = False  #: it rejects goals
+        self.cancels = False  #: it was cancelled
+        self.stays = False  #: it refuses a cancel
+        self.never_ends = False  #: it never ends a command that the next one replaces
+        self.is_terse = False  #: its results are empty
+        self.is_silent = False  #: its server answers nothing
+        self.goes_on = False  #: its hardware executes the last command while its server is silent
+        self.is_hasty = False  #: it reports immediately that it is at its goal
+        self.coasts = False  #: it continues to its goal after a cancel
         self.most_goals = 1000
         self.commands: list[Command] = []
-        self.directions: list[str] = []  # in which they move it
+        self.directions: list[str] = []  #: directions of the accepted commands
         self.default_speed, self.blocked_at, self.moved_at = 0.02, -1.0, -math.inf
         self._target, self._speed = self.opening, 0.0
         self._servers = []
         self.start()
 
     def start(self):
-        """Serve its action. A silent server before this one stays in the graph, as one that was killed does."""
+        """Serve its action. An earlier silent server stays in the graph, like the server of a killed process."""
         self.is_silent, self._goal = False, None
         self.node = self._bench.add('motor')
-        self._bench.stack.callback(self.kill)  # before the node ends, which its servers use
+        self._bench.stack.callback(self.kill)  # before the end of the node, which its servers use
         self.server = ActionServer(
             self.node, self.interface.action, '/gripper_controller/gripper_cmd', execute_callback=lambda handle: None,
             goal_callback=lambda goal: GoalResponse.REJECT if self.rejects or len(self.commands) >= self.most_goals
@@ -67,12 +69,12 @@ class Motor:
         self._servers.append(self.server)
 
     def restart(self):
-        """Serve its action by another server as well, and wait until the gripper node can see that."""
+        """Serve its action by a second server, and wait until the gripper node sees this server."""
         self.start()
         self._bench.until_served(len(self._servers))
 
     def move_to(self, opening):
-        """Be at ``opening`` [m] at once."""
+        """Set the opening to ``opening`` [m] immediately."""
         self.opening = self._target = opening
 
     def fall_silent(self, goes_on=False):
@@ -80,12 +82,12 @@ class Motor:
         self.is_silent, self.goes_on = True, goes_on
 
     def wake(self):
-        """Answer all that has come while it was silent."""
+        """Answer all requests that came while the server was silent."""
         self._bench.executor.add_node(self.node)
         self.is_silent = False
 
     def die(self):
-        """End its action, and wait until the gripper node can see that."""
+        """End its action, and wait until the gripper node sees this."""
         self.kill()
         self._bench.until_joined(lambda: not self._bench.node._client._client.server_is_ready())
 
@@ -153,7 +155,7 @@ class Motor:
 
 
 class Pads:
-    """Publishes the grasp of an object of ``width`` [m] as the pads feel it; ``change`` bends the message."""
+    """Publishes the grasp of an object of ``width`` [m] as the pads feel it. ``change`` changes the message."""
 
     def __init__(self, bench, motor, width=0.04, off=0.0, stiffness=1000.0):
         self._bench, self._motor = bench, motor
@@ -201,7 +203,7 @@ class Client:
         node = self.node = bench.add('client')
         self._client = TouchClient(node, action, action_type=interface.action.__name__, steady=bench.steady)
         bench.stack.callback(self._client.destroy)
-        self.outcomes: list[GripperOutcome] = []  # those of every goal and hold
+        self.outcomes: list[GripperOutcome] = []  #: outcomes of all goals and holds
         node.create_subscription(GripperOutcome, f'{action.rpartition("/")[0]}/outcome', self.outcomes.append, 10)
 
     def until_ready(self):
@@ -210,7 +212,7 @@ class Client:
     def until_answered(self, position):
         """Wait until the node in another process answers a goal.
 
-        Until both processes have found all of each other's endpoints, an answer may be lost.
+        An answer may be lost until both processes have discovered all endpoints of each other.
         """
         self.until_ready()
         sent, sent_at = None, -math.inf
@@ -223,7 +225,7 @@ class Client:
         self._bench.until(is_answered)
 
     def send(self, position=0.0, speed=0.0, effort=0.0, goal=None):
-        """Return the goal, which was accepted."""
+        """Send a goal, and return it after it was accepted."""
         sent = self._client.send(position, speed, effort, goal=goal)
         self._bench.until(lambda: sent.handle is not None)
         return sent
@@ -236,7 +238,7 @@ class Client:
 
 @contextmanager
 def started_node(*parameters, words=(), ros=(), log=None):
-    """Run a gripper node in a process; ``words``, ``ros``: more arguments, ``log``: a file for what it logs."""
+    """Run a gripper node in a process. ``words`` and ``ros`` are more arguments, ``log`` is the file for its log."""
     given = [word for each in ('max_age:=5.0', 'fast_speed:=0.002', 'slow_speed:=0.002', *parameters)
              for word in ('-p', each)]
     process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', *words, '--ros-args', *given,
@@ -251,7 +253,8 @@ def started_node(*parameters, words=(), ros=(), log=None):
 class GripperBench(TimedBench):
     """Motor, pads, the gripper node and a client.
 
-    ``pads`` None: others publish what they feel, in real time. ``has_node`` False: node_as_process starts the node.
+    If ``pads`` is None, another process publishes the pads in real time. If ``has_node`` is False, node_as_process
+    starts the node.
     """
 
     def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, pads=(),
@@ -265,7 +268,7 @@ class GripperBench(TimedBench):
             return
         given = {'action_type': kind, 'gap_scale': scale, 'gap_offset': offset, **dict(parameters)}
         self.node = self.add(self.timed(GripperNode)(
-            start_parameter_services=False,  # no test asks them, and each costs time in every wait
+            start_parameter_services=False,  # no test needs them, and each slows every wait
             parameter_overrides=[Parameter(name, value=value) for name, value in given.items()]))
         self.client.until_ready()
         self.until_joined(lambda: self.node.count_publishers('/grasp'))
@@ -281,7 +284,8 @@ class GripperBench(TimedBench):
     def node_as_process(self, *parameters, **options):
         """Run the gripper node in another process, and kill it at the end.
 
-        On a busy machine no pad is unseen, and no gripper too slow: this one is ten times as fast as it is sent.
+        The gripper moves ten times as fast as it is commanded. Even on a busy machine, no pad then counts as unseen,
+        and the gripper does not count as too slow.
         """
         self.motor.slowness = 0.1
         with started_node(*parameters, **options) as process:
@@ -292,25 +296,25 @@ class GripperBench(TimedBench):
             yield process
 
     def until_listened(self):
-        """Wait until the node closes: it listens for others of its kind first."""
+        """Wait until the node accepts goals to close. It first listens for other gripper nodes."""
         while not self.node._watch.has_listened:
             if self.time is None:
                 self.wait(STEP)
-            else:  # in one leap, as long as a process that is not stopped
+            else:  # advance virtual time in one step
                 self.time.advance(HOLD_TIME)
                 self.settle()
 
     def until_served(self, servers):
-        """Wait until the gripper node sees as many ``servers`` of the gripper's own action."""
+        """Wait until the gripper node sees this number of ``servers`` of the gripper's own action."""
         service = '/gripper_controller/gripper_cmd/_action/send_goal'
         self.until_joined(lambda: self.node.count_services(service) == servers)
 
     def until_seen(self):
-        """Wait until what the pads feel is believed: ages settle."""
+        """Wait until the gripper node uses the pads, after it has estimated the age of their frames."""
         self.until(self.node._is_current)
 
     def open(self):
-        """Open the gripper, whatever was before; forget what it was commanded."""
+        """Open the gripper from any state, and clear the record of commands."""
         self.motor.move_to(START)
         self.motor.commands.clear()
         self.pads.change, self.pads.is_silent, self.pads.strongest = (lambda message: message), False, 0.0
@@ -318,10 +322,10 @@ class GripperBench(TimedBench):
         self.until_seen()
 
     def close(self, **goal):
-        """Close until it ends; return status, state and outcome."""
+        """Close until the goal ends; return status, state and outcome."""
         return self.client.result(self.client.send(**goal))
 
     def outcome(self, **goal):
-        """Close until it ends; return how, or None where that message was lost: two processes find each other late."""
+        """Close until the goal ends; return the outcome, or None if its message was lost during late discovery."""
         ending = self.close(**goal)
         return ending.outcome and ending.outcome.outcome

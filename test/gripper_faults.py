@@ -1,4 +1,4 @@
-"""Faults of a gripper's server against the goals of the gripper node, in virtual time: `happens` runs one of them."""
+"""Faults of a gripper's server during goals of the gripper node, in virtual time. `happens` runs one of them."""
 
 from typing import NamedTuple
 
@@ -6,30 +6,30 @@ from gripper_bench import Motor
 
 from tactile_node.grasp.closing import Outcome
 
-FORCE = 5.0  # N, of a goal
-LATE = 0.8  # s, beyond the answer_timeout
-PARTLY = 0.05  # m, opening of a goal that opens partly
-WIDEST = 0.08  # m, opening of the open gripper
-MOST = 10.0  # N, at which the gripper itself stalls
-#: Faults that are there before the goal; others come once the gripper has accepted its command
+FORCE = 5.0  #: Force of a goal [N].
+LATE = 0.8  #: Delay that exceeds the answer_timeout [s].
+PARTLY = 0.05  #: Opening of a goal that opens partly [m].
+WIDEST = 0.08  #: Opening of the open gripper [m].
+MOST = 10.0  #: Force at which the gripper itself stalls [N].
+#: Faults that are present before the goal. All other faults begin after the gripper has accepted its command.
 BEFORE = ('rejects', 'answers late', 'succeeds at once', 'refuses cancels', 'two servers', 'stopped, then woken')
 FAULTS = ('accepts and hangs', 'dies, new server', *BEFORE)
 GOALS = ('close', 'force', 'partly', 'widest', 'preempt', 'hold')
 
 
 class Happened(NamedTuple):
-    """Outcome for the client, commands to the gripper, and what a person in front of it saw."""
+    """Outcome for the client, commands to the gripper, and movement of the gripper."""
 
-    outcome: Outcome | None  # None: the hold goes on
-    is_in_doubt: bool       # the text says that the gripper may still be moving
-    sent: str               # the commands that the gripper has accepted, as they move it
+    outcome: Outcome | None  #: None while the hold continues
+    is_in_doubt: bool       #: True if the text says that the gripper may still be moving
+    sent: str               #: the commands that the gripper has accepted, by their direction
     was_cancelled: bool
-    moves_on: bool          # 1 s after the outcome
-    strongest: float        # force on a pad [N]
+    moves_on: bool          #: True if the gripper still moves 1 s after the outcome
+    strongest: float        #: largest force on a pad [N]
 
 
 def happens(bench, fault, goal):
-    """Run ``goal`` with ``fault``."""
+    """Run ``goal`` with ``fault``, and return what happened."""
     motor = bench.motor
     motor.blocked_at = bench.pads.width - MOST / bench.pads.stiffness
     if goal == 'partly':
@@ -73,7 +73,7 @@ def happens(bench, fault, goal):
 
 
 def _outcome(bench, handle):
-    """Return the outcome of a goal, or of the hold; None: the hold goes on."""
+    """Return the outcome of a goal or of its hold, or None while the hold continues."""
     if handle is not None:
         return bench.client.result(handle)[2]
     bench.wait(4.0)
@@ -104,7 +104,7 @@ def _break(bench, fault):
 
 
 def recover(bench, fault):
-    """End ``fault``; return how a goal to open and one to close end then."""
+    """End ``fault``, and return the outcomes of a goal to open and of a goal to close after that."""
     motor = bench.motor
     if fault == 'accepts and hangs':
         motor.restart()

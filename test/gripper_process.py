@@ -1,9 +1,8 @@
-"""Serves a gripper's own action until a test stops or kills this process: python gripper_process.py KIND [TRAVEL].
+"""Serve a gripper's own action until a test stops or kills this process: python gripper_process.py KIND [TRAVEL].
 
-TRAVEL [m]: by which it closes in a step of 0.02 s, as by which it opens unless it is given.
-
-KIND: works, hangs (after it has accepted a goal it answers nothing) or rejects. It prints a line for each event, the
-first one when it has discovered the client of its action.
+KIND is works, hangs or rejects. If it is hangs, the process accepts a goal and then answers nothing. TRAVEL is the
+distance by which the gripper closes in a step of 0.02 s [m]; the default is the distance by which it opens. The process
+prints a line for each event, the first one when it has discovered the client of its action.
 """
 
 import sys
@@ -13,14 +12,14 @@ import rclpy
 from control_msgs.action import ParallelGripperCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
-PERIOD = 0.02  # s, of a step
-TRAVEL = 0.001  # m, in a step
-START = 0.06  # m
+PERIOD = 0.02  #: Duration of a step [s].
+TRAVEL = 0.001  #: Movement in a step [m].
+START = 0.06  #: Opening at the start [m].
 ACTION = '/gripper_controller/gripper_cmd'
 
 
 class Gripper:
-    """A gripper that preempts."""
+    """A gripper on which a new goal replaces the current one."""
 
     def __init__(self, kind, travel=TRAVEL):
         self.kind, self.closes_by, self.opening, self.goal = kind, float(travel), START, None

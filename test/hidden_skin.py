@@ -1,6 +1,6 @@
-"""A 16x16 skin with its own response: contact mechanics under a layer, readings that saturate, CAN frames.
+"""A 16x16 skin with its own response: contact mechanics under a layer, saturating readings, and a log of CAN frames.
 
-The log is written by hand from CiA 301's identifiers, without our codec.
+The log is written with the identifiers of CiA 301 and without the codec of the package.
 """
 
 from collections.abc import Sequence
@@ -14,29 +14,34 @@ from training.ground_truth.layer import sample, stress_field
 from training.ground_truth.mechanics import Solution, solve
 
 SIDE, PITCH, NODE_ID = 16, 0.002, 32
-DEPTH = 0.7          #: of the taxels [pitches]
-FULL_SCALE = 255     #: counts
-PERIOD = 0.02        #: s
-IDLE = 12            #: frames without a contact before and after each press
-ZERO = 6.0           #: counts at rest
+DEPTH = 0.7          #: Depth of the taxels [pitches].
+FULL_SCALE = 255     #: [counts]
+PERIOD = 0.02        #: [s]
+IDLE = 12            #: Number of frames without a contact before and after each press.
+ZERO = 6.0           #: Reading at rest [counts].
 
 
 def solved(shape: str, lengths: Sequence[float], rounding: float) -> tuple[Solution, float]:
-    """Return a flat face, pressed, and its area [taxels]; ``lengths`` [m]; ``rounding`` of its edge, of the inscribed
-    radius."""
+    """Return the solution for a flat face that is pressed, and its area [taxels].
+
+    ``lengths`` are in metres. ``rounding`` is that of the edge, as a fraction of the inscribed radius.
+    """
     contact = Contact(shape, tuple(length / PITCH for length in lengths), 0.0, 0.0)
     unit = Contact(shape, tuple(length / np.sqrt(contact.area) for length in contact.dimensions), 0.0, 0.0)
     return solve(flat_punch(unit, 0.03, rounding), cells=64), contact.area
 
 
 def counts(pressure: np.ndarray) -> np.ndarray:
-    """What the skin reads: 1.25 p / (p + 0.25), p in units of its range."""
+    """Return the readings of the skin: 1.25 p / (p + 0.25), with p in units of its range."""
     pressure = np.maximum(pressure, 0)
     return FULL_SCALE * 1.25 * pressure / (pressure + 0.25)
 
 
 def pressed(rng: np.random.Generator, solution: Solution, area: float, presses: int, frames: int) -> list[np.ndarray]:
-    """Frames of counts, uint8: ``presses`` at any pose, each of ``frames`` at rising pressure, with rest in between."""
+    """Return frames of ``presses`` presses at random poses, uint8 counts.
+
+    Each press has ``frames`` frames of rising pressure. Between two presses, nothing presses the skin.
+    """
     field, found = stress_field(solution, area, DEPTH), [_noisy(rng, np.zeros((SIDE, SIDE))) for _ in range(IDLE)]
     for _ in range(presses):
         x, y = (SIDE - 1) / 2 + rng.uniform(-1, 1, 2)
@@ -47,7 +52,7 @@ def pressed(rng: np.random.Generator, solution: Solution, area: float, presses: 
 
 
 def write_log(path: Path, frames: Sequence[np.ndarray]) -> None:
-    """As candump writes it: a SYNC, then 32 TPDOs of 8 taxels, row by row."""
+    """Write a log like candump: for each frame a SYNC, then 32 TPDOs of 8 taxels, row by row."""
     lines, spacing = [], PERIOD / 40
     for number, frame in enumerate(frames):
         start = 1000.0 + number * PERIOD

@@ -1,4 +1,4 @@
-"""Uses the skin from another host, as a planner and a lifecycle manager do: prints one JSON line with what it found.
+"""Use the skin from another host, as a planner and a lifecycle manager do, and print the result as one JSON line.
 
     python test/hosts_client.py
 """
@@ -20,7 +20,7 @@ from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import GraspRequirement, SkinStatus
 from tactile_skin.srv import CheckGrasp, Tare
 
-TIMEOUT = 60.0  # s, for a busy machine
+TIMEOUT = 60.0  #: Longest wait, long enough for a busy machine [s].
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 HEARD = {'status': (SkinStatus, 'skin_driver/status', LATCHED), 'log': (Log, '/rosout', LATCHED),
          'diagnostics': (DiagnosticArray, '/diagnostics', 10)}
@@ -49,7 +49,8 @@ def main() -> int:
 def grasps(node) -> dict:
     requirement = GraspRequirement()
     end, check = time.monotonic() + TIMEOUT, CheckGrasp.Response()
-    while check.outcome != CheckGrasp.Response.HELD and time.monotonic() < end:  # not fresh for a moment when busy
+    # On a busy machine, the grasp may be stale for a moment.
+    while check.outcome != CheckGrasp.Response.HELD and time.monotonic() < end:
         check = called(node, CheckGrasp, 'grasp/check_grasp', CheckGrasp.Request(requirement=requirement))
     client = ActionClient(node, WaitForGrasp, 'grasp/wait_for_grasp')
     if not client.wait_for_server(TIMEOUT):
@@ -62,7 +63,7 @@ def grasps(node) -> dict:
 
 
 def driver(node) -> dict:
-    """Refused a tare, while an object is held; then stopped and started."""
+    """Return the result of a tare, which is refused while an object is held, and of a stop and a start."""
     tare = called(node, Tare, 'skin_driver/tare', Tare.Request(frames=5))
     parameters = called(node, GetParameters, 'skin_driver/get_parameters', GetParameters.Request(names=['pads']))
     states = [called(node, GetState, 'skin_driver/get_state', GetState.Request()).current_state.id]

@@ -1,4 +1,4 @@
-"""Stand-ins for `launch` and `launch_ros`, which are not on PyPI: they show what the launch file would start."""
+"""Stand-ins for `launch` and `launch_ros`, which are not on PyPI. They record what the launch file would start."""
 
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
@@ -9,7 +9,7 @@ from tactile_node.cli.main import _parser
 
 
 class Recorded:
-    """Stands for a class of `launch` or `launch_ros`: what it is made with is kept."""
+    """Stand-in for a class of `launch` or `launch_ros`, which keeps its arguments."""
 
     def __init__(self, *given, **named):
         self.given, self.named = given, named
@@ -21,7 +21,7 @@ class Configuration(Recorded):
 
 
 class Context(dict):
-    """Stands for a launch context, whose launch configurations are its items."""
+    """Stand-in for a launch context. Its items are the launch configurations."""
 
     @property
     def launch_configurations(self):
@@ -36,7 +36,7 @@ MODULES = {
 
 
 def put_stand_ins(monkeypatch):
-    """Put stand-ins in the place of launch."""
+    """Replace the modules of launch by stand-ins."""
     for name, classes in MODULES.items():
         module = ModuleType(name)
         for each in classes:
@@ -46,7 +46,7 @@ def put_stand_ins(monkeypatch):
 
 
 def declared(path):
-    """What a launch file declares, and the function that it calls then."""
+    """Return the arguments that a launch file declares, and the function that it calls."""
     spec = spec_from_file_location(path.name.replace('.', '_'), path)
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -56,19 +56,19 @@ def declared(path):
 
 
 def actions_of(path, given):
-    """What the launch does with the launch configurations ``given``, which may be those of an including file, too."""
+    """Return the actions of the launch file for ``given`` launch configurations, also those of an including file."""
     found, function = declared(path)
     return function(Context({each.given[0]: each.named['default_value'] for each in found} | given))
 
 
 def process_of(path, **given):
-    """The process of `tactile bringup`, which is the only one that the launch starts."""
+    """Return the process of `tactile bringup`, the only one that the launch file starts."""
     process, = processes_of(path, **given)
     return process
 
 
 def processes_of(path, **given):
-    """The processes that the launch starts, bringup first."""
+    """Return the processes that the launch file starts, bringup first."""
     found, _ = declared(path)
     defaults = {each.given[0]: each.named['default_value'] for each in found}
     assert given.keys() <= defaults.keys()
@@ -83,5 +83,5 @@ def processes_of(path, **given):
 
 
 def nodes_of(process, namespace=''):
-    """The nodes that a process makes, by the real command's own reading of its arguments."""
+    """Return the nodes that a process makes, as the real command reads its arguments."""
     return describe_nodes(_parser('bringup').parse_args(process['arguments']), namespace)

@@ -1,9 +1,9 @@
-"""A link between two network namespaces that loses and delays: relays IP packets between two tun interfaces.
+"""A link between two network namespaces that loses and delays packets. It relays IP packets between two tun devices.
 
     python lossy_link.py PID_OF_THE_OTHER_NAMESPACE ADDRESS_HERE ADDRESS_THERE
 
-Started in the first namespace by two_hosts.py. Each line on standard input is a command, answered by a line. What a
-link of Ethernet has and this has not: ARP, multicast, a rate.
+two_hosts.py starts this script in the first namespace. Each line on standard input is a command, and the script answers
+with a line. Unlike an Ethernet link, this link has no ARP, no multicast and no limit of its rate.
 """
 
 import ctypes
@@ -24,12 +24,12 @@ TUNSETIFF = 0x400454ca  # linux/if_tun.h
 IFF_TUN, IFF_NO_PI = 0x0001, 0x1000
 CLONE_NEWNET = 0x40000000  # linux/sched.h
 MTU = 1500
-MOST_WAITING = 20_000  # packets, as a router's queue: more are lost
+MOST_WAITING = 20_000  #: Length of the queue [packets]. Like a router, the link drops further packets.
 SEED = 16
 
 
 class Link(NamedTuple):
-    """As two_hosts.LossyHosts.set documents it."""
+    """State of the link, as two_hosts.LossyHosts.set describes it."""
 
     loss: float = 0.0
     delay: float = 0.0
@@ -37,17 +37,17 @@ class Link(NamedTuple):
 
 
 class Relay:
-    """Between the two tun devices ``ends``."""
+    """Relays packets between the two tun devices ``ends``."""
 
     def __init__(self, ends: tuple[int, int]):
         self._other = {ends[0]: ends[1], ends[1]: ends[0]}
         self._random = random.Random(SEED)
         self._link = Link()
-        self._waiting: list[tuple[float, int, int, bytes]] = []  # when it goes out, order, where, what
+        self._waiting: list[tuple[float, int, int, bytes]] = []  # time to send, order, target, packet
         self._order = itertools.count()
 
     def run(self) -> None:
-        """Until standard input ends."""
+        """Relay until standard input ends."""
         while True:
             readable, _, _ = select.select([sys.stdin, *self._other], [], [], self._next_wait())
             if sys.stdin in readable and not self._obey(sys.stdin.readline()):
@@ -80,7 +80,7 @@ class Relay:
 
 
 def tun(here: str, there: str) -> int:
-    """Make a tun interface in the present namespace, up, and return its file descriptor."""
+    """Make a tun interface in the current namespace, set it up, and return its file descriptor."""
     end = os.open('/dev/net/tun', os.O_RDWR)
     fcntl.ioctl(end, TUNSETIFF, struct.pack('16sH22x', b'tun0', IFF_TUN | IFF_NO_PI))
     for words in (f'address add {here} peer {there} dev tun0', f'link set tun0 mtu {MTU} txqueuelen 5000 up'):

@@ -1,4 +1,4 @@
-"""The records of an MCAP file by its specification (mcap.dev/spec), without a library: for damage at a known place."""
+"""Find the records of an MCAP file by its specification (mcap.dev/spec), so that tests can damage a known place."""
 
 import struct
 from typing import NamedTuple
@@ -7,7 +7,7 @@ CHUNK, MESSAGE_INDEX, DATA_END = 0x06, 0x07, 0x0F
 
 
 class Record(NamedTuple):
-    """``begin``: its opcode; ``content``: after the 8 bytes of its length; ``end``: the next record."""
+    """Offsets of a record: ``begin`` of the opcode, ``content`` after its length (8 bytes), ``end`` at the next."""
 
     opcode: int
     begin: int
@@ -16,7 +16,7 @@ class Record(NamedTuple):
 
 
 def records(data):
-    """Up to the footer."""
+    """Yield the records up to the footer."""
     assert data[:8] == b'\x89MCAP0\r\n'
     found, at = [], 8
     while not found or found[-1].opcode != 0x02:
@@ -31,6 +31,6 @@ def chunks(data):
 
 
 def payload(chunk, data):
-    """Where the compressed records of a chunk begin: after two times, size, CRC, compression, size."""
+    """Return the offset of a chunk's compressed records: after two times, size, CRC, compression and size."""
     name, = struct.unpack_from('<I', data, chunk.content + 28)
     return chunk.content + 32 + name + 8

@@ -12,12 +12,12 @@ L_OF_THREE = np.array([[True, False], [True, True]])
 
 
 def rotated_patterns(mask: np.ndarray) -> np.ndarray:
-    """The pattern at each of the 46 angles, without the ring of inactive taxels around it."""
+    """Return the pattern at each of the 46 angles, without the ring of inactive taxels around it."""
     return with_rotated(mask)[1:, 1:-1, 1:-1]
 
 
 def box(row: int, col: int, rows: int, cols: int) -> np.ndarray:
-    """A rectangle on a pad of 16x16 taxels."""
+    """Return a rectangle on a pad of 16x16 taxels."""
     return (ROWS >= row) & (ROWS < row + rows) & (COLS >= col) & (COLS < col + cols)
 
 
@@ -27,7 +27,7 @@ def ring(rows: int = 12, inner: float = 3.3, outer: float = 5.5) -> np.ndarray:
 
 
 def specks(seed: int) -> np.ndarray:
-    """Taxels at random: disconnected, with single ones and holes."""
+    """Return a random pattern, disconnected, with single taxels and holes."""
     rng = np.random.default_rng(seed)
     mask = rng.random(rng.integers(1, 10, 2)) < rng.uniform(0.2, 0.8)
     mask.flat[rng.integers(mask.size)] = True
@@ -35,7 +35,7 @@ def specks(seed: int) -> np.ndarray:
 
 
 def blob(seed: int) -> np.ndarray:
-    """A few smooth islands."""
+    """Return a pattern of a few smooth islands."""
     noise = np.random.default_rng(seed).random((11, 11))
     return ndimage.gaussian_filter(noise, 1.0) > 0.5
 
@@ -46,7 +46,7 @@ def shapes(area: float) -> list[np.ndarray]:
 
 
 def assorted() -> dict[str, np.ndarray]:
-    """One pattern of every kind that has ever been a special case."""
+    """Return one pattern of every kind that has ever been a special case."""
     named = {'one taxel': np.ones((1, 1), bool), 'row': np.ones((1, 20), bool),
              'column': np.ones((15, 1), bool),
              'diagonal': np.eye(9, dtype=bool), 'two apart': np.array([[True, False, False, True]]),

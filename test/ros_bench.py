@@ -1,4 +1,4 @@
-"""Nodes of a test on one executor, which the test spins while it waits; the fixture `ros` of conftest.py ends them."""
+"""Nodes of a test on one executor, which the test spins while it waits. The fixture `ros` of conftest.py ends them."""
 
 import math
 import time
@@ -15,14 +15,14 @@ from rclpy.executors import Executor, SingleThreadedExecutor, TimeoutException
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_skin.msg import ContactFeatures, ContactShapes
 
-TIMEOUT = 60.0  # s, for a busy machine
+TIMEOUT = 60.0  #: Longest wait, long enough for a busy machine [s].
 
 
 class LeanExecutor(SingleThreadedExecutor):
-    """A SingleThreadedExecutor that leaves out the handlers of events, as "incompatible QoS".
+    """A SingleThreadedExecutor without handlers of events such as "incompatible QoS".
 
-    rclpy prepares every entity for every wait, and half of the entities are such handlers. The tests of a TimedBench do
-    not use them.
+    rclpy prepares every entity for every wait, and half of the entities are such handlers. Tests with a TimedBench do
+    not need them.
     """
 
     def __init__(self):
@@ -30,7 +30,7 @@ class LeanExecutor(SingleThreadedExecutor):
         super().__init__()
 
     def get_nodes(self):
-        # One view for each node: rclpy finds a task that is under way by its node.
+        # Keep one view for each node, because rclpy finds a running task by its node.
         self._views = {node: self._views.get(node) or _WithoutEvents(node) for node in super().get_nodes()}
         return list(self._views.values())
 
@@ -55,7 +55,7 @@ class RosBench:
         stack.callback(self.executor.shutdown)
 
     def add(self, node: Any) -> Any:
-        """Take a node, or make a peer of this name."""
+        """Add a node to the executor, or make a plain node of this name."""
         node = rclpy.create_node(node, start_parameter_services=False) if isinstance(node, str) else node
         self.stack.callback(node.destroy_node)
         self.executor.add_node(node)
@@ -97,13 +97,13 @@ class VirtualTime:
         return self.nanoseconds * 1e-9
 
     def advance(self, seconds: float) -> None:
-        """Let ``seconds`` pass, and call the timers that are due then."""
+        """Advance the clock by ``seconds``, and call the timers that become due."""
         self.nanoseconds += round(seconds * 1e9)
         for timer in self.timers:
             timer.look()
 
     def of(self, kind: type) -> type:
-        """Return a node class like ``kind`` whose timers are on this clock, and end with the node."""
+        """Return a node class like ``kind`` whose timers use this clock and end with the node."""
         def create_timer(node: Any, period: float, callback: Callable[[], None], clock: Clock) -> 'VirtualTimer':
             assert clock.clock_type == ClockType.STEADY_TIME, 'another clock stands still without /clock'
             self.timers.append(VirtualTimer(self, period, callback, node))
@@ -138,9 +138,9 @@ class VirtualTimer:
 
 
 class TimedBench(RosBench):
-    """Nodes that share a clock, which goes on by ``step`` [s] when all that was sent has arrived and is worked on.
+    """Nodes that share a clock. It advances by ``step`` [s] when all sent messages have arrived and are processed.
 
-    The clock is virtual, so that a test is exact however slow the machine is. With ``is_real_time`` it is the true one.
+    The clock is virtual, so that tests are exact even on a slow machine. With ``is_real_time``, it is the real clock.
     """
 
     def __init__(self, stack: ExitStack, step: float, executor: Executor | None = None, *, is_real_time: bool = False):
@@ -150,11 +150,11 @@ class TimedBench(RosBench):
         self.steady = time.monotonic if self.time is None else self.time.now
 
     def timed(self, kind: type) -> Callable[..., Any]:
-        """Return what makes a node of ``kind`` on this clock."""
+        """Return a function that makes a node of ``kind`` on this clock."""
         return kind if self.time is None else partial(self.time.of(kind), steady=self.steady)
 
     def on_step(self) -> None:
-        """Do what is no node's work."""
+        """Do the work of a step that belongs to no node."""
 
     def step(self) -> None:
         if self.time is None:
@@ -181,14 +181,14 @@ class TimedBench(RosBench):
 
 
 def features_fit(message: ContactFeatures) -> bool:
-    """Whether pattern, state, contacts and features belong together."""
+    """Return True if pattern, state, contacts and features belong together."""
     touched = message.state == ContactFeatures.TOUCHED
     return (len(message.pattern) == message.rows * message.cols and any(message.pattern) == touched
             and bool(message.contacts) == bool(message.features) == touched)
 
 
 def shapes_fit(message: ContactShapes) -> bool:
-    """Whether every shape can be used, and state and contacts belong together."""
+    """Return True if every shape is usable, and state and contacts belong together."""
     touched = message.state == ContactShapes.TOUCHED
     return (len(message.shapes) <= message.contacts and bool(message.shapes) == bool(message.contacts) == touched
             and not any(map(check_contact_shape, message.shapes)))

@@ -1,8 +1,8 @@
-"""Skin, adapter or driver stall and go on: skin and serial adapter in a process of their own, which can be held up.
+"""Stalls of skin, adapter or driver, after which they continue. Skin and serial adapter run in a separate process.
 
-`python test/stalls.py` is that process. Its taxels show which SYNC they answer, so that a value of the past under a
-present stamp is found. It obeys lines on its standard input: `hold` and `release` what the adapter sends to the host,
-`report` when each SYNC was answered.
+`python test/stalls.py` is that process. Each taxel value shows the SYNC that it answers, so that tests find an old
+value with a present stamp. The process reads commands from its standard input. `hold` and `release` stop and continue
+the data from the adapter to the host. `report` prints the time at which each SYNC was answered.
 """
 
 import ctypes
@@ -32,8 +32,8 @@ from tactile_node.taxel_frame import TaxelFrame
 
 NODE_IDS = 32, 64
 STALLING = 'skin', 'adapter', 'driver'
-SETTLED = 2.5  # s in which a wrong report of two senders would follow
-ALLOWED = 1.5  # s from the end of a stall until taxels come again
+SETTLED = 2.5  #: Time in which a wrong report of two senders would follow [s].
+ALLOWED = 1.5  #: Time allowed from the end of a stall to the next taxels [s].
 
 
 def pads() -> tuple[LivePad, ...]:
@@ -41,11 +41,11 @@ def pads() -> tuple[LivePad, ...]:
 
 
 class HeldUpAdapter(SlcanPty):
-    """A serial adapter that can hold back what it sends to the host, and sends it afterwards, all at once."""
+    """A serial adapter that can hold back its data to the host, and then sends all data at once."""
 
     def __init__(self) -> None:
         self._held: bytearray | None = None
-        self._order = threading.RLock()  # nothing overtakes what was held back
+        self._order = threading.RLock()  # no data may overtake the data that is held back
         super().__init__()
 
     def hold(self) -> None:
@@ -65,16 +65,16 @@ class HeldUpAdapter(SlcanPty):
 
 
 class StallBench:
-    """Two pads of 8x8 taxels; every taxel frame published is kept. Use with ``with``."""
+    """Context with two pads of 8x8 taxels, which keeps every published taxel frame."""
 
     def __init__(self) -> None:
         self.log = CapturedLog()
-        self.kept: list[tuple[str, float, TaxelFrame]] = []  #: pad, when [s, Unix epoch], frame
-        self.publishing_again: float | None = None  #: s after the end of the stall
+        self.kept: list[tuple[str, float, TaxelFrame]] = []  #: pad, time of publication [s, Unix epoch], frame
+        self.publishing_again: float | None = None  #: time from the end of the stall to the next frame [s]
         self.detected: float | None = None  #: not measured
         self.wrong_durations: list[str] = []  #: for `make faults`: a busy machine may be the cause
-        self._asked: list[float] = []  # stamps of the SYNCs written
-        self._stalled = 0.0, 0.0  # between these times
+        self._asked: list[float] = []  # stamps of the SYNC messages that were written
+        self._stalled = 0.0, 0.0  # begin and end of the stall
 
     def __enter__(self) -> 'StallBench':
         self._skin = subprocess.Popen([sys.executable, __file__], text=True, stdin=subprocess.PIPE,
@@ -103,37 +103,37 @@ class StallBench:
             self._check(answered)
 
     def stall(self, part: str, seconds: float) -> None:
-        """Let ``part`` of STALLING not run for this long, and wait until it gives taxels again."""
+        """Stop ``part`` of STALLING for ``seconds``, and wait until taxels arrive again."""
         begun = time.time()
         getattr(self, f'stalled_{part}')(seconds)
         self._stalled = begun, time.time()
         self.recover()
 
     def stalled_driver(self, seconds: float) -> None:
-        """This process does not run, the skin does."""
-        ctypes.PyDLL(None).usleep(round(1e6 * seconds))  # keeps the interpreter's lock: no thread runs
+        """Stop this process, while the skin continues."""
+        ctypes.PyDLL(None).usleep(round(1e6 * seconds))  # keeps the lock of the interpreter, so no thread runs
 
     def stalled_skin(self, seconds: float) -> None:
-        """The skin's process does not run: nothing is sampled, nothing is answered."""
+        """Stop the process of the skin, which then neither samples nor answers."""
         self._skin.send_signal(signal.SIGSTOP)
         time.sleep(seconds)
         self._skin.send_signal(signal.SIGCONT)
 
     def stalled_adapter(self, seconds: float) -> None:
-        """Skin and SYNC go on; what the host should receive comes afterwards, all at once."""
+        """Hold back all data to the host and then send it at once, while skin and SYNC continue."""
         self._tell('hold')
         time.sleep(seconds)
         self._tell('release')
 
     def assert_in_time(self, holds: bool) -> None:
-        """Assert what holds of a skin that answers in time; TooSlowError where the machine let it be late."""
+        """Assert ``holds`` for a skin that answers in time. Raises TooSlowError if the machine made the skin late."""
         if not holds:
             late = [number for number, at in self._answered().items() if at - self._asked[number - 1] > PUNCTUAL]
             raise (TooSlowError if late else AssertionError)(
                 f'{self.nodes}; {self.log.errors}; SYNCs answered late: {late}')
 
     def recover(self) -> None:
-        """Wait until each pad gives whole frames that were acquired from now on, and no fault stays."""
+        """Wait until each pad has whole frames that were acquired after this call, and no fault remains."""
         ended = time.time()
         self._wait_for_whole(ended)
         self.publishing_again = max(min(at for name, at, frame in self.kept if name == pad and frame.stamp > ended
@@ -150,7 +150,7 @@ class StallBench:
 
     @property
     def faults(self) -> set[NodeFault]:
-        """Those that were logged."""
+        """Faults that were logged."""
         return {fact for fact in self.log.facts if isinstance(fact, NodeFault)}
 
     @property
@@ -170,7 +170,7 @@ class StallBench:
         self.kept.append((name, time.time(), frame))
 
     def _open(self, *given: Any, **options: Any) -> can.BusABC:
-        """Open the driver's bus, and note the stamp of each SYNC that it writes."""
+        """Open the driver's bus, and record the stamp of each SYNC that the driver writes."""
         bus = self._open_bus(*given, **options)
         send = bus.send
 
@@ -185,20 +185,20 @@ class StallBench:
         print(line, file=self._skin.stdin, flush=True)
 
     def _answered(self) -> dict[int, float]:
-        """When the skin has answered each SYNC, but for those of the stall: no machine is too slow for these."""
+        """Return the time at which the skin answered each SYNC, without the SYNCs of the stall, which must be late."""
         self._tell('report')
         begun, ended = self._stalled
         return {number: at for number, at in json.loads(self._skin.stdout.readline())
                 if 0 < number <= len(self._asked) and not begun <= self._asked[number - 1] <= ended}
 
     def _check(self, answered: dict[int, float]) -> None:
-        """No value of the past was published under a present stamp, nor the other way round."""
+        """Assert that no old value was published with a present stamp, and no present value with an old stamp."""
         for pad in self._pads:
             check_stamps([frame for name, _, frame in self.kept if name == pad], Coded(), self._asked, answered)
 
 
 def stall(part: str, seconds: float) -> Callable[[str], StallBench]:
-    """A fault of the catalogue: ``part`` of STALLING does not run for so long."""
+    """Return a fault for the catalogue: ``part`` of STALLING stops for ``seconds``."""
     def fault(_channel: str) -> StallBench:
         with StallBench() as bench:
             bench.stall(part, seconds)
@@ -214,9 +214,9 @@ def stall(part: str, seconds: float) -> Callable[[str], StallBench]:
                                           if not seconds - 0.5 < one.seconds < seconds + ALLOWED]
         return bench
     fault.__name__ = f'{part}_stalls_for_{seconds:g}_s'
-    fault.__doc__ = {'skin': 'The skin is reported as silent; its values of before are not given as present ones.',
-                     'adapter': 'What the adapter held back is of the past: counted as late, of one device.',
-                     'driver': 'This process did not run: no device is blamed for it, none is configured again.'}[part]
+    fault.__doc__ = {'skin': 'The skin is reported as silent. Its old values are not published as present values.',
+                     'adapter': 'The data that the adapter held back is counted as late, and as data of one device.',
+                     'driver': 'This process did not run. No device is reported as faulty or configured again.'}[part]
     return fault
 
 

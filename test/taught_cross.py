@@ -1,4 +1,4 @@
-"""A cross, drawn without the package's generator, and a file in which it was taught from 15 touches."""
+"""A cross that is drawn without the generator of the package, and a model file that was taught 15 touches of it."""
 
 from pathlib import Path
 
@@ -17,7 +17,10 @@ LOADS = 0, 0.3, 1, 1, 1, 1, 0.2, 0
 
 
 def cross(rng, arm=4.3, half=1.5):
-    """Pressures under two bars at any angle and place, counted on FINE x FINE points a taxel; the mean is 1."""
+    """Return the pressures under two bars at a random angle and place, with mean 1.
+
+    The coverage of each taxel is counted on FINE x FINE points.
+    """
     step = (np.arange(PAD * FINE) + 0.5) / FINE - 0.5
     y, x = np.meshgrid(step, step, indexing='ij')
     x0, y0 = rng.uniform(-0.5, 0.5, 2) + (PAD - 1) / 2
@@ -35,7 +38,7 @@ def disc(rng, radius=4.0):
 
 
 def held(rng, pressed, count):
-    """Frames [Pa] of ``count`` touches, lifted in between."""
+    """Yield frames of ``count`` touches [Pa], with a lift between two touches."""
     frames = []
     for _ in range(count):
         covered = pressed(rng)
@@ -48,7 +51,7 @@ def rng_of(number):
 
 
 def third_of_background():
-    """Enough to tell a cross from all else, and quick."""
+    """Return a third of the background, which is fast and still distinguishes a cross from everything else."""
     whole = load_background('graded')
     return Background(whole.patches[::3], whole.labels[::3])
 

@@ -55,4 +55,4 @@ def test_each_command_shows_its_help_or_says_what_it_needs(tmp_path):
     codes = dict(line.split()[1:] for line in done.stdout.splitlines() if line.startswith('CODE'))
     assert codes == {name: '2' if name == 'simulate' else '0' for name, _ in COMMANDS}, done.stderr
     assert done.stderr == ('tactile: error: simulate needs the Python module termios, which is missing. '
-                           'It is part of Python on Linux and macOS alone: run this there.\n')
+                           'Python has this module only on Linux and macOS. Run the command there.\n')

@@ -1,8 +1,8 @@
-"""Two hosts on one machine: network namespaces that are joined by a veth pair, or by a link that a test makes bad.
+"""Two hosts on one machine: network namespaces that are joined by a veth pair, or by a link that a test can disturb.
 
-Each host has a separate network, /dev/shm and System V IPC, so that nothing but the link joins them: Fast DDS would
-otherwise pass data through shared memory, and a cut would cut nothing. Neither root nor netem is needed, but a kernel
-that allows user namespaces, and /dev/net/tun for the link that loses packets.
+Each host has its own network, /dev/shm and System V IPC, so that only the link joins the hosts. Otherwise Fast DDS
+would pass data through shared memory, and a cut link would have no effect. The module needs a kernel that allows user
+namespaces, and /dev/net/tun for the link that loses packets. It needs neither root nor netem.
 """
 
 import json
@@ -20,7 +20,7 @@ ENTER = 'nsenter', '--preserve-credentials', '--user', '--net', '--ipc', '--moun
 
 
 class NoHostsError(RuntimeError):
-    """This machine makes no network namespaces, or no such link between them."""
+    """This machine cannot make network namespaces, or the link between them."""
 
 
 class Host:
@@ -30,7 +30,7 @@ class Host:
         self.address, self._peer = address, peer
         if inside is None:
             command = ['unshare', '--user', '--map-root-user', '--net', '--mount', '--ipc', 'sh', '-c', SETUP]
-        else:  # in the same user namespace: only then may an interface be moved from one to the other
+        else:  # an interface can move between network namespaces only within one user namespace
             command = [*inside.enter(), 'unshare', '--net', '--mount', '--ipc', 'sh', '-c', SETUP]
         try:
             self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
@@ -48,24 +48,24 @@ class Host:
         return self._process.pid
 
     def enter(self) -> list[str]:
-        """The words to put before a command that is to run on this host."""
+        """Return the words to put before a command so that it runs on this host."""
         return [*ENTER, '--target', str(self.pid)]
 
     def environment(self, **more: str) -> dict[str, str]:
-        """As on a real host: discovery goes to the other host by its address, without multicast."""
+        """Return the environment of a real host: discovery uses the address of the other host, without multicast."""
         return {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'ROS_STATIC_PEERS': self._peer, **more}
 
     def popen(self, command: Sequence[str], environment: Mapping[str, str] | None = None,
               **keywords) -> subprocess.Popen:
-        """Start ``command`` on this host, in the folder /; ``environment`` adds to that of the host.
+        """Start ``command`` on this host, in the folder /. ``environment`` is added to that of the host.
 
-        The process is the command's: nsenter replaces itself by it.
+        The process is that of the command, because nsenter replaces itself by the command.
         """
         return subprocess.Popen([*self.enter(), '--', *command], env=self.environment(**(environment or {})),
                                 **keywords)
 
     def run(self, *command: str) -> str:
-        """Run to the end; return what it printed. Raises NoHostsError when it fails."""
+        """Run ``command`` to its end and return its output. Raises NoHostsError if it fails."""
         done = subprocess.run([*self.enter(), '--', *command], capture_output=True, text=True, check=False)
         if done.returncode:
             raise NoHostsError(f'{" ".join(command)}: {done.stderr.strip()}')
@@ -77,7 +77,7 @@ class Host:
 
 
 class Hosts:
-    """Two hosts joined by a veth pair: ``first`` and ``second``. A context; raises NoHostsError."""
+    """Context with two hosts, ``first`` and ``second``, joined by a veth pair. Raises NoHostsError."""
 
     def __init__(self):
         self._stack = ExitStack()
@@ -108,17 +108,17 @@ class Hosts:
             host.run('ip', 'link', 'set', name, 'up')
 
     def plug(self, is_in: bool) -> None:
-        """Plug the cable in at the first host, or pull it."""
+        """Plug in the cable at the first host, or pull it out."""
         self.first.run('ip', 'link', 'set', 'veth0', 'up' if is_in else 'down')
 
     def octets(self) -> int:
-        """What the first host has received from the link and sent over it."""
+        """Return the number of bytes that the first host has received and sent over the link."""
         found = json.loads(self.first.run('ip', '-json', '-statistics', 'link', 'show', 'veth0'))
         return sum(found[0]['stats64'][direction]['bytes'] for direction in ('rx', 'tx'))
 
 
 class LossyHosts(Hosts):
-    """Two hosts joined by a relay between two tun interfaces: ``set`` makes the link bad."""
+    """Two hosts joined by a relay between two tun interfaces. ``set`` disturbs the link."""
 
     def _join(self, stack: ExitStack) -> None:
         words = [sys.executable, str(RELAY), str(self.second.pid)]
@@ -134,10 +134,10 @@ class LossyHosts(Hosts):
         self._relay.wait()
 
     def set(self, *, loss: float = 0.0, delay: float = 0.0, jitter: float = 0.0) -> None:
-        """Change the link, both directions alike.
+        """Change the link in both directions.
 
-        ``loss``: part of the packets, 0 to 1. ``delay`` [s] for each packet, and up to ``jitter`` [s] more or less,
-        evenly spread: packets overtake.
+        ``loss`` is the share of lost packets, 0 to 1. ``delay`` is the delay of each packet [s]. ``jitter`` changes
+        each delay by up to this time, uniformly [s], so that packets overtake each other.
         """
         assert self._relay.stdin
         self._relay.stdin.write(json.dumps({'loss': loss, 'delay': delay, 'jitter': jitter}) + '\n')

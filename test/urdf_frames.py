@@ -1,4 +1,4 @@
-"""The frames of a robot from its description, as robot_state_publisher computes them; independent of the package."""
+"""Compute the frames of a robot from its description like robot_state_publisher, independently of the package."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -21,7 +21,7 @@ class Joint(NamedTuple):
 
 
 def expand(name: str) -> ElementTree.Element:
-    """Expand a xacro file of urdf/, or the given text beside them."""
+    """Expand a xacro file of urdf/, or the given text as if it were in that folder."""
     document = xacro.process_file(str(URDF / name))
     return ElementTree.fromstring(document.toxml())
 

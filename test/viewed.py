@@ -1,4 +1,4 @@
-"""Pads for tests of the views: made by hand, and a source that does what the test says."""
+"""Pads for tests of the views: states made by hand, and a source that the test controls."""
 
 import time
 
@@ -21,7 +21,7 @@ def contact(shape='square', outline=((0.004, 0.004), (0.012, 0.004), (0.012, 0.0
 
 
 def state(pad='left', stamp=100.0, shape='square', values=None, acquired=None, **changed):
-    """4 x 4 taxels of 50 kPa."""
+    """Return the state of a pad of 4 x 4 taxels at 50 kPa."""
     values = np.full((4, 4), 50e3) if values is None else np.asarray(values, float)
     status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
     fields = {'status': status, 'pitch': PITCH, 'unit': 'Pa', 'contact': contact(shape)} | changed
@@ -29,7 +29,7 @@ def state(pad='left', stamp=100.0, shape='square', values=None, acquired=None, *
 
 
 class HandSource:
-    """A source whose store the test fills; ``begun`` and ``ended`` count `start` and `stop`."""
+    """A source whose store the test fills. ``begun`` and ``ended`` count the calls of `start` and `stop`."""
 
     player = None
     title = 'by hand'
@@ -55,7 +55,7 @@ class HandSource:
 
 
 def until(is_reached, seconds=20.0):
-    """Wait for what another thread, node or process does."""
+    """Wait until ``is_reached`` returns True, because of another thread, node or process."""
     end = time.monotonic() + seconds
     while not is_reached() and time.monotonic() < end:
         time.sleep(0.02)

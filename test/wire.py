@@ -1,6 +1,7 @@
-"""A CAN wire in virtual time, without our code: a frame takes its bits, the lowest COB-ID goes first (ISO 11898-1).
+"""A CAN wire in virtual time, without code of the package (ISO 11898-1).
 
-The nodes answer each SYNC after a delay, each keeps its own order, and leaves out a sweep while too many are queued.
+Each frame occupies the wire for the time of its bits, and the frame with the lowest COB-ID goes first. The nodes answer
+each SYNC after a delay. Each node sends its TPDOs in a fixed order, and skips a sweep while too many are queued.
 """
 
 from collections import deque
@@ -8,33 +9,33 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-BIT = 1e-6  #: s, at 1 Mbit/s
+BIT = 1e-6  #: Duration of a bit at 1 Mbit/s [s].
 SYNC_ID = 0x080
 
 
 def frame_seconds(size: int) -> float:
-    """A standard frame of ``size`` data bytes with the most stuff bits, and the three bits between two frames."""
+    """Return the duration of a frame of ``size`` data bytes with the most stuff bits and three bits of intermission."""
     return (47 + 8 * size + (34 + 8 * size - 1) // 4) * BIT
 
 
 class Carried(NamedTuple):
-    """A frame that the wire has carried."""
+    """A frame that was sent over the wire."""
 
-    offered: float  #: when its sender had it ready [s]
-    end: float      #: of its last bit [s]
+    offered: float  #: time at which its sender had it ready [s]
+    end: float      #: end of its last bit [s]
     can_id: int
-    number: int     #: of the SYNC that it is, or answers
+    number: int     #: number of the SYNC, or of the SYNC that it answers
 
 
 @dataclass
 class Node:
-    """One node of a skin: ``can_ids`` and bytes of its TPDOs in the order in which it sends them."""
+    """One node of a skin, with the ``can_ids`` and bytes of its TPDOs in the order of sending."""
 
     can_ids: Sequence[int]
     size: int = 8
-    delay: Callable[[int], float] = lambda number: 0.0003  #: from SYNC to the first TPDO, by the SYNC's number
+    delay: Callable[[int], float] = lambda number: 0.0003  #: time from SYNC to the first TPDO [s]
     skips: Callable[[int], bool] = lambda number: False
-    most_queued: int = 2  #: sweeps under way or waiting
+    most_queued: int = 2  #: largest number of sweeps being sent or waiting
     answered: list[int] = field(default_factory=list)
     _queue: deque[tuple[float, int, int]] = field(default_factory=deque)
 
@@ -46,12 +47,12 @@ class Node:
         self._queue.extend((ready, can_id, number) for can_id in self.can_ids)
 
     def chatter(self, times: Sequence[float]) -> None:
-        """Have a frame ready at each of these times, whatever the SYNCs."""
+        """Make a frame ready at each of these times, independently of SYNC."""
         self._queue.extend((time, self.can_ids[0], -1) for time in times)
 
     @property
     def head(self) -> tuple[float, int] | None:
-        """When the next frame is ready, and its COB-ID."""
+        """Return the time at which the next frame is ready, and its COB-ID."""
         return self._queue[0][:2] if self._queue else None
 
     def take(self) -> tuple[float, int, int]:
@@ -60,9 +61,10 @@ class Node:
 
 def carried(syncs: Sequence[float], nodes: Sequence[Node],
             leaves_out: Callable[[float], bool] = lambda now: False) -> Iterator[Carried]:
-    """Yield all frames in the order of the wire; ``syncs``: when the master has each SYNC ready [s], rising.
+    """Yield all frames in the order in which the wire carries them.
 
-    ``leaves_out(now)``: whether the master does not send the one that is ready.
+    ``syncs`` are the times at which the master has each SYNC ready [s], rising. The master skips a SYNC that is ready
+    if ``leaves_out(now)`` returns True.
     """
     waiting, free = deque(enumerate(syncs)), 0.0
     while True:

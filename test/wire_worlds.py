@@ -1,4 +1,4 @@
-"""Pads and their assemblers on a wire in virtual time: frames take their time, SYNC and TPDOs cross."""
+"""Pads and their assemblers on a wire in virtual time, on which frames take time and SYNC and TPDOs cross."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -16,9 +16,9 @@ from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
-CODES = 251               #: the TPDOs of a sweep hold its number modulo this, plus 1
-ADAPTER = 0.0005  #: s through an adapter, at most
-TIMEOUT = 0.002  #: s that a read waits for bytes
+CODES = 251               #: The TPDOs of a sweep contain its number modulo CODES, plus 1.
+ADAPTER = 0.0005  #: Longest delay of a frame in an adapter [s].
+TIMEOUT = 0.002  #: Time for which a read waits for bytes [s].
 HOST, WIRE = 'stamps of the host', 'stamps of the wire'
 
 
@@ -30,7 +30,7 @@ class Pad(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """Of one pad: numbers of the sweeps that are whole, of those in which all nodes answered; frames that are wrong."""
+    """Results of one pad: numbers of whole sweeps, numbers of sweeps that all nodes answered, and wrong frames."""
 
     whole: list[int]
     answered: list[int]
@@ -48,10 +48,10 @@ def period_at(load: float, pads: Sequence[Pad]) -> float:
 
 def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: float = 0.0, seed: int = 0,
            first_skips: Callable[[int], bool] | None = None, chatter: Sequence[Node] = (), **of_nodes) -> list[Seen]:
-    """Let the nodes answer ``syncs`` on one wire; what the driver makes of the frames of each pad that it receives.
+    """Let the nodes answer ``syncs`` on one wire, and return what the driver receives from each pad.
 
-    ``lost``: share of TPDOs that are not received; ``first_skips``: which sweeps the first pad leaves out;
-    ``chatter``: nodes of no pad.
+    ``lost`` is the share of TPDOs that are not received. ``first_skips`` returns True for the sweeps that the first pad
+    skips. ``chatter`` are nodes that belong to no pad.
     """
     rng = np.random.default_rng(seed)
     layouts = [load_layout(pad.layout) for pad in pads]
@@ -72,7 +72,7 @@ def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: flo
 
 
 class Receiver:
-    """The driver's way from CAN frames to taxel frames, and what comes of it."""
+    """The part of the driver that makes taxel frames from CAN frames, with its results."""
 
     def __init__(self, pads: Sequence[Pad], clock: str):
         self._pads = [PadSettings(str(place), pad.node_ids, load_layout(pad.layout)) for place, pad in enumerate(pads)]
@@ -81,7 +81,7 @@ class Receiver:
                              foreign_sync=False, one_clock=clock == WIRE, bitrate=round(1 / BIT))
         self._tpdos = {tpdo.cob_id.of(pad.node_ids[tpdo.node]): (pad.layout, tpdo.length)
                        for pad in self._pads for tpdo in pad.layout.tpdos}
-        self._numbers: dict[float, int] = {}  # of the SYNCs, by their stamps
+        self._numbers: dict[float, int] = {}  # number of each SYNC by its stamp
 
     def sync(self, stamp: float, number: int) -> None:
         self._numbers[stamp] = number
@@ -112,14 +112,14 @@ class Receiver:
 
 
 class Wire:
-    """Frames stamped when the wire has carried them: SocketCAN, which does not give own frames, here SYNC, back."""
+    """SocketCAN: frames are stamped at their end on the wire, and own frames (SYNC) are not received."""
 
     def __init__(self, receiver: Receiver, period: float):
         self._receiver = receiver
         self._pause = SyncPause(period)
 
     def is_pause_wanted(self, now: float) -> bool:
-        """Whether the driver leaves out the SYNC that it would send now."""
+        """Return True if the driver would skip the SYNC that is due now."""
         self.read(now)
         return self._pause.is_due(self._receiver.router.is_in_doubt)
 
@@ -130,18 +130,18 @@ class Wire:
         self._receiver.tpdo(frame, frame.end, frame.end)
 
     def read(self, until: float) -> None:
-        """All is read."""
+        """Read all frames."""
 
 
 class Adapter(Wire):
-    """SYNCs are stamped as they are sent, the others as they are read from an adapter, all that wait at once: slcan."""
+    """slcan: SYNC is stamped when it is sent; other frames when they are read, all waiting frames at once."""
 
     def __init__(self, receiver: Receiver, period: float, rng: np.random.Generator):
         super().__init__(receiver, period)
         self._rng = rng
-        self._here: deque[tuple[float, Carried]] = deque()  # when it can be read
-        self._last = 0.0  # the last frame is here
-        self._free = self._asked = 0.0  # the next read may begin; the last one has begun
+        self._here: deque[tuple[float, Carried]] = deque()  # time from which each frame can be read
+        self._last = 0.0  # arrival of the last frame
+        self._free = self._asked = 0.0  # earliest begin of the next read; begin of the last read
 
     def sync(self, frame: Carried) -> None:
         self.read(frame.offered)
@@ -155,7 +155,7 @@ class Adapter(Wire):
         while self._here and max(self._free, self._here[0][0]) <= until:
             empty_at, self._asked = self._asked, self._free
             first = self._here[0][0]
-            if first > self._asked:  # nothing waits: asked again after each TIMEOUT
+            if first > self._asked:  # no frame waits, so the read is repeated after each TIMEOUT
                 empty_at = self._asked = self._asked + (first - self._asked) // TIMEOUT * TIMEOUT
             read = max(self._asked, first)
             while self._here and self._here[0][0] <= read:
@@ -165,13 +165,13 @@ class Adapter(Wire):
 
 
 def rising(times: np.ndarray) -> np.ndarray:
-    """No time twice: a SYNC has its own stamp."""
+    """Return the times without duplicates, because each SYNC has its own stamp."""
     return np.maximum.accumulate(times) + 1e-9 * np.arange(len(times))
 
 
 @cache
 def coded(code: int, bits: int, byte_order: str) -> bytes:
-    """Eight bytes in which every value of ``bits`` is ``code``."""
+    """Return eight bytes in which every value of ``bits`` bits is ``code``."""
     if byte_order == 'little':
         word = sum(code << place for place in range(0, 64 - bits + 1, bits))
         return word.to_bytes(8, 'little')
@@ -180,7 +180,7 @@ def coded(code: int, bits: int, byte_order: str) -> bytes:
 
 
 def random_world(pads: Sequence[Pad], clock: str, seed: int, count: int = 200) -> list[Seen]:
-    """Loads of 60 to 105 %, late SYNCs, answers that take up to 15 % of a sweep, TPDOs lost, sweeps skipped."""
+    """Play a world with 60 to 105 % load, late SYNCs, answers within 15 % of a sweep, lost TPDOs and skipped sweeps."""
     rng = np.random.default_rng(seed)
     shortest = period_at(1.0, pads)
     loads = np.repeat(rng.uniform(0.6, 1.05, count // 20 + 1), 20)[:count]

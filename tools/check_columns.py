@@ -1,6 +1,6 @@
-"""Reports lines of more than 120 columns in the files that no other linter reads: documents, YAML, messages, make.
+"""Report lines of more than 120 columns in files that no other linter checks: documents, YAML, messages, make.
 
-The tables of *_results.md are written by the benchmarks; their rows cannot be broken.
+The benchmarks write the tables of *_results.md. Their rows cannot be broken, so they are not checked.
 """
 
 import subprocess
@@ -20,12 +20,12 @@ def long_lines(path: Path) -> list[str]:
 
 
 def columns_of(path: Path, line: str) -> int:
-    """Return how many columns a line may have."""
+    """Return the largest number of columns that a line may have."""
     return sys.maxsize if path.name.endswith('_results.md') and line.startswith('|') else COLUMNS
 
 
 def main(arguments: list[str]) -> int:
-    """Check the files named, or every file of the repository that one of PATTERNS fits."""
+    """Check the named files, or all files of the repository that match one of PATTERNS."""
     names = arguments or subprocess.run(
         ['git', 'ls-files', '--', *PATTERNS], check=True, capture_output=True, text=True).stdout.splitlines()
     found = [line for name in names if Path(name).is_file() for line in long_lines(Path(name))]

@@ -1,19 +1,22 @@
-"""What runs each command of the documents, or what it needs: see documented_commands.py."""
+"""Rules that give each command of the documents its class: the test that runs it, or what it needs.
+
+documented_commands.py applies these rules.
+"""
 
 from enum import Enum
 from typing import NamedTuple
 
-#: What begins with one of these is a command.
+#: A line that begins with one of these words is a command.
 PROGRAMS = ('tactile', 'make', 'python', 'python3', 'pip', 'ros2', 'rosdep', 'rviz2', 'sudo', 'ip', 'source', 'export',
             'kill', 'git', 'apt', 'plotjuggler', 'echo', 'fast-discovery-server', '.venv/bin/pre-commit',
             '.venv/bin/python')
-HERE = 'test/test_documented_commands.py'  #: it runs those of class RUN of each page, in their order
+HERE = 'test/test_documented_commands.py'  #: Test that runs the commands of class RUN of each page in order.
 
 
 class Kind(Enum):
     RUN = 'run'
     TESTED = 'run by another test'
-    CHECKED = 'in a sentence; what it names exists'
+    CHECKED = 'in a sentence; everything that it names exists'
     HARDWARE = 'needs hardware'
     ROS2 = 'needs a ROS 2 installation'
     NETWORK = 'needs a network or root'
@@ -24,10 +27,10 @@ class Kind(Enum):
 class Rule(NamedTuple):
     pattern: str
     kind: Kind
-    where: str = ''  #: the test; or what is meant
+    where: str = ''  #: the test that runs the command, or a remark
 
 
-#: The first whose pattern is found decides.
+#: The first rule whose pattern matches a command decides.
 RULES = (
     Rule(r'^(ros2|rosdep|rviz2|plotjuggler)\b', Kind.ROS2),
     Rule(r'^(for|done|do)\b|^(ros2|ROS_DOMAIN_ID=\S+ ros2) security', Kind.ROS2, 'SROS 2'),

@@ -1,8 +1,10 @@
-"""Prints every command of the documents with the test that runs it, or with what it needs: `make commands`.
+"""Print every command of the documents with the test that runs it, or with what it needs: `make commands`.
 
-A command is a line of an indented or fenced block in which a line begins with one of PROGRAMS, or code within a
-sentence that does. Those in sentences are often parts of a command: that what they name exists is all that can be
-checked of them. A test fails where a command is in no class of RULES, or names an option, a file, a make target or a
+A command is a line of an indented or fenced block of code, if a line of the block begins with one of PROGRAMS. Code in
+a sentence is also a command if it begins with one of PROGRAMS. Commands in sentences are often incomplete, so only the
+names in them are checked.
+
+A test fails if a command has no class in RULES. It also fails if a command names an option, a file, a make target or a
 launch argument that does not exist.
 """
 
@@ -31,7 +33,7 @@ class Command(NamedTuple):
 
     @property
     def words(self) -> list[str]:
-        """Of the first program: up to what the shell itself reads."""
+        """Words of the first program, without the parts that the shell processes."""
         words = shlex.split(self.text, comments=True)
         return words[:next((i for i, word in enumerate(words) if word in SHELL_WORDS), None)]
 
@@ -67,14 +69,14 @@ def commands_of(text: str, page: str) -> list[Command]:
 
 
 def _blocks(lines: list[str]) -> tuple[list[dict[int, str]], list[str]]:
-    """Blocks of code as {line number: line, continued lines joined}, and the page with its blocks empty."""
+    """Return blocks of code as {line number: line, with continued lines joined}, and the page with empty blocks."""
     blocks: list[dict[int, str]] = [{}]
     prose, fence, depth = [], '', 0
     for number, line in enumerate(lines, 1):
         text = line.strip()
         indent = len(line) - len(line.lstrip())
         if re.match(r'(\d+\.|[-*]) ', text) and not fence:
-            depth = indent + len(re.match(r'\S+ ', text)[0])  # text of a list item begins there
+            depth = indent + len(re.match(r'\S+ ', text)[0])  # column at which the text of a list item begins
         elif text and not fence and indent == 0:
             depth = 0
         is_code = bool(fence) or indent >= depth + 4 and (not prose or not prose[-1].strip() or bool(blocks[-1]))
@@ -98,7 +100,7 @@ def _add(block: dict[int, str], number: int, text: str) -> None:
 
 
 def _plain(text: str) -> str:
-    """Without the remark and the & behind it."""
+    """Return ``text`` without the remark or the & at its end."""
     return re.sub(r'\s+(#.*|&)$', '', text).strip()
 
 
@@ -107,7 +109,7 @@ def _is_command(text: str) -> bool:
 
 
 def problem(command: Command) -> str | None:
-    """What is wrong with what the command names, or None."""
+    """Return a problem with a name in the command, or None."""
     words = command.words
     if words[0] == 'tactile':
         return _problem_of_tactile(words[1:], command.in_sentence)
@@ -165,7 +167,8 @@ def main() -> int:
     bad = [command for command in found if command.rule is None or problem(command)]
     for command in bad:
         print(f'{command.page}:{command.line}: {command.text}: {problem(command) or "in no class"}', file=sys.stderr)
-    print(f'\n{len(found)} commands, {len(bad)} of them with a problem')
+    print(f'\
+{len(found)} commands, {len(bad)} of them with a problem')
     return 1 if bad else 0
 
 

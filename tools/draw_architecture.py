@@ -1,7 +1,8 @@
-"""Draws docs/architecture.png from the imports and writes them to docs/architecture.txt: `make architecture`.
+"""Draw docs/architecture.png from the imports, and write the imports to docs/architecture.txt: `make architecture`.
 
-A box is a room of tactile_node/ with its lines of code; an arrow leads from a room to one that it imports. Arrows that
-a chain of others implies are left out of the picture, and none out of the text, which a test compares to the imports.
+Each box is a room of tactile_node/ with its number of lines of code. An arrow leads from a room to a room that it
+imports. The picture omits an arrow if a chain of other arrows implies it. The text contains all imports, and a test
+compares it with the code.
 """
 
 import ast
@@ -9,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
-#: rooms by rows, the lowest first; x is in units of a box
+#: The rooms row by row, the lowest row first; x is in units of a box.
 PLACES = {
     'cia301': (1.0, 0), 'contact': (5.1, 0), 'helmholtz': (6.3, 0),
     'skin': (1.0, 1), 'conditioning': (3.0, 1), 'shape': (5.7, 1),
@@ -50,7 +51,7 @@ def edges() -> dict[str, list[str]]:
 
 
 def direct(imports: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Return ``imports`` without those that a chain of others implies."""
+    """Return ``imports`` without those that a chain of other imports implies."""
     def reach(room: str) -> set[str]:
         return {further for below in imports[room] for further in ({below} | reach(below))}
     return {room: [below for below in found if not any(below in reach(other) for other in found if other != below)]
@@ -58,13 +59,13 @@ def direct(imports: dict[str, list[str]]) -> dict[str, list[str]]:
 
 
 def text(imports: dict[str, list[str]]) -> str:
-    """Return what docs/architecture.txt holds."""
+    """Return the content of docs/architecture.txt."""
     lines = [f'{room}: {", ".join(found) or "-"}' for room, found in imports.items()]
     return '\n'.join(['# room: the rooms that it imports; written by `make architecture`', *lines]) + '\n'
 
 
 def draw(imports: dict[str, list[str]], path: Path) -> None:
-    from matplotlib.figure import Figure  # here: the test of the imports needs no picture
+    from matplotlib.figure import Figure  # imported here, because the test of the imports draws no picture
     figure = Figure(figsize=(13, 10))
     axes = figure.subplots()
     for room, found in direct(imports).items():

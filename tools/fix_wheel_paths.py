@@ -1,7 +1,7 @@
-"""Points the CMake files of the ROS wheels at this environment's own headers.
+"""Make the CMake files of the ROS wheels use the headers of this environment. `make` runs this script once.
 
-The wheels' exported targets name the Python and NumPy headers of the machine that built them;
-CMake stops with "includes non-existent path" until they are rewritten, once. Run by `make`.
+The exported targets of the wheels name the Python and NumPy headers of the machine that built them. Without this
+script, CMake stops with "includes non-existent path".
 """
 
 import re

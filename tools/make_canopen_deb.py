@@ -1,6 +1,6 @@
-"""Makes a Debian package of the canopen of this environment, for robots that have apt and no pip.
+"""Make a Debian package of the canopen library in this environment, for robots with apt but without pip.
 
-Run by `make deb`, or: python tools/make_canopen_deb.py dist. It runs with every Python of Debian and Ubuntu.
+Run by `make deb`, or: python tools/make_canopen_deb.py dist. The package works with every Python of Debian and Ubuntu.
 """
 
 import re
@@ -10,8 +10,8 @@ import tempfile
 from importlib.metadata import Distribution, distribution
 from pathlib import Path
 
-DEPENDS = {'python-can>=3.0.0': 'python3-can (>= 3.0.0)'}  #: by the requirement of canopen
-OF_PIP = {'INSTALLER', 'RECORD', 'REQUESTED', 'direct_url.json'}  # with these, pip would uninstall files of apt
+DEPENDS = {'python-can>=3.0.0': 'python3-can (>= 3.0.0)'}  #: Debian package for each requirement of canopen.
+OF_PIP = {'INSTALLER', 'RECORD', 'REQUESTED', 'direct_url.json'}  #: With these files, pip would uninstall files of apt.
 CONTROL = """Package: python3-canopen
 Version: {version}
 Architecture: all

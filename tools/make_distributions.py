@@ -1,7 +1,8 @@
-"""Makes the source distribution of what git tracks, and the wheel from it; tries both in fresh environments.
+"""Make the source distribution of all files that git tracks, make the wheel from it, and test both.
 
-Run by `make dist`, or: python tools/make_distributions.py dist. Each environment gets one of the
-two with its dependencies (from the index), and then runs what a user would run first. Prints the sizes.
+Run by `make dist`, or: python tools/make_distributions.py dist. For each of the two, the script makes a new
+environment, installs it with its dependencies from the package index, and runs the first commands of a user. It prints
+the sizes.
 """
 
 import argparse
@@ -16,14 +17,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LOG = ROOT / 'test/data/sim16x16_two_pads.log.gz'
-#: The same date in every archive, so that the same sources make the same files
+#: All archives contain this date, so that the same sources make the same files.
 EPOCH = '1735689600'  # 2025-01-01
 OFFLINE = ('--quiet', '--disable-pip-version-check', '--no-index', '--no-build-isolation', '--no-deps')
 SHAPES = {'circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle'}
 
 
 def tracked_sources(folder: Path) -> Path:
-    """Copy what git tracks, as it is now, to ``folder``: nothing that an earlier build has left."""
+    """Copy the current files that git tracks to ``folder``, without files of an earlier build."""
     names = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, check=True, capture_output=True).stdout
     for name in filter(None, names.decode().split('\0')):
         if (ROOT / name).is_file():
@@ -33,19 +34,19 @@ def tracked_sources(folder: Path) -> Path:
 
 
 def run(*command: object, cwd: Path, environment: Mapping[str, str] = os.environ) -> str:
-    """Return what ``command`` prints. Raises CalledProcessError."""
+    """Return the output of ``command``. Raises CalledProcessError if it fails."""
     return subprocess.run([str(part) for part in command], cwd=cwd, env={**environment, 'SOURCE_DATE_EPOCH': EPOCH},
                           check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def source_distribution(source: Path, dist: Path) -> Path:
-    """Return the .tar.gz of the sources in ``source``, by setuptools' own PEP 517 hook."""
+    """Make the .tar.gz of the sources in ``source`` with the PEP 517 hook of setuptools, and return its path."""
     hook = 'import sys; from setuptools import build_meta; print(build_meta.build_sdist(sys.argv[1]))'
     return dist / run(sys.executable, '-c', hook, dist, cwd=source).split()[-1]
 
 
 def wheel(source: Path, dist: Path) -> Path:
-    """Return the wheel of ``source``, a folder or a source distribution."""
+    """Make the wheel of ``source``, a folder or a source distribution, and return its path."""
     before = set(dist.glob('*.whl'))
     run(sys.executable, '-m', 'pip', 'wheel', *OFFLINE, '--wheel-dir', dist, source, cwd=dist)
     made, = set(dist.glob('*.whl')) - before
@@ -53,7 +54,7 @@ def wheel(source: Path, dist: Path) -> Path:
 
 
 def try_out(distribution: Path, work: Path) -> None:
-    """Install ``distribution`` in a fresh environment and run what a user runs first. Raises where it fails."""
+    """Install ``distribution`` in a new environment and run the first commands of a user. Raises if one fails."""
     run(sys.executable, '-m', 'venv', work / 'venv', cwd=work)
     binaries = work / 'venv/bin'
     clean = {name: value for name, value in os.environ.items() if name not in ('PYTHONPATH', 'AMENT_PREFIX_PATH')}
@@ -71,7 +72,7 @@ def try_out(distribution: Path, work: Path) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """Make both in the folder that is given."""
+    """Make source distribution and wheel in the given folder."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('dist', type=Path)
     dist = parser.parse_args(arguments).dist.resolve()

@@ -1,7 +1,8 @@
-"""Writes config/*.eds for our example skins from their layouts: ``python tools/make_eds.py``.
+"""Write config/*.eds for our example skins from their layouts: ``python tools/make_eds.py``.
 
-Every object a layout maps becomes an entry, every TPDO a communication and a mapping record (CiA 306). The
-TPDOs' defaults are the layout's, but disabled: like most devices, the skin sends nothing until it is configured.
+Each object that a layout maps becomes an entry. Each TPDO becomes a communication record and a mapping record
+(CiA 306). The defaults of the TPDOs are those of the layout, but the TPDOs are disabled. Like most devices, the skin
+sends nothing until it is configured.
 """
 
 from pathlib import Path
@@ -105,7 +106,7 @@ def communication_objects(layout: SkinLayout, product: str, number: int) -> dict
 
 
 def times() -> list[tuple | None]:
-    """Sub-indices 3 to 5 of a communication record; CiA 301 reserves 4, which is not implemented."""
+    """Return sub-indices 3 to 5 of a communication record. CiA 301 reserves 4, so it is not implemented."""
     return [('Inhibit time', U16, 'rw', 0), None, ('Event timer', U16, 'rw', 0)]
 
 
@@ -124,7 +125,10 @@ def taxel_objects(layout: SkinLayout, taxel_type: str) -> dict[int, list[str]]:
 
 
 def auto_zero_objects(layout: SkinLayout) -> dict[int, list[str]]:
-    """CiA 404: writing the signature "zero" zeroes a channel; one a taxel, row by row."""
+    """Return the auto-zero object of CiA 404 with one channel for each taxel, row by row.
+
+    Writing the signature "zero" to a channel sets its zero.
+    """
     channels = [(f'Auto-zero {channel}', U32, 'wo', 0) for channel in range(1, layout.rows * layout.cols + 1)]
     return {AUTO_ZERO: record(f'{AUTO_ZERO:X}', 'AI autozero', 'ARRAY', channels)}
 

@@ -1,4 +1,4 @@
-"""Shows that the tests find faults: seeds one fault at a time into a copy of the package and runs the tests on it.
+"""Show that the tests find faults: put one fault at a time into a copy of the package, and run the tests on it.
 
     python tools/seed_faults.py [--all-tests] [NAME ...]
 
@@ -22,7 +22,7 @@ FAULTS = Path(__file__).with_name('seeded_faults.yaml')
 
 
 class SeededFault(NamedTuple):
-    """One fault: ``old`` in ``file`` becomes ``new``; ``tests`` are expected to fail."""
+    """One fault: the text ``old`` in ``file`` is replaced by ``new``, and at least one of ``tests`` has to fail."""
 
     name: str
     file: str

@@ -2,10 +2,10 @@
 
     python tools/socketcan_vm.py [--folder build/socketcan] COMMAND...
 
-Needs apt (Debian's packages are unpacked into --folder, nothing is installed); no root, no KVM. The machine sees this
-host's files read-only, with a RAM overlay over them, two CAN controllers (SJA1000) on one emulated bus as can0 and
-can1, and virtual CAN interfaces vcan0 and vcan1. Ends with the command's exit code, or with 77 when the machine could
-not be started; the reason is then also in --folder/not_run.
+The script needs apt, but neither root nor KVM. It unpacks Debian packages into --folder and installs nothing. The
+machine sees the files of this host read-only, with an overlay in RAM. It has two CAN controllers (SJA1000) on one
+emulated bus, can0 and can1, and two virtual CAN interfaces, vcan0 and vcan1. The exit code is that of the command, or
+77 if the machine could not be started. In this case, --folder/not_run contains the reason.
 """
 
 import argparse
@@ -21,7 +21,7 @@ import tempfile
 import threading
 from pathlib import Path
 
-NOT_STARTED = 77  #: as automake's tests say "skipped"
+NOT_STARTED = 77  #: Exit code for "skipped" in tests of automake.
 PACKAGES = ('qemu-system-x86', 'linux-image-amd64', 'busybox-static', 'kmod', 'iproute2')
 MODULES = ('9pnet_virtio', 'virtio_pci', '9p', 'overlay', 'vcan', 'can-raw', 'slcan', 'kvaser_pci')
 RESULT = 'socketcan_vm: command ended with '
@@ -52,16 +52,16 @@ poweroff -f
 
 
 class CannotStartError(Exception):
-    """Why there is no machine."""
+    """The machine cannot be started, for the reason in the message."""
 
 
 def fetch(folder: Path) -> None:
-    """Unpack what this host does not have of PACKAGES into ``folder``/root."""
+    """Unpack those of PACKAGES that this host does not have into ``folder``/root."""
     root, debs = folder / 'root', folder / 'debs'
     if (folder / 'unpacked').exists():
         return
     if not shutil.which('apt-get') or not shutil.which('dpkg-deb'):
-        raise CannotStartError('neither apt-get nor an earlier download: Debian or Ubuntu is needed')
+        raise CannotStartError('found neither apt-get nor an earlier download; this needs Debian or Ubuntu')
     (debs / 'partial').mkdir(parents=True, exist_ok=True)
     print('socketcan_vm: downloading kernel and emulator (about 100 MB, once)', flush=True)
     settings = [f'Dir::Cache::archives={debs.resolve()}', 'Debug::NoLocking=1', 'APT::Sandbox::User=']
@@ -77,7 +77,7 @@ def fetch(folder: Path) -> None:
 
 
 def found(root: Path, *patterns: str) -> Path:
-    """The first file that matches, below ``root``."""
+    """Return the first file below ``root`` that matches one of ``patterns``."""
     for pattern in patterns:
         for path in sorted(root.glob(pattern)):
             return path
@@ -85,7 +85,7 @@ def found(root: Path, *patterns: str) -> Path:
 
 
 def make_initramfs(folder: Path) -> tuple[Path, Path]:
-    """Kernel and initramfs; the latter without the command, which `boot` adds as a second archive."""
+    """Return the kernel and an initramfs without the command. `boot` adds the command as a second archive."""
     root, image = folder / 'root', folder / 'initramfs.gz'
     kernel = found(root, 'boot/vmlinuz-*')
     version = kernel.name.removeprefix('vmlinuz-')
@@ -107,7 +107,7 @@ def make_initramfs(folder: Path) -> tuple[Path, Path]:
 
 
 def archive(tree: Path) -> bytes:
-    """``tree`` as the kernel reads it: cpio, format newc (Linux Documentation/driver-api/early-userspace)."""
+    """Return ``tree`` as a cpio archive in the format newc (Linux Documentation/driver-api/early-userspace)."""
     parts = []
     for number, path in enumerate(sorted(tree.rglob('*')), 1):
         status, name = path.lstat(), str(path.relative_to(tree)).encode() + b'\0'
@@ -121,7 +121,7 @@ def archive(tree: Path) -> bytes:
 
 
 def with_init(folder: Path, image: Path, command: str) -> Path:
-    """The initramfs and, as a second archive after it, /init with the command."""
+    """Write the initramfs followed by a second archive, which contains /init with the command; return its path."""
     with tempfile.TemporaryDirectory() as name:
         init = Path(name) / 'init'
         init.write_text(INIT.format(modules=' '.join(MODULES), command=shlex.quote(command), begun=BEGUN,
@@ -133,7 +133,7 @@ def with_init(folder: Path, image: Path, command: str) -> Path:
 
 
 def emulator(root: Path) -> tuple[list[str], dict[str, str]]:
-    """Command and environment of QEMU: the host's, or the unpacked one with its libraries."""
+    """Return command and environment of the host's QEMU, or of the unpacked QEMU with its libraries."""
     if own := shutil.which('qemu-system-x86_64'):
         return [own], {}
     libraries = {str(path.parent) for path in root.glob('**/*.so.*')}
@@ -164,7 +164,7 @@ def boot(folder: Path, command: str, seconds: float) -> int:
 
 
 def relay(machine: subprocess.Popen, seconds: float) -> int:
-    """Print the machine's output, up to the command's exit code."""
+    """Print the output of the machine until the command ends, and return the exit code of the command."""
     watchdog = threading.Timer(seconds, machine.kill)
     watchdog.start()
     last, begun = '', False
@@ -181,14 +181,14 @@ def relay(machine: subprocess.Popen, seconds: float) -> int:
     if begun:
         print(f'socketcan_vm: FAILED: no result within {seconds:g} s; last: {last!r}', flush=True)
         return 1
-    raise CannotStartError(f'the machine ended, or was ended after {seconds:g} s, without a result; last: {last!r}')
+    raise CannotStartError(f'the machine stopped, or was stopped after {seconds:g} s, without a result; last: {last!r}')
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--folder', type=Path, default=Path('build/socketcan'))
-    parser.add_argument('--seconds', type=float, default=420, help='the longest it may take (default: %(default)s)')
-    parser.add_argument('command', help='for /bin/sh, run in the present folder')
+    parser.add_argument('--seconds', type=float, default=420, help='time limit [s] (default: %(default)s)')
+    parser.add_argument('command', help='command for /bin/sh, run in the current folder')
     args = parser.parse_args()
     why_not = args.folder / 'not_run'
     why_not.unlink(missing_ok=True)

@@ -1,1 +1,1 @@
-"""The recognition benchmark: cases, anchors, figures, page. Run by bench/bench_recognition.py."""
+"""The recognition benchmark: cases, anchors, figures and pages. bench/bench_recognition.py runs it."""

@@ -1,4 +1,4 @@
-"""The anchors, trained on the samples that ours is trained on, as many of each pool as a share of its batches."""
+"""Train the anchors on the samples of our own training, with the pools in the same proportions."""
 
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -15,13 +15,24 @@ from training.pools import Part, draw_parts, forms_of, read_parts
 from training.samples import UNKNOWN, Samples
 from training.train import MIX, PARTS
 
-WITHOUT = frozenset({'foreign', 'noise'})  #: the anchors know five classes
+WITHOUT = frozenset({'foreign', 'noise'})  #: Pools that are left out, because the anchors know only the five classes.
 
 
 def train_anchors(folder: Path, share: float, epochs: float, jobs: int, say: Callable[[str], None]) -> dict[bool, list]:
-    """Return the CNN and the trees by kind of frame; both kinds at once, if ``jobs`` is 2.
+    """Train the CNN and the trees for both kinds of frames, and return them by kind.
 
-    ``folder``: of training's samples, drawn where it does not hold them; ``share`` of the largest pool is taken.
+    Parameters
+    ----------
+    folder : Path
+        Folder of the training samples. Missing samples are drawn.
+    share : float
+        Share of the largest pool that is used.
+    epochs : float
+        Number of epochs of the CNN.
+    jobs : int
+        If 2, both kinds of frames are trained at the same time.
+    say : Callable[[str], None]
+        Function that reports the progress.
     """
     if not any(folder.glob('*')):
         claim(folder)
@@ -38,7 +49,7 @@ def train_anchors(folder: Path, share: float, epochs: float, jobs: int, say: Cal
 
 
 def parts_of(share: float) -> dict[str, int]:
-    """How many parts of each pool, as in a batch of ours: at least one, at most all that there are."""
+    """Return the number of parts of each pool, in the proportions of a batch of our training; at least 1 of each."""
     known = {name: size for name, size in MIX.items() if name not in WITHOUT}
     most = max(known, key=lambda name: known[name])
     unit = share * PARTS[most] / known[most]
@@ -46,14 +57,14 @@ def parts_of(share: float) -> dict[str, int]:
 
 
 def trained(on_off: bool, folder: Path, share: float, epochs: float) -> list:
-    """The CNN and the trees for one kind of frame."""
+    """Return the CNN and the trees for one kind of frames."""
     torch.set_num_threads(1)
     samples = anchor_samples(on_off, folder, share)
     return [Cnn(samples, epochs), ContourTrees(samples, not on_off)]
 
 
 def anchor_samples(on_off: bool, folder: Path, share: float) -> Samples:
-    """Samples of the five classes."""
+    """Return the samples of the five classes."""
     wanted = [Part('on_off' if on_off else 'graded', pool, number)
               for pool, count in parts_of(share).items() for number in range(count)]
     for _ in draw_parts(folder, wanted):

@@ -1,7 +1,8 @@
-"""What an integrator would choose today, trained on our generator: a small CNN, contours and trees.
+"""The anchors: methods that an integrator would choose today, a small CNN, and contour features with trees.
 
-Both see the same patch of a contact as ours does (place, level and orientation made standard, torn
-pieces joined), which is more than they would have by themselves; training samples are the same too.
+Both get the same patch of a contact as our method: place, level and orientation are standard, and torn pieces are
+joined. This gives them an advantage, because they would not have such a patch by themselves. The training samples are
+the same, too.
 """
 
 from typing import NamedTuple
@@ -15,12 +16,12 @@ from torch.nn import functional
 
 from training.samples import UNKNOWN, Samples
 
-CLASSES = UNKNOWN  #: how many: anchors know no UNKNOWN
+CLASSES = UNKNOWN  #: Number of classes; the anchors have no class UNKNOWN.
 TREES = 300
 
 
 class SmallCnn(nn.Module):
-    """About 0.5 million weights: three convolutions with pooling, two dense layers."""
+    """Network with three convolutions with pooling and two dense layers, about 0.5 million weights."""
 
     def __init__(self):
         super().__init__()
@@ -35,7 +36,7 @@ class SmallCnn(nn.Module):
 
 
 class Cnn:
-    """The small CNN; Adam with a falling rate, every sample seen ``epochs`` times."""
+    """The small CNN, trained by Adam with a falling rate for ``epochs`` epochs."""
 
     name = 'CNN'
 
@@ -57,7 +58,7 @@ class Cnn:
             schedule.step()
 
     def probabilities(self, samples: Samples) -> np.ndarray:
-        """Probabilities of the five classes, (K, 5)."""
+        """Return the probabilities of the five classes, (K, 5)."""
         found = []
         with torch.no_grad():
             for part in np.array_split(np.arange(len(samples.labels)), max(len(samples.labels) // 512, 1)):
@@ -70,7 +71,7 @@ class Cnn:
 
 
 class Single(NamedTuple):
-    """One frame ready for the anchors' own work, for timing."""
+    """One prepared frame, for the measurement of time."""
 
     image: torch.Tensor  #: (1, 2, SIDE, SIDE)
     level: np.ndarray    #: uint8, (SIDE, SIDE)
@@ -78,7 +79,7 @@ class Single(NamedTuple):
 
 
 class ContourTrees:
-    """OpenCV contour features and 300 extremely randomised trees."""
+    """Contour features of OpenCV with 300 extremely randomised trees."""
 
     name = 'contours + trees'
 
@@ -99,10 +100,10 @@ class ContourTrees:
 
 
 def contour_features(level: np.ndarray, scale: float, graded: bool) -> np.ndarray:
-    """Features of the outer contour of a patch; of pressures, on a grid four times finer.
+    """Return features of the outer contour of a patch. For pressures, the grid is four times finer.
 
-    Area, perimeter, hull, least rectangle, circle and triangle around it, fitted ellipse, corners of
-    polygonal approximations, Hu's moments of the contour and of the levels.
+    The features are area, perimeter, convex hull, smallest enclosing rectangle, circle and triangle, fitted ellipse,
+    corners of polygonal approximations, and Hu's moments of the contour and of the levels.
     """
     image = cv2.resize(level, None, fx=4, fy=4, interpolation=cv2.INTER_LINEAR) if graded else level
     contours, _ = cv2.findContours((image > 80).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)

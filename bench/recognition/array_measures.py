@@ -1,4 +1,4 @@
-"""What an array does to the contacts on it, by its frames; each quantity has a name."""
+"""Measure how an array changes the contacts on it, from its frames; each quantity has a name."""
 
 from collections import defaultdict
 from collections.abc import Iterable
@@ -12,22 +12,24 @@ from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.learning.skin_measures import OFTEN, by_place, fixed_part, residual
 from tactile_node.shape.patch import joined
 
-LEAST = 9    #: taxels of a contact
-PAIRS = 200  #: of taxels for a correlation
-LONG = 3.0   #: length to width of a bar, by its second moments
-AWAY = 3     #: taxels from a contact from which on what reads is cross-talk
-STAMP, RATE, PLATEAU = 8.0, 30.0, 0.2  #: shortest imprint [s], frames [1/s], of the highest sum
+LEAST = 9    #: Smallest number of taxels of a contact that is used.
+PAIRS = 200  #: Smallest number of pairs of taxels for a correlation.
+LONG = 3.0   #: Smallest ratio of length to width of a bar, by its second moments.
+AWAY = 3     #: Distance from a contact from which on readings are cross-talk [taxels].
+STAMP = 8.0    #: Shortest imprint that is used [s].
+RATE = 30.0    #: Rate of the frames [1/s].
+PLATEAU = 0.2  #: Share of the highest sum of readings above which the stamp presses.
 
 
 class Group(NamedTuple):
     """Frames of one array, or of one of its pads."""
 
     frames: list[np.ndarray]
-    largest: float  #: reading at the end of the range
+    largest: float  #: highest reading of the range
 
 
 def alike(residuals: list[np.ndarray], distance: int) -> float:
-    """Correlation of taxels so far apart in a row or column."""
+    """Return the correlation of taxels at this distance in a row or column."""
     pairs = [(one[:, :-distance], one[:, distance:]) for one in residuals]
     pairs += [(one[:-distance], one[distance:]) for one in residuals]
     one, other = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
@@ -36,7 +38,7 @@ def alike(residuals: list[np.ndarray], distance: int) -> float:
 
 
 def around(frame: np.ndarray, pattern: ContactPattern, mask: np.ndarray) -> dict[str, float]:
-    """Mean readings outside of a contact, as shares of the median in it; only where it is alone."""
+    """Return mean readings outside a contact as shares of its median, for places away from other contacts."""
     level, rest = np.median(frame[mask]), ~ndimage.binary_dilation(pattern.labels > 0, EIGHT_CONNECTED, AWAY - 1)
     rows, cols = (mask.any(axis)[shape] for axis, shape in ((1, np.s_[:, None]), (0, np.s_[None, :])))
     ring = ndimage.binary_dilation(mask, EIGHT_CONNECTED) & ~mask
@@ -51,7 +53,7 @@ def elongation(mask: np.ndarray) -> float:
 
 
 def measure(groups: list[Group]) -> dict[str, str]:
-    """Return what is found, by quantity."""
+    """Return the result for each quantity, as text."""
     taxels, rows, cols, residuals, outside = [], [], [], [], defaultdict(list)
     sizes, edges, hollow, bars, whole_range = [], [], 0, 0, []
     for group in groups:
@@ -83,12 +85,12 @@ def measure(groups: list[Group]) -> dict[str, str]:
         'contacts, median of taxels': f'{len(sizes)}, {np.median(sizes):.0f}',
         'touch 0 / 1 / 2 or more edges': _percents(
             np.mean(of) for of in (np.equal(edges, 0), np.equal(edges, 1), np.greater(edges, 1))),
-        'hollow: encloses 2 taxels or more': _percents([hollow / len(sizes)]),
+        'hollow: enclosing at least 2 taxels': _percents([hollow / len(sizes)]),
         f'bars: longer than {LONG:g}:1': _percents([bars / len(sizes)]),
         'readings in a contact, 90 % to 10 %': f'{np.median(whole_range):.1f} : 1',
-        'spread about their neighbours': _number(every.std()),
-        'of it gain, stays with the taxel': _number(gain),
-        'of it speckle, changes': _number(speckle),
+        'spread about the neighbours': _number(every.std()),
+        'part of it that stays with the taxel (gain)': _number(gain),
+        'part of it that changes (speckle)': _number(speckle),
         'correlation at 1 / 2 / 3': ' / '.join(_number(alike(residuals, k)) for k in (1, 2, 3)),
         'gain of rows / columns': ' / '.join(map(_number, lines)),
         'weakest row / column': ' / '.join(_number(np.exp(of)) for of in weakest),
@@ -98,7 +100,7 @@ def measure(groups: list[Group]) -> dict[str, str]:
 
 
 def measure_over_time(rest: list[np.ndarray], stamped: dict[float, np.ndarray]) -> dict[str, str]:
-    """Return noise, drift and creep: of pads at ``rest`` as they warm up, of one ``stamped`` by weights [g]."""
+    """Return noise, drift and creep, from pads at ``rest`` that warm up and from a pad ``stamped`` by weights [g]."""
     first, last = (np.concatenate([pad[of].mean(0).ravel() for pad in rest]) for of in (np.s_[:30], np.s_[-30:]))
     quiet = np.concatenate([np.diff(pad, axis=0).std(0).ravel() for pad in rest])[first > 0] / np.sqrt(2)
     creep, remains, loaded, ends = [], [], [], []
@@ -121,7 +123,7 @@ def measure_over_time(rest: list[np.ndarray], stamped: dict[float, np.ndarray]) 
         'drift as the hand warms up [counts]': f'{np.median((last - first)[first > 0]):.1f}',
         'noise under load': f'{_percents([np.median(loaded)])} of the reading',
         'growth under a constant weight, from 1 s to its end': f'{np.median(creep):.2f} x ({len(creep)} imprints)',
-        'reads 1 to 2 s after the weight is gone': _percents([np.nanmedian(remains)]),
+        'reading 1 to 2 s after the weight was removed': _percents([np.nanmedian(remains)]),
         'sum of the readings': f'weight to the power {slope:.2f}'}
 
 

@@ -1,6 +1,6 @@
-"""Computed flat punches beside each other on one pad.
+"""Computed flat punches next to each other on one pad.
 
-Each punch is solved alone and their stresses are added: how much one pushes up the skin under another is left out.
+Each punch is computed alone, and the stresses are added. This neglects how one punch raises the skin under another.
 """
 
 from typing import NamedTuple
@@ -11,22 +11,22 @@ from bench.recognition import mechanics
 from tactile_node.simulator.world import CLASSES
 from training.ground_truth.layer import measured, sample, stress_field
 
-WEAKEST = 0.5   #: pressure of a punch relative to the strongest one's
-ROOM = 5.0      #: around the punches [pitches]
-STEP = 0.25     #: in which a punch is moved away from the others [pitches]
+WEAKEST = 0.5   #: Lowest pressure of a punch, as a share of that of the strongest punch.
+ROOM = 5.0      #: Margin around the punches [pitches].
+STEP = 0.25     #: Step by which a punch is moved away from the others [pitches].
 
 
 class Pad(NamedTuple):
-    """One pad with all its punches, and the same punches one by one."""
+    """One pad with all its punches, and the same pad with each punch alone."""
 
-    together: np.ndarray  #: (rows, cols), fractions of full scale, NaN where dead
+    together: np.ndarray  #: (rows, cols) [fraction of full scale], NaN for dead taxels
     alone: np.ndarray     #: (K, rows, cols)
     under: np.ndarray     #: bool, (K, rows, cols): taxels well under each punch
     labels: list[str]
 
 
 def draw(rng: np.random.Generator, number: int, area: float, gap: float) -> Pad:
-    """Draw a pad: each punch is moved away from those before it until ``gap`` is between them."""
+    """Draw a pad. Each punch is moved away from the earlier ones until ``gap`` lies between them."""
     classes = rng.integers(len(CLASSES), size=number)
     solutions = [mechanics.solved(*mechanics.random_punch(rng, int(k)), rng.uniform(0, 2 * np.pi)) for k in classes]
     angles, outlines = rng.uniform(0, 2 * np.pi, number), []
@@ -50,7 +50,7 @@ def draw(rng: np.random.Generator, number: int, area: float, gap: float) -> Pad:
 
 
 def _dense(corners: np.ndarray) -> np.ndarray:
-    """Points on the edges of a polygon, ten on each or more."""
+    """Return points on the edges of a polygon, at least ten on each edge."""
     share = np.linspace(0, 1, 40 if len(corners) < 9 else 2, endpoint=False)[:, np.newaxis, np.newaxis]
     return (corners * (1 - share) + np.roll(corners, -1, 0) * share).reshape(-1, 2)
 

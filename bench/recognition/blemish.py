@@ -1,6 +1,7 @@
-"""Known shapes with a blemish, which are still to be recognised; training imports nothing from here.
+"""Known shapes with a blemish, which must still be recognised. The training imports nothing from here.
 
-The overlap with the unblemished shape is KEPT or more; the shape is the one of the five that the figure is most like.
+The overlap with the shape without a blemish is at least KEPT. Of the five shapes, the figure is most similar to this
+one.
 """
 
 from collections.abc import Callable
@@ -13,13 +14,13 @@ from bench.recognition.stamp import Drawing, Stamp, cropped, drawn, points
 from tactile_node.simulator.world import Contact, random_contact
 from training.ground_truth.overlap import Limits
 
-KEPT = 0.92      #: overlap of a blemished figure with its shape, at least
-SPOILED = 0.02   #: by its blemish it loses at least so much
-AREA = 0.5       #: of a figure in its square of 2 x 2
-#: what the five shapes are where they are drawn
+KEPT = 0.92      #: Smallest overlap of a blemished figure with its shape.
+SPOILED = 0.02   #: Smallest overlap that is lost by the blemish.
+AREA = 0.5       #: Area of a figure in its square of 2 x 2.
+#: The five shapes by their names in the simulator.
 LIMITS = Limits(ratio=(1.5, 3), legs=(1.5, 2.5), apex=(40, 75))
 
-#: changes a filled figure of ``contact``
+#: Changes the filled figure of a contact.
 Blemish = Callable[[np.random.Generator, Contact, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -56,7 +57,7 @@ def reported(kind: str, shape: str) -> Drawing:
 
 
 def _at_edge(rng: np.random.Generator, contact: Contact) -> tuple[np.ndarray, np.ndarray]:
-    """A place on the outline, evenly by length, and the direction outwards."""
+    """Return a random place on the outline, uniform by length, and the direction outwards."""
     corners = contact.outline(128)
     edge = np.roll(corners, -1, axis=0) - corners
     length = np.hypot(*edge.T)
@@ -65,7 +66,7 @@ def _at_edge(rng: np.random.Generator, contact: Contact) -> tuple[np.ndarray, np
 
 
 def _bar(x: np.ndarray, y: np.ndarray, start: np.ndarray, along: np.ndarray, size: tuple[float, float]) -> np.ndarray:
-    """Points of a bar from ``start`` in the direction ``along``; ``size``: length and width."""
+    """Return the points of a bar from ``start`` in the direction ``along``. ``size`` is length and width."""
     u, v = x - start[0], y - start[1]
     length, width = size
     ahead, aside = u * along[0] + v * along[1], v * along[0] - u * along[1]
@@ -78,13 +79,13 @@ def _turned(direction: np.ndarray, angle: float) -> np.ndarray:
 
 
 def bump(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A knob: a disc about a place on the outline."""
+    """Add a knob: a disc around a place on the outline."""
     place, _ = _at_edge(rng, contact)
     return whole | (np.hypot(x - place[0], y - place[1]) <= rng.uniform(0.1, 0.24))
 
 
 def wire(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A straight line, as wide as 0.4 to 1.2 taxels of a contact of 100, that leaves the contact."""
+    """Add a straight line that leaves the contact, 0.4 to 1.2 taxels wide on a contact of 100 taxels."""
     place, outward = _at_edge(rng, contact)
     taxel = np.sqrt(AREA) / 10
     size = rng.uniform(2, 9) * taxel, rng.uniform(0.4, 1.2) * taxel
@@ -92,7 +93,7 @@ def wire(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.nd
 
 
 def rough(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The outline moved in and out at random, over lengths of 0.5 to 2 taxels of a contact of 100."""
+    """Move the outline in and out at random, over lengths of 0.5 to 2 taxels on a contact of 100 taxels."""
     waves = ndimage.gaussian_filter(rng.standard_normal(x.shape), rng.uniform(0.5, 2) * np.sqrt(AREA) / 10 * 128 / 2)
     rough = contact.depth(x, y) + rng.uniform(0.01, 0.06) * waves / waves.std() >= 0
     labels, _ = ndimage.label(rough)
@@ -100,7 +101,7 @@ def rough(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.n
 
 
 def notch(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A slot or a round bite cut in from the outline."""
+    """Cut a slot or a round bite into the outline."""
     place, outward = _at_edge(rng, contact)
     if rng.random() < 0.5:
         return whole & (np.hypot(x - place[0], y - place[1]) > rng.uniform(0.1, 0.24))
@@ -109,7 +110,7 @@ def notch(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.n
 
 
 def chip(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A corner cut off by a straight line; of a circle, a flat."""
+    """Cut off a corner by a straight line; a circle gets a flat."""
     corners = contact.outline(128)
     corner = corners[rng.integers(len(corners))]
     away = _turned(corner / np.hypot(*corner), rng.uniform(-0.3, 0.3))

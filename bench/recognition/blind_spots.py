@@ -1,4 +1,4 @@
-"""Where ours falls behind an anchor: accuracy by cell, a test of each, curves."""
+"""Find the conditions in which our method is worse than an anchor: accuracy and test for each cell, and curves."""
 
 import csv
 from collections.abc import Iterator
@@ -21,12 +21,12 @@ matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402
 
 SEEDS = 800_000
-BEHIND = 0.015    #: by more than this ours must not fall behind the better anchor
-LEVEL = 0.001     #: of significance, for all cells together
-SHOWN = 12        #: rows of the table, those that are farthest behind
-NARROWEST = 1.0   #: range of an axis [%]: less shows the chance of single patterns
+BEHIND = 0.015    #: Largest difference by which our method may be worse than the better anchor.
+LEVEL = 0.001     #: Level of significance for all cells together.
+SHOWN = 12        #: Number of rows of the table, for the worst cells.
+NARROWEST = 1.0   #: Smallest range of an axis [%]; a smaller range would show the chance of single patterns.
 BESIDE = -0.12, 0.0, 0.12
-#: Okabe and Ito's colours, for every kind of colour vision
+#: Colours by Okabe and Ito, which people with any colour vision can distinguish.
 STYLES = ({'color': '#0072b2', 'marker': 'o', 'linewidth': 2},
           {'color': '#d55e00', 'marker': 's', 'linewidth': 1, 'linestyle': '--'},
           {'color': '#009e73', 'marker': '^', 'linewidth': 1, 'linestyle': ':'})
@@ -34,13 +34,13 @@ LABELS = tuple(shape.value for shape in OUTPUTS)
 
 
 class Measured(NamedTuple):
-    """One cell."""
+    """Result of one cell."""
 
     cell: Cell
     rates: dict[str, Rate]       #: by contestant
-    by_shape: dict[str, Rate]    #: of ours
+    by_shape: dict[str, Rate]    #: rates of our method by shape
     better: str                  #: the better anchor
-    p_value: float               #: of ours not being BEHIND that one, for this cell alone
+    p_value: float               #: p-value for "not more than BEHIND worse than the better anchor", for this cell alone
 
     @property
     def gap(self) -> float:
@@ -48,7 +48,7 @@ class Measured(NamedTuple):
 
 
 def measured(contest: Contest, count: int, purpose: Purpose) -> Iterator[Measured]:
-    """Yield all cells, ``count`` patterns each."""
+    """Yield the results of all cells, with ``count`` patterns each."""
     for number, cell in enumerate(cells()):
         yield _of(cell, contest.run(_case(cell, count, seeded(SEEDS + number, purpose))))
 
@@ -71,8 +71,8 @@ def _of(cell: Cell, result: Result) -> Measured:
 def table(found: list[Measured]) -> Table:
     behind = [one for one in found if is_behind(one, len(found))]
     made = Table('Blind spots', f'{len(found)} cells of {found[0].rates[OURS].total} patterns each; {len(behind)} of '
-                 f'them significantly (p < {LEVEL:g}, corrected for their number) more than {100 * BEHIND:g} points '
-                 f'below the better anchor (required: none). The {SHOWN} cells that are farthest behind it; all are in '
+                f'them are significantly (p < {LEVEL:g}, corrected for their number) more than {100 * BEHIND:g} points '
+                f'below the better anchor (required: none). The table has the {SHOWN} worst cells; all cells are in '
                  'blind_spots.csv',
                  ['varied', 'value', 'frames', *(f'{name}, %' for name in found[0].rates), 'ours by shape, %',
                   'behind, points', 'p, corrected', 'required'])
@@ -85,7 +85,7 @@ def table(found: list[Measured]) -> Table:
 
 
 def is_behind(one: Measured, number: int) -> bool:
-    """Bonferroni's correction for ``number`` cells."""
+    """Return True if a cell is significantly behind, with Bonferroni's correction for ``number`` cells."""
     return one.p_value * number < LEVEL
 
 
@@ -103,7 +103,7 @@ def write_spots(path: Path, found: list[Measured]) -> None:
 
 
 def draw_curves(path: Path, found: list[Measured], columns: int = 3) -> None:
-    """One panel a curve and kind of frame; a ring marks a cell that is significantly behind."""
+    """Draw one panel for each curve and kind of frame; a ring marks a cell that is significantly behind."""
     curves: dict[tuple[str, bool], list[Measured]] = {}
     for one in found:
         curves.setdefault((one.cell.curve, one.cell.on_off), []).append(one)
@@ -123,7 +123,7 @@ def draw_curves(path: Path, found: list[Measured], columns: int = 3) -> None:
 
 
 def _draw(axis, of_curve: list[Measured], number: int) -> None:
-    """Contestants side by side, or lines at 100 % would hide each other."""
+    """Draw one curve, with the contestants side by side, because lines at 100 % would hide each other."""
     place = np.arange(len(of_curve))
     names = list(of_curve[0].rates)
     lowest = min(100 * one.rates[name].value for one in of_curve for name in names)

@@ -1,4 +1,4 @@
-"""What is evaluated: patterns that no method was trained on, by condition, kind of frame and size."""
+"""The cases that are evaluated: patterns that no method was trained on, by condition, kind of frame and size."""
 
 import csv
 from collections.abc import Iterator
@@ -24,14 +24,14 @@ from training.samples import LABELS, LEVEL_STEPS, UNKNOWN, Samples
 
 DATA = Path(__file__).resolve().parents[2] / 'test/data'
 BY_HAND, FRAME_LABELS = Path(__file__).parent / 'labels', ('object', 'not', 'unclear')
-PRESS, RELEASE = 0.3, 0.24  #: a fixed threshold for pressures, of which drifting ones are so much more or less
+PRESS, RELEASE = 0.3, 0.24  #: Fixed thresholds for pressures; the drifting thresholds are multiples of these.
 CLEAN = 'clean'
-#: Evaluation seeds serve one report: the next one counts this up, for what a report showed has prompted changes.
+#: Evaluation seeds serve one report only, because a report leads to changes. The next report raises this number.
 ROUND = 7
 PUNCHES, PUNCH_AREAS = 'flat punches', (12, 25, 50, 100)
-FEWER = 10           #: times as many flat punches as other indenters
-DEVELOPMENT = 500    #: a round that is never reported: the seeds while something is changed
-#: changes to the nominal conditions of either kind of frame
+FEWER = 10           #: There are this many times as many flat punches as other indenters.
+DEVELOPMENT = 500    #: Round of seeds for development, which is never reported.
+#: Changes to the nominal conditions, for both kinds of frames.
 FIELD: dict[str, dict] = {
     'dead taxels, 10 % (NaN)': {'dead': 0.10},
     'stuck taxels, 3 % (unknown)': {'stuck': 0.03},
@@ -52,8 +52,11 @@ FIELD: dict[str, dict] = {
 
 
 class Case(NamedTuple):
-    """Patterns of one condition and size; ``labels`` index LABELS, UNKNOWN for outliers; ``samples`` are
-    their patches, for the anchors."""
+    """Patterns of one condition and size.
+
+    ``labels`` are indices of LABELS, with UNKNOWN for outliers. ``samples`` are the patches of the patterns, for the
+    anchors.
+    """
 
     condition: str
     on_off: bool
@@ -68,7 +71,7 @@ class Case(NamedTuple):
 
 def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, purpose=Purpose.EVALUATION,
               kinds=CLASSES) -> Case:
-    """Draw ``count`` patterns, ``kinds`` in turn. A contact that presses no taxel counts as not recognised."""
+    """Draw ``count`` patterns of ``kinds`` in turn. A contact that presses no taxel counts as not recognised."""
     rng, nominal = seeded(seed, purpose), NOMINAL_ON_OFF if on_off else NOMINAL_PRESSURE
     conditions = replace(nominal, **FIELD.get(condition, {}))
     patterns = [extracted(field_frame(rng, kinds[k % len(kinds)], area, conditions), conditions)
@@ -80,7 +83,7 @@ def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, 
 
 
 def extracted(frame: np.ndarray, conditions: Conditions) -> ContactPattern:
-    """As the library does without options; at a fixed threshold where that is what drifts."""
+    """Return the pattern that the library finds without options, or at a fixed threshold if the threshold drifts."""
     if conditions.on_off:
         return PatternExtractor(PressThresholds(0.5, 0.4)).extract(frame)
     drift = conditions.threshold / Conditions.threshold
@@ -90,7 +93,7 @@ def extracted(frame: np.ndarray, conditions: Conditions) -> ContactPattern:
 
 
 def patches(patterns: list[ContactPattern], labels: np.ndarray, largest: bool = False) -> Samples:
-    """The anchors' view: torn pieces joined, or the largest contact alone where ``largest``."""
+    """Return the samples for the anchors: torn pieces are joined, or only the largest contact if ``largest``."""
     made = []
     for pattern in patterns:
         mask = pattern.mask if largest else joined(pattern)
@@ -121,7 +124,7 @@ def field_cases(areas, count: int, purpose=Purpose.EVALUATION) -> Iterator[Case]
 
 
 def mechanics_cases(count: int, purpose: Purpose) -> Iterator[Case]:
-    """Computed contacts: what the library sees of them without options."""
+    """Yield cases of computed contacts, with the patterns that the library finds without options."""
     rounds = ROUND if purpose is Purpose.EVALUATION else DEVELOPMENT
     for number, (name, draw) in enumerate(mechanics.ROWS.items()):
         for area in PUNCH_AREAS:
@@ -132,18 +135,18 @@ def mechanics_cases(count: int, purpose: Purpose) -> Iterator[Case]:
 
 
 def seeded(seed: int, purpose: Purpose) -> np.random.Generator:
-    """The generator of one case of this report."""
+    """Return the random generator of one case of this report."""
     return generator(purpose, seed + 1_000_000 * ROUND)
 
 
 def recorded(name: str) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The stamps [s] and on/off frames of a recording of the real 64x64 array: a CAN log, or its events as text."""
+    """Return the stamps [s] and on/off frames of a recording of the real 64x64 array, a CAN log or events as text."""
     events = DATA / f'{name}.txt.gz'
     return _events(events) if events.exists() else _log(DATA / f'{name}.log.gz')
 
 
 def _events(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Read lines "stamp row column pressed"; stamps are of polls [ms], by the array's usual rate of 16 Hz."""
+    """Read lines "stamp row column pressed". Stamps are those of polls [ms] at the array's usual rate of 16 Hz."""
     events = np.loadtxt(path, int)
     stamps, polls = np.unique(events[:, 0], return_inverse=True)
     frames = np.zeros((len(stamps), 64, 64))
@@ -165,9 +168,9 @@ def _log(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
 
 
 def frame_labels(recording: str) -> np.ndarray:
-    """Return which frames of ``recording`` (a name without ending) hold the object, by hand, str, shape (frames,).
+    """Return the label of each frame of ``recording`` (a name without suffix), given by hand, str (frames,).
 
-    Raises ValueError where the ranges leave a frame out, overlap, or a label is none of FRAME_LABELS.
+    Raises ValueError if the ranges omit a frame or overlap, or if a label is not in FRAME_LABELS.
     """
     lines = (BY_HAND / f'{recording}.csv').read_text(encoding='utf-8').splitlines()
     found: list[str] = []

@@ -1,4 +1,4 @@
-"""Ours and the anchors on the same cases."""
+"""Evaluate our method and the anchors on the same cases."""
 
 from collections.abc import Callable, Iterable
 from time import perf_counter
@@ -30,7 +30,7 @@ class Anchor(Protocol):
 
 
 class Result(NamedTuple):
-    """What each contestant made of a case: name -> probabilities (K, 5 or more), classes first."""
+    """The probabilities that each contestant gives for a case, by name: (K, 5 or more), the five classes first."""
 
     case: Case
     answers: dict[str, np.ndarray]
@@ -44,7 +44,7 @@ class Result(NamedTuple):
 
 
 class Contest:
-    """``anchors`` by kind of frame: on/off -> [CNN, trees]."""
+    """Our method and the anchors. ``anchors`` has [CNN, trees] for on/off frames (True) and for pressures (False)."""
 
     def __init__(self, ours: Recogniser, anchors: dict[bool, list[Anchor]]):
         self.ours, self.anchors = ours, anchors
@@ -56,9 +56,10 @@ class Contest:
         return Result(case, answers)
 
     def times(self, case: Case, repeat: int) -> dict[str, float]:
-        """Median time of a single frame [s], each contestant by itself, as on a robot, one after the other.
+        """Return the median time of a single frame [s], with one contestant at a time, as on a robot.
 
-        Ours from the contact pattern; the anchors from a patch already made (which is not counted).
+        The time of our method begins with the contact pattern. The time of the anchors begins with a finished patch, so
+        the time to make the patch is not included.
         """
         chosen = np.arange(repeat) % len(case.patterns)
         singles = [_single(case.samples, k) for k in chosen]
@@ -69,32 +70,32 @@ class Contest:
 
 
 def answers_of(recogniser: Recogniser, patterns: Iterable[ContactPattern]) -> np.ndarray:
-    """Probabilities in ORDER, (K, 7)."""
+    """Return the probabilities in ORDER, (K, 7)."""
     found = [recogniser.recognise(pattern).probabilities for pattern in patterns]
     return np.array([[probabilities[shape] for shape in ORDER] for probabilities in found])
 
 
 def streamed(recogniser: Recogniser, stamps: np.ndarray, frames: Iterable[np.ndarray]) -> np.ndarray:
-    """What the nodes report of successive on/off ``frames``, as probabilities of 0 and 1, (K, 7)."""
+    """Return the shapes that the nodes report for successive on/off frames, as probabilities of 0 and 1, (K, 7)."""
     stream = ContactStream(recogniser, unit='1')
     said = [stream.update(frame, stamp).fused.recognition.shape for stamp, frame in zip(stamps, frames)]
     return np.eye(len(ORDER))[[ORDER.index(shape) for shape in said]]
 
 
 def calibration(results: list[Result], name: str) -> float:
-    """Expected calibration error over all patterns of ``results``."""
+    """Return the expected calibration error over all patterns of ``results``."""
     confidence = np.concatenate([result.answers[name].max(1) for result in results])
     return calibration_error(confidence, np.concatenate([result.right(name) for result in results]))
 
 
 def foreign_score(result: Result, name: str) -> np.ndarray:
-    """How little a contestant takes patterns for a known shape, (K,)."""
+    """Return a score of each pattern, (K,), which is high if the contestant does not take it for a known shape."""
     answers = result.answers[name]
     return answers[:, UNKNOWN] + answers[:, UNKNOWN + 1:].sum(1) if name == OURS else 1 - answers.max(1)
 
 
 def rejection_at_loss(known: list[Result], outliers: list[Result], name: str, loss: float = 0.02) -> Rate:
-    """Rate of ``outliers`` above the score that a fraction ``loss`` of ``known`` exceeds."""
+    """Return the rate of ``outliers`` above the score that a fraction ``loss`` of ``known`` exceeds."""
     limit = np.quantile(np.concatenate([foreign_score(result, name) for result in known]), 1 - loss)
     scores = np.concatenate([foreign_score(result, name) for result in outliers])
     return Rate(int((scores > limit).sum()), len(scores))
@@ -107,7 +108,7 @@ def _time(function: Callable, argument: object) -> float:
 
 
 def _single(samples: Samples, k: int) -> 'Single':
-    import torch  # of the anchors alone
+    import torch  # only the anchors need it
 
     from bench.recognition.anchors import Single
     image = torch.as_tensor(samples.inputs([k])[0])

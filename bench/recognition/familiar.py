@@ -1,4 +1,4 @@
-"""Whether the unfamiliar is UNKNOWN and a blemish is not: cases of foreign, blemished, whole figures; their tables."""
+"""Cases and tables of foreign figures, which must be UNKNOWN, and of known shapes with and without a blemish."""
 
 from collections.abc import Callable, Iterator
 
@@ -21,8 +21,10 @@ from training.shapes import Figure
 
 FOREIGN_AREAS = (12, 20, 40, 50, 100, 200)
 BLEMISH_AREAS = (40, 100, 200)
-REJECTED, FROM_AREA = 0.98, 40             #: of foreign contacts from so many taxels on
-RECOGNISED, BLEMISHED_FROM = 0.9, 100      #: of blemished ones
+REJECTED = 0.98      #: Required share of foreign contacts that are UNKNOWN.
+FROM_AREA = 40       #: Size from which on this is required [taxels].
+RECOGNISED = 0.9     #: Required share of blemished shapes that are recognised.
+BLEMISHED_FROM = 100  #: Size from which on this is required [taxels].
 LABEL = {shape.value: k for k, shape in enumerate(OUTPUTS)}
 UNKNOWN = OUTPUTS.index(Shape.UNKNOWN)
 SEEDS = {'foreign': 400_000, 'blemish': 600_000, 'whole': 700_000}
@@ -30,7 +32,7 @@ SEEDS = {'foreign': 400_000, 'blemish': 600_000, 'whole': 700_000}
 
 def pressed_case(rng: np.random.Generator, name: str, stamps: list[Stamp], labels: list[int], *, on_off: bool,
                  area: float, count: int) -> Case:
-    """Press ``stamps`` in turn, ``count`` times; their contacts are found as the library finds them."""
+    """Press ``stamps`` in turn, ``count`` times. The library finds the contacts."""
     chosen = np.arange(count) % len(stamps)
     patterns = [find_contact(pressed(stamps[k], rng, area, on_off), unit=None) for k in chosen]
     return Case(name, on_off, area, patterns, patches(patterns, np.array(labels)[chosen]))
@@ -45,9 +47,9 @@ def _cases(name: str, seed: int, stamps: list[Stamp], labels: list[int], areas: 
 
 
 def foreign_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
-    """``figures`` of each family, pressed ``count`` times for each size and kind of frame.
+    """Yield ``figures`` figures of each family, pressed ``count`` times for each size and kind of frame.
 
-    Validation draws other families: nothing may be chosen by those of the report.
+    Validation draws other families, because no choice may depend on the families of the report.
     """
     families = _validated(HELD_OUT) if purpose is Purpose.VALIDATION else foreign.FAMILIES
     for number, (family, drawing) in enumerate(families.items()):
@@ -57,9 +59,9 @@ def foreign_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
 
 
 def blemish_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
-    """``figures`` of each kind and shape, pressed ``count`` times for each size and kind of frame.
+    """Yield ``figures`` figures of each kind and shape, pressed ``count`` times for each size and kind of frame.
 
-    Validation has the kinds of the training, for the reason above.
+    Validation uses the kinds of blemish of the training, because no choice may depend on the kinds of the report.
     """
     validated = _validated(BLEMISHES) if purpose is Purpose.VALIDATION else {}
     for number, kind in enumerate(validated or blemish.BLEMISHES):
@@ -72,7 +74,7 @@ def blemish_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
 
 
 def whole_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
-    """Known shapes without a blemish, pressed in the same way."""
+    """Yield cases of known shapes without a blemish, pressed in the same way."""
     rng = seeded(SEEDS['whole'], purpose)
     stamps = [stamp for _ in range(figures) for stamp in map(lambda shape: blemish.whole(rng, shape), CLASSES)]
     labels = [LABEL[stamp.shape] for stamp in stamps]
@@ -80,17 +82,17 @@ def whole_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
 
 
 def _validated(figures: dict[str, Figure]) -> dict[str, Drawing]:
-    """Return figures of `training` in the square that they are drawn in there."""
+    """Return the figures of the training, in the same square as there."""
     return {name: lambda rng, x, y, figure=figure: figure(rng, EXTENT * x, EXTENT * y)
             for name, figure in figures.items()}
 
 
 def foreign_table(known: list[Result], results: list[Result]) -> Table:
-    """As shipped, and at limits that lose 2 % of known shapes of the same size, of validation patterns ``known``."""
-    table = Table('Foreign shapes', f'best overlap with any of the five below {foreign.FOREIGN}; called unknown [%]: '
-                  'ours as shipped, and each at a limit that loses 2 % of known shapes of that size and kind of frame '
-                  '(of validation patterns); anchors by their highest probability. Required: '
-                  f'{100 * REJECTED:g} % as shipped from {FROM_AREA} taxels up',
+    """Return the table of foreign figures, as shipped and with limits that lose 2 % of validation patterns."""
+    table = Table('Foreign shapes', f'best overlap with any of the five below {foreign.FOREIGN}; share called unknown '
+                  '[%] by ours as shipped, and by each contestant at a limit that loses 2 % of the known validation '
+                  'patterns of the same size and kind of frame; for the anchors, the limit applies to the highest '
+                  f'probability. Required: {100 * REJECTED:g} % as shipped from {FROM_AREA} taxels',
                   ['shape', 'frames', 'area', 'patterns', 'ours, as shipped', 'called a shape, > 0.9 sure',
                    *(f'{name}, 2 % loss' for name in results[0].answers), 'required'])
     for on_off, area, same in _by_size(results, FOREIGN_AREAS):
@@ -106,8 +108,8 @@ def foreign_table(known: list[Result], results: list[Result]) -> Table:
 
 def blemish_table(results: list[Result]) -> Table:
     table = Table('Known shapes with a blemish', f'overlap with the shape {blemish.KEPT} to {1 - blemish.SPOILED:g}; '
-                  f'recognised [%], and called unknown by ours. Required: {100 * RECOGNISED:g} % from '
-                  f'{BLEMISHED_FROM} taxels up',
+                  f'share recognised, and share called unknown by ours [%]. Required: {100 * RECOGNISED:g} % from '
+                  f'{BLEMISHED_FROM} taxels',
                   ['blemish', 'frames', 'area', 'patterns', *results[0].answers, 'ours unknown, %', 'required'])
     for on_off, area, same in _by_size(results, BLEMISH_AREAS):
         for name, chosen in [*((r.case.condition, [r]) for r in same), ('all', same)]:
@@ -118,9 +120,9 @@ def blemish_table(results: list[Result]) -> Table:
 
 
 def whole_table(results: list[Result]) -> Table:
-    """What the limit for unknown costs."""
-    table = Table('The same shapes without a blemish', 'pressed in the same way: recognised [%], and called unknown by '
-                  'ours', ['frames', 'area', 'patterns', *results[0].answers, 'ours unknown, %'])
+    """Return the table of shapes without a blemish, which shows what the limit for unknown costs."""
+    table = Table('The same shapes without a blemish', 'pressed in the same way: share recognised, and share called '
+                  'unknown by ours [%]', ['frames', 'area', 'patterns', *results[0].answers, 'ours unknown, %'])
     for result in results:
         table.add(KIND[result.case.on_off], result.case.area, len(result.case.labels),
                   *(result.rate(name) for name in result.answers), f'{100 * _unknown([result]).value:.2f}')

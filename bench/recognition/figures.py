@@ -1,4 +1,4 @@
-"""Rates with intervals, calibration, a test of two rates."""
+"""Rates with intervals, the calibration error, and a test of two rates."""
 
 import numpy as np
 from scipy.stats import norm
@@ -7,7 +7,7 @@ from tactile_node.learning import teach
 
 
 class Rate(teach.Rate):
-    """As the tables of recognition give it: in percent, without the sign."""
+    """A rate as the tables of recognition show it: in per cent, without the sign."""
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -15,12 +15,12 @@ class Rate(teach.Rate):
 
 
 def rate_of(right: np.ndarray) -> teach.Rate:
-    """Return the rate of the True ones in ``right``, bool, shape (n,)."""
+    """Return the rate of True in ``right``, bool (n,)."""
     return teach.Rate(int(np.count_nonzero(right)), len(right))
 
 
 def calibration_error(confidence: np.ndarray, right: np.ndarray, bins: int = 15) -> float:
-    """Expected calibration error: mean distance of confidence and rate over ``bins`` of equal width."""
+    """Return the expected calibration error: the mean distance of confidence and rate over ``bins`` of equal width."""
     which = np.minimum((confidence * bins).astype(int), bins - 1)
     gaps = [abs(confidence[which == b].mean() - right[which == b].mean()) * (which == b).sum()
             for b in range(bins) if (which == b).any()]
@@ -28,17 +28,26 @@ def calibration_error(confidence: np.ndarray, right: np.ndarray, bins: int = 15)
 
 
 def p_value_behind(ours: np.ndarray, other: np.ndarray, margin: float) -> float:
-    """Return how likely results like these are if ``ours`` is right less often than ``other`` by at most ``margin``.
+    """Return the p-value of the hypothesis that ``ours`` is worse than ``other`` by at most ``margin``.
 
-    Both bool, (n,), of the same patterns. Small: ours is more than ``margin`` behind. Score test for paired
-    proportions: T. Tango, Statistics in Medicine 17, 891 (1998).
+    A small p-value shows that ``ours`` is worse by more than ``margin``. The test is the score test for paired
+    proportions by T. Tango, Statistics in Medicine 17, 891 (1998).
 
+    Parameters
+    ----------
+    ours, other : np.ndarray
+        True for right answers to the same patterns, bool (n,).
+    margin : float
+        Difference of the rates that is allowed.
+
+    Examples
+    --------
     >>> ours, other = np.arange(1000) >= 40, np.full(1000, True)
     >>> p_value_behind(ours, other, 0.015) < 1e-3, p_value_behind(ours, ours, 0.015) > 0.99
     (True, True)
     """
     n, won, lost = len(ours), int((ours & ~other).sum()), int((~ours & other).sum())
     a, b = 2 * n, -(won + lost) - (2 * n - won + lost) * margin
-    share = (np.sqrt(b * b - 4 * a * lost * margin * (1 + margin)) - b) / (2 * a)  # of lost patterns, at the limit
+    share = (np.sqrt(b * b - 4 * a * lost * margin * (1 + margin)) - b) / (2 * a)  # share of lost patterns at the limit
     variance = n * (2 * share - margin * (1 + margin))
     return float(norm.cdf((won - lost + n * margin) / np.sqrt(variance)))

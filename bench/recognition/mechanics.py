@@ -1,7 +1,9 @@
-"""Contacts computed by contact mechanics, for the report: indenters, parameters and seeds that no training has seen.
+"""Contacts computed by contact mechanics for the report.
 
-Lengths are in taxel pitches, pressures fractions of full scale. Each frame has another solved indenter, on a finer
-grid than the training's.
+No training has seen these indenters, parameters and seeds.
+
+Lengths are in pitches and pressures in fractions of full scale. Each frame has its own solved indenter, on a finer grid
+than in the training.
 """
 
 from collections.abc import Callable
@@ -17,37 +19,39 @@ from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution, solve
 from training.ground_truth.seeds import Purpose, generator
 
-SEEDS = 50_000_000  #: the seeds of this report start here, above those of the other cases
-CELLS = 64          #: in the square root of the nominal contact area
-SIDES = (16, 24, 32, 48, 64)  #: of pads
-LONGEST = 5.8       #: longest squared diameter of a class over its area: a right triangle with legs of ratio 2.5
-ROOM = 2.0          #: around the contact [pitches]
+SEEDS = 50_000_000  #: First seed of this report, above the seeds of the other cases.
+CELLS = 64          #: Number of cells in the square root of the nominal contact area.
+SIDES = (16, 24, 32, 48, 64)  #: Rows and columns of the pads.
+#: Largest ratio of squared diameter to area of any class, that of a right triangle whose legs have a ratio of 2.5.
+LONGEST = 5.8
+ROOM = 2.0          #: Margin around the contact [pitches].
 
-COMPRESSION = (0.01, 0.1)  #: mean pressure over contact modulus, log-uniform
-ROUNDING = (0.05, 0.25)    #: of a punch's edges [inscribed radius]
+COMPRESSION = (0.01, 0.1)  #: Mean pressure divided by contact modulus, log-uniform.
+ROUNDING = (0.05, 0.25)    #: Rounding of a punch's edges [fraction of the inscribed radius].
 TILT = (0.0, 0.4)
-DEPTH = (0.2, 1.2)         #: of the taxels
-PRESSURE = (0.05, 0.8)     #: mean over the contact
+DEPTH = (0.2, 1.2)         #: Depth of the taxels [pitches].
+PRESSURE = (0.05, 0.8)     #: Mean pressure over the contact [fraction of full scale].
 NOISE, DEAD = 0.01, 0.03
 
 
-Draw = Callable[[np.random.Generator, int], tuple[Indenter, float]]  #: indenter and tilt of a frame, by its number
+#: Returns indenter and tilt for the number of a frame.
+Draw = Callable[[np.random.Generator, int], tuple[Indenter, float]]
 
 
 class Case(NamedTuple):
-    """``frames``: (K, side, side), fractions of full scale, NaN where dead; ``labels``: index of OUTPUTS of each."""
+    """Frames, (K, side, side) [fraction of full scale], NaN for dead taxels, and their labels, indices of OUTPUTS."""
 
     frames: np.ndarray
     labels: tuple[int, ...]
 
 
 def side_of(area: float) -> int:
-    """Rows and columns of the pad for contacts of ``area`` taxels: the same for all classes."""
+    """Return the rows and columns of the pad for contacts of ``area`` taxels, the same for all classes."""
     return next(side for side in SIDES if side >= np.sqrt(LONGEST * area) + ROOM)
 
 
 def pressed(draw: Draw, area: float, count: int, seed: int) -> Case:
-    """Press ``count`` indenters on a contact of ``area`` taxels."""
+    """Return frames of ``count`` indenters whose contacts have ``area`` taxels."""
     rng = generator(Purpose.EVALUATION, SEEDS + seed)
     made = []
     for number in range(count):
@@ -58,29 +62,29 @@ def pressed(draw: Draw, area: float, count: int, seed: int) -> Case:
 
 
 def random_punch(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-    """Draw a flat punch with rounded edges, of the class ``number`` in turn."""
+    """Draw a flat punch with rounded edges. Successive numbers give the classes in turn."""
     contact = random_contact(rng, CLASSES[number % len(CLASSES)], 1.0)
     upright = replace(contact, x=0.0, y=0.0, angle=0.0)
     return flat_punch(upright, _compression(rng), rng.uniform(*ROUNDING)), rng.uniform(*TILT)
 
 
 def random_ball(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-    """Draw a ball: a circle whose pressure falls towards the rim."""
+    """Draw a ball. Its contact is a circle whose pressure falls towards the rim."""
     return ball(_compression(rng)), 0.0
 
 
 def random_cylinder(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-    """Draw a cylinder on its side, tilted along its axis: a rectangle."""
+    """Draw a cylinder on its side, tilted along its axis. Its contact is a rectangle."""
     lying = cylinder(_compression(rng), rng.uniform(1.6, 2.8), rounding=rng.uniform(0.1, 0.5))
     return lying, rng.uniform(*TILT)
 
 
 def random_cone(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-    """Draw a cone with a blunt tip: a circle with a peak."""
+    """Draw a cone with a blunt tip. Its contact is a circle whose pressure has a peak."""
     return cone(_compression(rng), tip=rng.uniform(0.1, 0.5)), 0.0
 
 
-#: indenters of the report's rows; each row takes other seeds
+#: Indenters of the rows of the report. Each row uses its own seeds.
 ROWS: dict[str, Draw] = {'flat punches': random_punch, 'balls': random_ball, 'cylinders on their side': random_cylinder,
                          'cones': random_cone}
 
@@ -91,7 +95,7 @@ def _frame(rng: np.random.Generator, area: float, indenter: Indenter, tilt: floa
     depth, pressure, angle = rng.uniform(*DEPTH), rng.uniform(*PRESSURE), rng.uniform(0, 2 * np.pi)
     side = side_of(area)
     around = turned(solution.outline, angle) * np.sqrt(area)
-    middle = (around.min(0) + around.max(0)) / 2  # in the middle of the pad, for a triangle reaches far from its centre
+    middle = (around.min(0) + around.max(0)) / 2  # middle of the box, because a triangle reaches far from its centre
     x, y = (side - 1) / 2 + rng.uniform(-0.5, 0.5, 2) - middle
     stress = sample(stress_field(solution, area, depth), x, y, angle, side, side)
     label = [shape.value for shape in OUTPUTS].index(solution.label)
@@ -103,7 +107,7 @@ def solved(indenter: Indenter, tilt: float, towards: float) -> Solution:
 
 
 def turned(outline: np.ndarray, angle: float) -> np.ndarray:
-    """Rotate points (n, 2), x towards y."""
+    """Return the points, (n, 2), rotated by ``angle`` from x towards y."""
     cos, sin = np.cos(angle), np.sin(angle)
     found: np.ndarray = outline @ np.array(((cos, sin), (-sin, cos)))
     return found

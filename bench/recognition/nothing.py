@@ -1,6 +1,7 @@
-"""Pads that nothing presses: how often a frame is called a shape, and how long a stream reports one.
+"""Measure pads that nothing presses: how often a frame is called a shape, and how long a stream reports a shape.
 
-Every kind is measured alone, in sequences of FRAMES frames, PERIOD apart. Training imports nothing from here.
+Each kind is measured separately, in sequences of FRAMES frames at intervals of PERIOD. The training imports nothing
+from here.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,16 +16,16 @@ from tactile_node import ContactStream, Recogniser, find_contact
 from tactile_node.shape.recognition import Shape
 
 FRAMES = 50
-PERIOD = 0.02             #: [s]
-SIDES = (16,) * 7 + (8, 32, 64)  #: of the pads, taken in turn
-ENOUGH = 200              #: sequences, 10,000 frames of a kind
-MOST_CALLED = 0.001       #: of the frames of a kind
-LONGEST = 0.1             #: a shape may stay on the topic [s]
+PERIOD = 0.02             #: Time between two frames [s].
+SIDES = (16,) * 7 + (8, 32, 64)  #: Rows and columns of the pads, used in turn.
+ENOUGH = 200              #: Number of sequences of a kind, which have 10,000 frames together.
+MOST_CALLED = 0.001       #: Largest share of the frames of a kind that may be called a shape.
+LONGEST = 0.1             #: Longest time for which a shape may stay on the topic [s].
 SHAPES = tuple(shape for shape in Shape if shape not in (Shape.NONE, Shape.UNKNOWN))
 
 
 class Stream(Protocol):
-    """What follows one pad: the library's ContactStream."""
+    """Interface of an object that follows one pad, as the library's ContactStream does."""
 
     def update(self, values: np.ndarray, stamp: float): ...
 
@@ -34,13 +35,13 @@ NewStream = Callable[[], Stream]
 
 
 class Seen(NamedTuple):
-    """What was made of one kind."""
+    """Result for one kind."""
 
     kind: str
-    called: Rate          #: single frames called one of the five shapes
+    called: Rate          #: single frames that are called one of the five shapes
     by_shape: dict[Shape, int]
-    longest: float        #: time that a stream reports a shape without a break [s]
-    streams: Rate         #: sequences in which a stream reports one for more than LONGEST
+    longest: float        #: longest time for which a stream reports a shape without a break [s]
+    streams: Rate         #: sequences in which a stream reports a shape for more than LONGEST
 
     @property
     def is_met(self) -> bool:
@@ -49,15 +50,15 @@ class Seen(NamedTuple):
 
 def measured(rng: np.random.Generator, kind: str, recognise: Recognise, new_stream: NewStream,
              sequences: int = ENOUGH) -> Seen:
-    """Return what single frames are called, and what a stream reports of each sequence.
+    """Return the shapes of single frames, and the shapes that a stream reports for each sequence.
 
-    ``recognise``: shape of a single frame; ``new_stream``: makes what follows a pad. Frames are bool, or float in
-    fractions of full scale.
+    ``recognise`` returns the shape of a single frame, and ``new_stream`` makes an object that follows a pad. Frames are
+    bool, or float in fractions of full scale.
     """
     by_shape, frames, times = dict.fromkeys(SHAPES, 0), 0, []
     for idle in drawn(rng, kind, sequences):
         found, reported = _followed(new_stream(), idle)
-        if not idle.begin:  # what is left over shows only after what came before
+        if not idle.begin:  # left-over taxels are known only from earlier frames
             found = [recognise(frame) for frame in idle.frames]
         frames += len(found)
         for shape in found:
@@ -69,7 +70,7 @@ def measured(rng: np.random.Generator, kind: str, recognise: Recognise, new_stre
 
 
 def library(recogniser: Recogniser) -> tuple[Recognise, NewStream]:
-    """Return how the library, without options, recognises single frames and follows a pad."""
+    """Return the functions with which the library, without options, recognises single frames and follows a pad."""
     def recognise(frame: np.ndarray) -> Shape:
         return recogniser.recognise(find_contact(frame, unit=None)).shape
 
@@ -79,10 +80,10 @@ def library(recogniser: Recogniser) -> tuple[Recognise, NewStream]:
 
 
 def table(found: list[Seen]) -> Table:
-    made = Table('Nothing presses', f'{FRAMES} frames a sequence at {1 / PERIOD:g} Hz, pads of {min(SIDES)} to '
-                 f'{max(SIDES)} taxels square; single frames called one of the five shapes [%] (of what is left over, '
-                 'frames that follow each other), and the longest time '
-                 f'that a stream, as the nodes, has one on the topic. Required: at most {100 * MOST_CALLED:g} % and '
+    made = Table('Nothing presses', f'{FRAMES} frames in each sequence at {1 / PERIOD:g} Hz, square pads of '
+                 f'{min(SIDES)} to {max(SIDES)} taxels a side; share of single frames called one of the five shapes '
+                 '[%] (for left-over taxels, the frames follow each other), and longest time for which a stream has a '
+                 f'shape on the topic. Required: at most {100 * MOST_CALLED:g} % and '
                  f'{LONGEST:g} s', ['kind', 'frames', 'called a shape, %', 'most often', 'on the topic, s',
                                     f'sequences over {LONGEST:g} s, %', 'required'])
     for seen in found:
@@ -93,7 +94,7 @@ def table(found: list[Seen]) -> Table:
 
 
 def drawn(rng: np.random.Generator, kind: str, sequences: int) -> Iterator[Idle]:
-    """Draw ``sequences`` of a kind on pads of SIDES in turn; as many more as it takes for the frames that count."""
+    """Draw sequences of a kind on pads of SIDES in turn, until ``sequences`` times FRAMES frames count."""
     count, number = 0, 0
     while count < sequences * FRAMES:
         idle = IDLE[kind](rng, FRAMES, SIDES[number % len(SIDES)])
@@ -102,7 +103,7 @@ def drawn(rng: np.random.Generator, kind: str, sequences: int) -> Iterator[Idle]
 
 
 def longest_run(reported: np.ndarray) -> int:
-    """Return the most successive true values of ``reported``, (n,).
+    """Return the length of the longest run of True in ``reported``, (n,).
 
     >>> longest_run(np.array([True, False, True, True]))
     2
@@ -112,7 +113,7 @@ def longest_run(reported: np.ndarray) -> int:
 
 
 def _followed(stream: Stream, idle: Idle) -> tuple[list[Shape], np.ndarray]:
-    """Return what each frame in which nothing presses is called, and whether a shape is on the topic after it."""
+    """Return for each frame in which nothing presses its shape, and True if a shape is on the topic after it."""
     found = [stream.update(frame, PERIOD * k) for k, frame in enumerate(idle.frames)][idle.begin:]
     return [each.recognition.shape for each in found], np.array([each.fused.recognition.shape in SHAPES
                                                                  for each in found])

@@ -1,4 +1,4 @@
-"""The tables as text, CSV and Markdown; nothing in them is typed by hand."""
+"""Write tables as text, CSV and Markdown, so that no number is typed by hand."""
 
 import csv
 import re
@@ -6,13 +6,13 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-WIDTH = 118  #: of the page's text
+WIDTH = 118  #: Width of the page's text [columns].
 KIND = {True: 'on/off', False: 'pressures'}
 GENERATED = '<!-- Written by {}; not to be edited. -->\n'
 
 
 class Table:
-    """A heading, a line about it, columns and rows of text."""
+    """A table with a heading, a description, and columns and rows of text."""
 
     def __init__(self, heading: str, text: str, columns: list[str]):
         self.heading = heading
@@ -28,7 +28,7 @@ class Table:
         return '\n'.join([f'## {self.heading}\n', text, '', *markdown_table(self.columns, self.rows), ''])
 
     def record(self, folder: Path) -> None:
-        """Write all rows as CSV, named by the heading, into ``folder``."""
+        """Write all rows as CSV into ``folder``, in a file named after the heading."""
         folder.mkdir(exist_ok=True)
         with (folder / f'{file_name(self.heading)}.csv').open('w', newline='', encoding='utf-8') as stream:
             csv.writer(stream, lineterminator='\n').writerows([self.columns, *self.rows])
@@ -41,7 +41,7 @@ class Table:
 
 
 def file_name(heading: str) -> str:
-    """Return the name of a recorded table.
+    """Return the file name of a recorded table without its suffix.
 
     >>> file_name('Known shapes, with a blemish')
     'known_shapes_with_a_blemish'

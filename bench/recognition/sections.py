@@ -1,4 +1,4 @@
-"""The sections of the report, each with its tables; any of them can be run alone."""
+"""The sections of the report, each with its tables. Each section can run alone."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -17,18 +17,18 @@ NOTHING_SEEDS = 900_000
 
 
 class Amount(NamedTuple):
-    """How much is drawn."""
+    """Amount of data of a run."""
 
-    share: float    #: of training's samples, for the anchors
-    epochs: int     #: of the CNN
-    clean: int      #: patterns a case
+    share: float    #: share of the training samples for the anchors
+    epochs: int     #: epochs of the CNN
+    clean: int      #: patterns of a clean case
     field: int
     mechanics: int
-    pads: int       #: with several contacts, a kind
-    figures: int    #: of a family of foreign shapes; of blemished ones a quarter for each shape
-    pressed: int    #: frames of a family and size
-    sequences: int  #: of a kind of nothing
-    cell: int       #: patterns of a cell of the blind spots
+    pads: int       #: pads of each kind with several contacts
+    figures: int    #: figures of a family of foreign shapes; a quarter of this for each blemished shape
+    pressed: int    #: frames of each family and size
+    sequences: int  #: sequences of each kind in which nothing presses
+    cell: int       #: patterns of each cell of the blind spots
     repeat: int     #: frames that are timed
 
 
@@ -43,10 +43,10 @@ class Clock(Protocol):
 
 
 class Run(NamedTuple):
-    """What every section works with."""
+    """Everything that the sections need in one run."""
 
     contest: Contest
-    recogniser: Recogniser   #: as shipped
+    recogniser: Recogniser   #: the recogniser as shipped
     amount: Amount
     purpose: Purpose
     output: Path
@@ -63,15 +63,15 @@ class Run(NamedTuple):
 
 def clean(run: Run) -> list[Table]:
     results = run.results(clean_cases(AREAS, run.amount.clean, run.purpose), 'clean frames')
-    rates = tables.rates('Clean frames', 'recognised [%], 95 % Wilson intervals; the verdict compares ours with the '
-                         'interval of the better anchor', results)
+    rates = tables.rates('Clean frames', 'share recognised [%] with 95 % Wilson intervals; the verdict compares ours '
+                         'with the interval of the better anchor', results)
     return [rates, tables.lost(results), tables.probabilities(results)]
 
 
 def mechanics(run: Run) -> list[Table]:
     results = run.results(mechanics_cases(run.amount.mechanics, run.purpose), 'contact mechanics')
-    rates = tables.rates('Contact mechanics', 'frames computed for indenters on an elastic half-space, as the library '
-                         'sees them without options: recognised [%]', results)
+    rates = tables.rates('Contact mechanics', 'computed frames of indenters on an elastic half-space; share that is '
+                         'recognised without options [%]', results)
     return [tables.against_bars(results), rates]
 
 
@@ -122,8 +122,8 @@ def spots(run: Run) -> list[Table]:
 
 def field(run: Run) -> list[Table]:
     results = run.results(field_cases(FIELD_AREAS, run.amount.field, run.purpose), 'field conditions')
-    rates = tables.rates('Field conditions', 'one condition changed, the rest nominal; UNKNOWN, which the anchors '
-                         'cannot say, counts as not recognised', results)
+    rates = tables.rates('Field conditions', 'one condition differs from the nominal ones; UNKNOWN counts as not '
+                         'recognised, and the anchors never answer UNKNOWN', results)
     return [rates]
 
 
@@ -135,6 +135,6 @@ SECTIONS: dict[str, Callable[[Run], list[Table]]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
     'blemish': blemish, 'several': several_contacts, 'blind-spots': spots, 'speed': speed, 'field': field}
 WITHOUT_ANCHORS = frozenset({'nothing', 'several'})
-AGAINST_ANCHORS = frozenset({'blind-spots', 'speed'})  #: they say how far ours is behind, or ahead
+AGAINST_ANCHORS = frozenset({'blind-spots', 'speed'})  #: Sections that only compare our method with the anchors.
 ALONE = frozenset({'speed'})
-LONGEST = 'blind-spots'  #: begun first, so that no process waits for it alone
+LONGEST = 'blind-spots'  #: Section that begins first, so that it does not run alone at the end.

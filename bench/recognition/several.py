@@ -1,4 +1,4 @@
-"""Several contacts on one pad, each recognised alone, as the classifier node does: the section and its table."""
+"""The section and table about several contacts on one pad. As in the classifier node, each is recognised alone."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -14,22 +14,24 @@ from tactile_node.contact.pattern import of_contact
 from training.ground_truth.seeds import Purpose
 
 SEEDS = 950_000
-NUMBERS, AREAS, GAPS = (2, 3), (25, 50, 100), (4.0, 8.0)  #: punches on a pad, taxels of each, pitches between them
+NUMBERS = (2, 3)       #: Numbers of punches on a pad.
+AREAS = (25, 50, 100)  #: Area of each punch [taxels].
+GAPS = (4.0, 8.0)      #: Distance between punches [pitches].
 
 
 class Several(NamedTuple):
-    """What became of the punches of one kind of pad."""
+    """Results for the punches of one kind of pad."""
 
     number: int
     area: int
     gap: float
-    apart: Rate     #: punches with a contact that no other punch has
-    together: Rate  #: recognised
-    alone: Rate     #: recognised where nothing else presses the pad
+    apart: Rate     #: punches with a contact of their own
+    together: Rate  #: punches that are recognised
+    alone: Rate     #: punches that are recognised if nothing else presses the pad
 
 
 def cases(recogniser: Recogniser, pads: int, purpose: Purpose) -> Iterator[Several]:
-    """``pads`` of each number of punches, area and gap."""
+    """Yield the results of ``pads`` pads for each number of punches, area and gap."""
     for number in NUMBERS:
         for area in AREAS:
             for gap in GAPS:
@@ -38,9 +40,9 @@ def cases(recogniser: Recogniser, pads: int, purpose: Purpose) -> Iterator[Sever
 
 
 def table(found: list[Several]) -> Table:
-    of_all = Table('Several contacts on a pad', 'computed flat punches of any of the five shapes, each of the given '
-                   f'area, the weakest pressed with {WEAKEST:g} to 1 of the strongest: punches that have a contact of '
-                   'their own, and that are recognised [%], beside the same punches alone on the pad',
+    of_all = Table('Several contacts on a pad', 'computed flat punches of any of the five shapes with the given area; '
+                   f'the weakest presses with {WEAKEST:g} to 1 times the pressure of the strongest; share of punches '
+                   'with a contact of their own, share recognised, and share recognised alone on the pad [%]',
                    ['punches', 'area', 'pitches between', 'punches in all', 'apart, %', 'recognised, %', 'alone, %'])
     for one in found:
         of_all.add(one.number, one.area, f'{one.gap:g}', one.apart.total, one.apart, one.together, one.alone)
@@ -51,7 +53,7 @@ def _measured(recogniser: Recogniser, pads: list[Pad], number: int, area: int, g
     apart, together, alone = [], [], []
     for pad in pads:
         pattern = find_contact(pad.together, unit=None)
-        # The contact that most of the taxels under a punch belong to; as the classifier node looks at each.
+        # The contact of a punch is the one to which most of the taxels under the punch belong.
         counted = [np.bincount(pattern.labels[under], minlength=2)[1:] for under in pad.under]
         contacts = [int(counts.argmax()) + 1 if counts.any() else 0 for counts in counted]
         for contact, label, frame in zip(contacts, pad.labels, pad.alone):

@@ -1,6 +1,6 @@
-"""Cells of the search for blind spots: contacts of exact orientation, place, size, aspect and pressure.
+"""Cells of the search for blind spots: contacts with exact orientation, place, size, aspect ratio and pressure.
 
-Training imports nothing from here, and nothing here comes from training.
+The training imports nothing from here, and nothing here comes from the training.
 """
 
 from typing import NamedTuple
@@ -11,44 +11,44 @@ from scipy import ndimage
 from tactile_node.simulator.figures import coverage
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 
-AREAS = 16.0, 200.0    #: [taxels], log-uniform where the size is not what is varied
-PRESSURE, TILT, BLUR, NOISE = 0.5, 0.2, 0.5, 0.01  #: nominal, as in training.field
-MARGIN = 4             #: taxels around a contact
-ANGLES = range(0, 91, 5)                   #: [degrees], with a random number of quarter turns
-PLACES = (0.0, 0.25, 0.5)                  #: of the centre of area from a taxel's centre [pitches]
-WIDTHS = (8, 10, 12, 14, 16, 18, 20, 24, 32, 48, 64)  #: longest side, or diameter [taxels]
+AREAS = 16.0, 200.0    #: Range of the areas, log-uniform, in cells that do not vary the size [taxels].
+PRESSURE, TILT, BLUR, NOISE = 0.5, 0.2, 0.5, 0.01  #: Nominal conditions, as in training.field.
+MARGIN = 4             #: Margin around a contact [taxels].
+ANGLES = range(0, 91, 5)                   #: [degrees], plus a random number of quarter turns.
+PLACES = (0.0, 0.25, 0.5)                  #: Distance of the centre of area from a taxel's centre [pitches].
+WIDTHS = (8, 10, 12, 14, 16, 18, 20, 24, 32, 48, 64)  #: Longest side or diameter [taxels].
 RATIOS = {'rectangle': (1.5, 1.75, 2.0, 2.5, 3.0), 'right_triangle': (1.5, 2.0, 2.5)}
-APEXES = (40, 50, 60, 75)                  #: of isosceles triangles [degrees]
+APEXES = (40, 50, 60, 75)                  #: Apex angles of isosceles triangles [degrees].
 PRESSURES = (0.05, 0.1, 0.2, 0.4, 0.6, 0.8)
 ANY_ANGLE, FLAT, DIAGONAL = 'any angle', '0 degrees', '45 degrees'
 
 
 class Cell(NamedTuple):
-    """What is kept in one cell; None: as usual, in general position."""
+    """One cell. A parameter that is None or empty is random, as in general position."""
 
-    curve: str               #: what is varied, and what is kept beside it
-    value: float             #: where on the curve
-    label: str               #: of the value
+    curve: str               #: the parameter that is varied, and the ones that are constant
+    value: float             #: value of the varied parameter
+    label: str               #: label of the value
     on_off: bool
     angle: float | None = None                    #: [degrees]
-    places: tuple[tuple[float, float], ...] = ()  #: one of these is drawn
+    places: tuple[tuple[float, float], ...] = ()  #: places of which one is drawn
     width: float | None = None
     pressure: float = PRESSURE
-    shape: str = ''          #: '': the five in turn
+    shape: str = ''          #: '' for the five shapes in turn
     ratio: float | None = None
 
     @property
     def words(self) -> str:
-        """The label on one line."""
+        """Label on one line."""
         return self.label.replace('\n', ', ')
 
     def kinds(self, count: int) -> list[str]:
-        """The shape of each of ``count`` contacts."""
+        """Return the shape of each of ``count`` contacts."""
         return [self.shape or CLASSES[k % len(CLASSES)] for k in range(count)]
 
 
 def cells() -> list[Cell]:
-    """All cells, those of one curve one after another."""
+    """Return all cells, curve by curve."""
     found = []
     for on_off in (True, False):
         found += [Cell('orientation [degrees]', angle, f'{angle}', on_off, angle=angle) for angle in ANGLES]
@@ -71,7 +71,7 @@ def cells() -> list[Cell]:
 
 
 def frame(cell: Cell, kind: str, rng: np.random.Generator) -> np.ndarray:
-    """Draw a frame of one contact of ``kind``: bool, or float in fractions of full scale."""
+    """Draw a frame of one contact of ``kind``, bool or float in fractions of full scale."""
     contact, side = contact_in(cell, kind, rng)
     if cell.on_off:
         return contact.pattern(side, side)
@@ -83,7 +83,7 @@ def frame(cell: Cell, kind: str, rng: np.random.Generator) -> np.ndarray:
 
 
 def contact_in(cell: Cell, kind: str, rng: np.random.Generator) -> tuple[Contact, int]:
-    """Draw the contact and the side of a pad with room for it."""
+    """Draw the contact, and return it with the side of a pad on which it fits."""
     drawn = random_contact(rng, kind, float(np.exp(rng.uniform(*np.log(AREAS)))))
     dimensions = _dimensions(cell, drawn)
     angle = drawn.angle if cell.angle is None else np.radians(cell.angle) + np.pi / 2 * rng.integers(4)
@@ -94,7 +94,7 @@ def contact_in(cell: Cell, kind: str, rng: np.random.Generator) -> tuple[Contact
 
 
 def _dimensions(cell: Cell, drawn: Contact) -> tuple[float, ...]:
-    """Of the ratio and width that the cell prescribes."""
+    """Return the dimensions with the ratio and width that the cell prescribes."""
     lengths, rest = np.array(drawn.dimensions[:2]), drawn.dimensions[2:]
     if cell.ratio is not None:
         lengths = np.sqrt(lengths.prod()) * np.array((cell.ratio ** 0.5, cell.ratio ** -0.5))

@@ -1,6 +1,6 @@
-"""A figure on fine cells, pressed on a pad in general position: how foreign and blemished contacts become frames.
+"""Press a figure of fine cells on a pad in general position; foreign and blemished figures become frames in this way.
 
-Nothing here or in the families that use it comes from training.
+Nothing here, and nothing in the families of figures that use this module, comes from the training.
 """
 
 from collections.abc import Callable
@@ -11,29 +11,29 @@ from scipy import ndimage
 
 from training.ground_truth.overlap import ANY, Limits, best_overlap
 
-CELLS = 256        #: of the square that a figure is drawn in, x and y from -1 to 1
-SUBSAMPLES = 6     #: a taxel's coverage is counted on 6 x 6 points
-PRESSURE = 0.1, 0.8  #: mean pressure [fraction of full scale]
-TILT = 0.3         #: largest relative rise of the pressure over the contact's mean radius
-BLUR = 0.5         #: standard deviation of the elastomer's spread [pitches]
-NOISE = 0.01       #: standard deviation [fraction of full scale]
-DEAD = 0.03        #: fraction of taxels without a valid value
+CELLS = 256        #: Rows and columns of the square of a figure, with x and y from -1 to 1.
+SUBSAMPLES = 6     #: The coverage of a taxel is counted on 6 x 6 points.
+PRESSURE = 0.1, 0.8  #: Range of the mean pressure [fraction of full scale].
+TILT = 0.3         #: Largest relative rise of the pressure over the contact's mean radius.
+BLUR = 0.5         #: Standard deviation of the elastomer's blur [pitches].
+NOISE = 0.01       #: Standard deviation of the noise [fraction of full scale].
+DEAD = 0.03        #: Share of taxels without a valid value.
 
-#: draws which points, (x, y) of shape (CELLS, CELLS), belong to a figure
+#: Draws a figure: returns True for the points (x, y), each (CELLS, CELLS), that belong to the figure.
 Drawing = Callable[[np.random.Generator, np.ndarray, np.ndarray], np.ndarray]
 
 
 class Stamp(NamedTuple):
-    """What is pressed on a pad, without a unit of length."""
+    """A figure that is pressed on a pad, without a unit of length."""
 
-    name: str           #: of its family
+    name: str           #: name of its family
     filled: np.ndarray  #: bool, (rows, cols)
-    shape: str          #: of the five, the one that it is most like, its enclosed holes filled
-    overlap: float      #: with that shape, intersection over union
+    shape: str          #: most similar of the five shapes, with enclosed holes filled
+    overlap: float      #: overlap with that shape, as intersection over union
 
 
 def drawn(name: str, rng: np.random.Generator, drawing: Drawing, limits: Limits = ANY) -> Stamp:
-    """Draw a figure, without regard to its overlap; one in pieces, or cut by the square's edge, is drawn again."""
+    """Draw a figure with any overlap. A figure in pieces, or cut by the edge of the square, is drawn again."""
     x, y = points()
     while True:
         filled = drawing(rng, x, y)
@@ -49,7 +49,7 @@ def cropped(filled: np.ndarray) -> np.ndarray:
 
 
 def points() -> tuple[np.ndarray, np.ndarray]:
-    """Return x and y of the cells' middles, each (CELLS, CELLS)."""
+    """Return x and y of the centres of the cells, each (CELLS, CELLS)."""
     place = (np.arange(CELLS) + 0.5) * (2 / CELLS) - 1
     x, y = np.meshgrid(place, place)
     return x, y
@@ -60,9 +60,10 @@ def _on_edge(filled: np.ndarray) -> bool:
 
 
 def pressed(stamp: Stamp, rng: np.random.Generator, area: float, on_off: bool) -> np.ndarray:
-    """Return a frame of ``stamp`` of ``area`` [taxels] at any angle and sub-taxel place, in the middle of a pad.
+    """Return a frame of ``stamp`` with ``area`` [taxels] in the middle of a pad, at a random angle and sub-taxel place.
 
-    bool: a taxel is on when its centre is inside; or float, fractions of full scale, NaN where dead.
+    On/off frames are bool: a taxel is on if its centre is inside. Other frames are float in fractions of full scale,
+    with NaN for dead taxels.
     """
     rows, cols = np.nonzero(stamp.filled)
     cell = np.sqrt(area / len(rows))  # [pitches]
@@ -88,7 +89,7 @@ def pressed(stamp: Stamp, rng: np.random.Generator, area: float, on_off: bool) -
 
 
 def _values(rng: np.random.Generator, covered: np.ndarray, arms: np.ndarray, radius: float) -> np.ndarray:
-    """Pressures under ``covered`` taxels, ``arms`` (rows, cols, 2) from the contact's middle [pitches]."""
+    """Return pressures of ``covered`` taxels. ``arms`` is their place from the contact's middle, (rows, cols, 2)."""
     tilt, angle = rng.uniform(0, TILT) / radius, rng.uniform(0, 2 * np.pi)
     rise = 1 + tilt * (arms @ (np.sin(angle), np.cos(angle)))
     values = ndimage.gaussian_filter(covered * np.clip(rng.uniform(*PRESSURE) * rise, 0, 1), BLUR)

@@ -1,16 +1,17 @@
-"""The pages of results of recognition: what a reader decides by, of the tables that runs have recorded.
+"""The pages with the results of recognition. Each page shows the most important columns of the recorded tables.
 
-bench/bench_recognition.py records its own. Those of bench_hidden.py, bench_real_arrays.py and bench_teach.py are copied
-from what these print.
+bench/bench_recognition.py records its own tables. The tables of bench_hidden.py, bench_real_arrays.py and
+bench_teach.py are copied from their output.
 """
 
 from bench.recognition.views import Page, Row, View, across, columns, names, of
 
-FOLDER = 'tables'                      #: folder of the recorded tables, beside the page
-READING = ('Rates are in per cent. `on/off`: taxels that are pressed or not; `pressures`: all others. *Area* is the '
-           'size of the contact in taxels. **Bold**: less than required. `*`: ours is below the 95 % interval (Wilson) '
-           f'of the better anchor. Intervals, counts and further rows are in the CSV files of `{FOLDER}/`. '
-           '[How it works](../recognition.md) says what the anchors are, and where recognition fails.')
+FOLDER = 'tables'  #: Folder of the recorded tables, next to the page.
+READING = ('All rates are in per cent. `on/off` stands for frames of on/off taxels, `pressures` for all other frames. '
+           '*Area* is the number of taxels of the contact. *Ours* is the learned method of this package. The *anchors* '
+           'are the two [comparison methods](../recognition.md#comparison-methods), a CNN, and contours + trees. A '
+           'rate in **bold** is lower than required. A rate with `*` is below the 95 % interval (Wilson) of the better '
+           f'anchor. The CSV files in `{FOLDER}/` contain the intervals, the counts and further rows.')
 
 
 def _recorded(row: Row) -> str:
@@ -25,66 +26,83 @@ def _taught(row: Row) -> str:
 
 THREE = of('ours, %', 'CNN, %', 'contours + trees, %')
 KNOWN = (
-    View('Real arrays', 'Largest visible contact, frame by frame, as shipped and without options '
-         '(`python bench/bench_real_arrays.py --tekscan TACTILE_OBJECT_RECOGNITION --weiss TACTILE_SENSORS --vitac '
-         'VITAC`). *Sure*: frames with a name of confidence 0.9 or more, which for none of the five is wrong.',
+    View('Real arrays', 'The recogniser as shipped answers each frame separately, without options, for the largest '
+         'visible contact (`python bench/bench_real_arrays.py --tekscan TACTILE_OBJECT_RECOGNITION --weiss '
+         'TACTILE_SENSORS --vitac VITAC`). *Sure* is the number of frames with a name at a confidence of 0.9 or more. '
+         'For an object that is none of the five, every such name is wrong.',
          'Real arrays', ('array', 'visible'), names('frames', 'right, %', 'no name, %', 'sure', 'sure and wrong')),
-    View('Real recordings', 'NUS ring and square, on/off, by labels given by hand; no training has seen them. Frames '
-         'with the object, and frames without it, where any shape is wrong: right / unknown / none.',
+    View('Real recordings', 'These are on/off recordings of a ring and of a square by the National University of '
+         'Singapore (NUS). The frames were labelled by hand, and no training has used them. Each cell shows the '
+         'answers right / unknown / none. In frames without the object, any shape is wrong.',
          'Real recordings', ('recording', 'labelled', 'frames'), across('contestant', _recorded),
          lambda row: row['labelled'] != 'unclear'),
-    View('By size', 'Clean frames, {patterns} a cell: recognised by ours / CNN / contours + trees.', 'Clean frames',
-         ('area',), across('frames', THREE)),
-    View('Expected calibration error', 'Of the same frames, all sizes, 15 bins.', 'Expected calibration error',
-         ('frames',), names('ours', 'CNN', 'contours + trees')),
-    View('Contact mechanics', 'Indenters on an elastic half-space, mean pressure 5 to 80 % of full scale, as the '
-         'library sees them without options, by area: recognised by ours / CNN / contours + trees. Flat punches '
-         '{patterns} a cell, others 200.', 'Contact mechanics', ('condition',), across('area', THREE)),
-    View('Several contacts on a pad', 'Flat punches of the five shapes, all of one area, the weakest pressed with 0.5 '
-         'to 1 of the strongest; 200 or 300 punches a cell. By area: punches with a contact of their own / recognised '
-         '/ recognised when alone on the pad.', 'Several contacts on a pad', ('punches', 'pitches between'),
+    View('By size', 'Clean frames, {patterns} in each cell. Each cell shows the share that is recognised by ours / CNN '
+         '/ contours + trees.', 'Clean frames', ('area',), across('frames', THREE)),
+    View('Expected calibration error', 'This is the error for the same frames, over all sizes, with 15 bins.',
+         'Expected calibration error', ('frames',), names('ours', 'CNN', 'contours + trees')),
+    View('Contact mechanics', 'Computed indenters press an elastic half-space with a mean pressure of 5 to 80 % of '
+         'full scale. The library evaluates the frames without options. There are {patterns} flat punches in each '
+         'cell, and 200 of the other indenters. The columns are areas. Each cell shows the share that is recognised by '
+         'ours / CNN / contours + trees.', 'Contact mechanics', ('condition',), across('area', THREE)),
+    View('Several contacts on a pad', 'Two or three flat punches with the shapes of the five classes press the pad. '
+         'All have the same area, and the weakest presses with 0.5 to 1 times the pressure of the strongest. There are '
+         '200 or 300 punches in each cell. The columns are areas. Each cell shows the share of punches that are found '
+         'as a separate contact / that are recognised / that are recognised when they are alone on the pad.',
+         'Several contacts on a pad', ('punches', 'pitches between'),
          across('area', of('apart, %', 'recognised, %', 'alone, %'))),
-    View('Time of a single frame', 'Median, one core, each alone [us]: ours from the contact pattern on / CNN / '
-         'contours + trees from a prepared patch on, whose making is not counted.', 'Time of a single frame',
+    View('Time of a single frame', 'Median time on one core, one frame per call [us]. Each cell shows ours / CNN / '
+         'contours + trees. The time of our method begins with the contact pattern. The time of the anchors begins '
+         'with a finished patch, so the time to make the patch is not included.', 'Time of a single frame',
          ('area',), across('frames', of('ours', 'CNN', 'contours + trees'))))
 FAULTS = (
-    View('By noise and by faults of the skin', 'One condition changed, the rest nominal, {patterns} a cell: recognised '
-         'by ours, on/off / pressures, by area.', 'Field conditions', ('condition',), across('area', of('ours, %'))),
-    View('Hidden taxels', 'Contacts of 12-100 taxels in general position; TPDOs of 8 taxels in a row '
-         '(`python bench/bench_hidden.py`, 600 a cell), as shipped: right / another shape with more than 0.9 '
-         'confidence.',
+    View('By noise and by faults of the skin', 'One condition differs from the nominal conditions, {patterns} contacts '
+         'in each cell. The columns are areas. Each cell shows the share that our method recognises, on/off '
+         '/ pressures.',
+         'Field conditions', ('condition',), across('area', of('ours, %'))),
+    View('Hidden taxels', 'Contacts of 12-100 taxels lie in general position. Each TPDO carries 8 taxels of a row '
+         '(`python bench/bench_hidden.py`, 600 contacts in each cell). Each cell shows the share of right answers / of '
+         'answers with another shape at a confidence above 0.9, for the recogniser as shipped.',
          'Hidden taxels', ('hidden',),
          across('frames', of('right, with readings, %', 'wrong and sure, with readings, %'))),
-    View('Missing TPDOs', 'Contacts of 40-100 taxels on a 16x16 pad of 32 TPDOs, 500 a cell. *Wrong*: another shape '
-         'with more than 0.9 confidence. *Right*: with 0.9 or more, of those contacts of which less than 15 % is '
-         'hidden, with the taxels around them. Ten frames fused, with the same TPDOs missing: wrong / right / contacts '
-         'of which so little is hidden.', 'Missing TPDOs', ('missing TPDOs',),
+    View('Missing TPDOs', 'Contacts of 40-100 taxels press a 16x16 pad with 32 TPDOs, 500 contacts in each cell. Ten '
+         'frames with the same missing TPDOs are fused. Each cell shows three numbers: wrong / right / count. *Wrong* '
+         'is the share of contacts that are reported as another shape at a confidence above 0.9. *Count* is the number '
+         'of contacts of which less than 15 % is hidden, together with the taxels around them. *Right* is the share of '
+         'these that are reported correctly at a confidence of 0.9 or more.', 'Missing TPDOs', ('missing TPDOs',),
          across('frames', of('wrong and sure, fused, %', 'right and sure, fused, %', 'of which little is hidden')),
          lambda row: bool(row['of which little is hidden'])))
 OTHERS = (
-    View('Nothing presses', 'Sequences of 50 frames at 50 Hz, pads of 8 to 64 taxels square, {frames} frames a row: '
-         'single frames called one of the five shapes (of what is left over: frames that follow each other), with '
-         'their 95 % interval, and the longest time that a stream, as the nodes, has a shape on the topic. Required: '
-         'at most 0.1 % and 0.1 s.', 'Nothing presses', ('kind',),
+    View('Nothing presses', 'Sequences of 50 frames at 50 Hz on square pads of 8 to 64 taxels a side, {frames} frames '
+         'in each row. *Called a shape* is the share of single frames that are reported as one of the five shapes, '
+         'with its 95 % interval. Left-over taxels are known only from earlier frames, so their frames are processed '
+         'in sequence. *On the topic* is the longest '
+         'time for which a stream of frames has a shape, when it is processed as in the nodes. Required: at most 0.1 % '
+         'and 0.1 s.', 'Nothing presses', ('kind',),
          names('called a shape, %', 'most often', 'on the topic, s')),
-    View('Foreign shapes', 'Figures whose best overlap with any of the five is below 0.85, {patterns} a cell, by '
-         'area: called unknown by ours, on/off / pressures. Required: 98 % from 40 taxels up.',
+    View('Foreign shapes', 'The figures overlap with each of the five shapes by less than 0.85, {patterns} figures in '
+         'each cell. The columns are areas. Each cell shows the share that our method reports as unknown, on/off / '
+         'pressures. Required: 98 % from 40 taxels.',
          'Foreign shapes', ('shape',), across('area', of('ours, as shipped'))),
-    View('Foreign shapes taken for one of the five', 'All families together, {patterns} a row. *Sure*: called one of '
-         'the five with more than 0.9 confidence. Then: called unknown, each at a limit that loses 2 % of known shapes '
-         'of that size and kind of frame (of validation patterns); anchors by their highest probability.',
-         'Foreign shapes', ('frames', 'area'),
+    View('Foreign shapes taken for one of the five', 'All families of figures together, {patterns} figures in each '
+         'row. *Sure* is the share that our method reports as one of the five at a confidence above 0.9. The other '
+         'columns show the share that is reported as unknown if the limit for unknown is set so that 2 % of the known '
+         'shapes of the same size and kind of frame are lost. The limits come from validation patterns. For the '
+         'anchors, the limit applies to the highest probability.', 'Foreign shapes', ('frames', 'area'),
          columns(sure=of('called a shape, > 0.9 sure'), ours=lambda row: row['ours, 2 % loss'].split()[0],
                  CNN=of('CNN, 2 % loss'), trees=of('contours + trees, 2 % loss')), lambda row: row['shape'] == 'all'),
-    View('Known shapes with a blemish', 'Overlap with the shape 0.92 to 0.98, {patterns} a cell: recognised by ours, '
-         'on/off / pressures. Required: 90 % from 100 taxels up.', 'Known shapes with a blemish', ('blemish',),
+    View('Known shapes with a blemish', 'The contacts overlap with their shape by 0.92 to 0.98, {patterns} in each '
+         'cell. The columns are areas. Each cell shows the share that our method recognises, on/off / pressures. '
+         'Required: 90 % from 100 taxels.', 'Known shapes with a blemish', ('blemish',),
          across('area', of('ours'))),
-    View('Taught shapes', '`python bench/bench_teach.py`: 30 touches of about 50 taxels on 16x16, one shape at a time; '
-         'then 400 fresh touches of the generator (*flat*: blurred coverage, tilt, 1 % noise) or 120 of contact '
-         'mechanics (*mechanics*: a punch in an elastic layer), one frame each: recognised in the world taught in / '
-         'recognised in the other / foreign figures called a shape, of 600, families of the taught shape left out '
-         '(without it 8.9-10.0). `tactile teach` writes no file of a refused one.', 'Taught shapes', ('shape',),
-         across('taught in', _taught)))
+    View('Taught shapes', 'In `python bench/bench_teach.py`, one shape at a time is taught from 30 touches of about 50 '
+         'taxels on 16x16 taxels. Touches come from one of two worlds. The generator (*flat*) draws blurred coverage '
+         'with a tilt and 1 % noise. Contact mechanics (*mechanics*) computes a punch in an elastic layer. The columns '
+         'are the world in which the shape was taught. The test has 400 fresh touches of the generator or 120 of '
+         'contact mechanics, one frame each. Each cell shows three rates. The first is the share of touches recognised '
+         'in the same world, the second in the other world. The third is the share of 600 foreign figures that are '
+         'reported as a shape; without a taught shape, this share is 8.9-10.0. The foreign figures do not include '
+         'families of the taught shape. *Refused* means that `tactile teach` does not write the file.',
+         'Taught shapes', ('shape',), across('taught in', _taught)))
 PAGES = (
     Page('bench/bench_recognition.py --page', 'recognition_results.md', FOLDER, 'The five shapes, as measured', READING,
          KNOWN, ('recognition_blind_spots.png', 'By orientation, place, size, aspect and pressure')),

@@ -1,4 +1,4 @@
-"""The tables of clean frames, field conditions, time and recordings."""
+"""The tables of clean frames, field conditions, times and recordings."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.shape.recognition import Shape
 from training.ground_truth.seeds import Purpose
 
-MOST_LOST = {12: 0.01, 25: 0.005, 50: 0.002, 100: 0.001}  #: to unknown, by area
-BARS = {12: 0.97, 25: 0.985, 50: 0.995, 100: 0.998}       #: of flat punches, by area
-#: recordings, and what was pressed
+MOST_LOST = {12: 0.01, 25: 0.005, 50: 0.002, 100: 0.001}  #: Allowed share of known contacts called unknown, by area.
+BARS = {12: 0.97, 25: 0.985, 50: 0.995, 100: 0.998}       #: Required rate of recognised flat punches, by area.
+#: Recordings, and the object in each.
 RECORDED = {'nus_ring_session': Shape.CIRCLE, 'nus_square_moving': Shape.SQUARE}
 
 
@@ -37,14 +37,14 @@ def _verdict(result: Result) -> str:
 
 
 def unknown(result: Result) -> Rate:
-    """Known shapes that ours calls unknown."""
+    """Return the rate of known shapes that our method calls unknown."""
     called = result.answers[OURS].argmax(1) == ORDER.index(Shape.UNKNOWN)
     return Rate(int(called.sum()), len(called))
 
 
 def lost(clean: list[Result]) -> Table:
-    """What the limit for unknown costs."""
-    table = Table('Known contacts lost to unknown', 'clean frames, at the limit as shipped [%]',
+    """Return the table of known contacts that the limit for unknown loses."""
+    table = Table('Known contacts lost to unknown', 'clean frames, with the limit as shipped [%]',
                   ['frames', 'area', 'patterns', 'ours unknown, %', 'at most, %', 'required'])
     for result in clean:
         most = MOST_LOST.get(int(result.case.area))
@@ -56,7 +56,7 @@ def lost(clean: list[Result]) -> Table:
 
 
 def against_bars(computed: list[Result]) -> Table:
-    """Flat punches as the library sees them without options."""
+    """Return the table of flat punches, as the library recognises them without options."""
     table = Table('Flat punches', 'computed frames, mean pressure 5 to 80 % of full scale: recognised by ours [%]',
                   ['area', 'frames', 'ours, %', 'at least, %', 'required'])
     for result in computed:
@@ -69,8 +69,8 @@ def against_bars(computed: list[Result]) -> Table:
 
 
 def speed(contest: Contest, repeat: int, purpose: Purpose) -> Table:
-    table = Table('Time of a single frame', f'median of {repeat} frames, one core, each alone [us]; ours from the '
-                  'contact pattern on, the anchors from a prepared patch on (its making is not counted)',
+    table = Table('Time of a single frame', f'median of {repeat} frames on one core, one frame per call [us]; the time '
+                  'of ours begins with the contact pattern, that of the anchors with a finished patch',
                   ['frames', 'area', OURS, 'CNN', 'contours + trees', 'ours / CNN', 'ours / (contours + trees)'])
     for on_off in (True, False):
         for area in (20, 50, 100):
@@ -91,9 +91,9 @@ def probabilities(clean: list[Result]) -> Table:
 
 
 def recordings(contest: Contest, recogniser: Recogniser) -> Table:
-    """Real touches, by what a person saw in the frames; they were never used for training or tuning."""
-    table = Table('Real recordings', 'share of answers over the frames that hold the object, by labels given by hand, '
-                  'and over the others, where any shape is wrong [%]: frame by frame, and ours as a stream reports it',
+    """Return the table of real touches, labelled by a person. They were never used for training or tuning."""
+    table = Table('Real recordings', 'share of each answer [%] in frames with the object and in frames without it, '
+                  'where any shape is wrong; labels by hand; single frames, and ours as a stream, too',
                   ['recording', 'labelled', 'frames', 'contestant', *(shape.value for shape in ORDER)])
     for name in RECORDED:
         for label in FRAME_LABELS:
@@ -104,7 +104,7 @@ def recordings(contest: Contest, recogniser: Recogniser) -> Table:
 
 
 def _recorded_answers(contest: Contest, recogniser: Recogniser, name: str, label: str) -> dict[str, np.ndarray]:
-    """What each contestant makes of the frames with ``label``; empty where no frame has it."""
+    """Return the answers of each contestant to the frames with ``label``; empty if no frame has this label."""
     chosen = np.flatnonzero(frame_labels(name) == label)
     if not len(chosen):
         return {}

@@ -1,7 +1,7 @@
-"""Pages of results, made of recorded tables: a page shows what a reader decides by, the CSV files have the rest.
+"""Pages of results, made from recorded tables. A page shows the most important columns; the CSV files contain all.
 
-A table is recorded as CSV in the folder TABLES beside the page, named by its heading; a note about it has the same name
-and ends in .txt. `about.txt` says of which run they are.
+A table is recorded as a CSV file in a folder next to the page. The heading of the table is its name. A note about the
+table has the same name with the suffix .txt. `about.txt` describes the run in which the tables were recorded.
 """
 
 import csv
@@ -14,34 +14,38 @@ from typing import NamedTuple
 from bench.recognition.page import GENERATED, WIDTH, file_name, markdown_table
 
 Row = dict[str, str]
-Cells = Callable[[list[Row]], dict[str, str]]  #: columns and their texts, of recorded rows that are one row of the page
+#: Makes the cells of a row of the page, by column, from the recorded rows that belong to it.
+Cells = Callable[[list[Row]], dict[str, str]]
 
 
 class View(NamedTuple):
-    """A table of the page: recorded rows that are alike in the columns ``down`` are one row."""
+    """A table of the page. Recorded rows with equal values in the columns ``down`` become one row."""
 
     heading: str
-    text: str           #: may name columns of the first row in braces
-    source: str         #: heading of the recorded table
-    down: tuple[str, ...]
+    text: str              #: description; a column name in braces stands for the value in the first row
+    source: str            #: heading of the recorded table
+    down: tuple[str, ...]  #: columns that identify a row
     cells: Cells
-    shown: Callable[[Row], bool] = lambda row: True
+    shown: Callable[[Row], bool] = lambda row: True  #: True for the recorded rows that are shown
 
 
 def value(row: Row, column: str) -> str:
-    """Return a rate without its interval, marked by the verdict of its row."""
+    """Return a rate without its interval, in bold if it misses its requirement, with * if it is below the anchors."""
     text = re.split(r' [(\[]', row[column])[0]
     mark = '*' if row.get('ours against the better') == 'BELOW' and column.startswith('ours') else ''
     return f'**{text}**' if row.get('required') == 'NOT MET' and column.startswith('ours') else text + mark
 
 
 def of(*columns: str) -> Callable[[Row], str]:
-    """Return what shows ``columns`` of a row; those that a run without anchors has not are left out."""
+    """Return a function that joins the values of ``columns`` of a row.
+
+    Columns that are missing, as in a run without anchors, are left out.
+    """
     return lambda row: ' / '.join(value(row, column) for column in columns if column in row)
 
 
 def across(column: str, show: Callable[[Row], str]) -> Cells:
-    """Return cells with a column of the page for each value of ``column``; what is shown in one is joined."""
+    """Return cells with one column of the page for each value of ``column``; texts in the same column are joined."""
     def cells(rows: list[Row]) -> dict[str, str]:
         found: dict[str, list[str]] = {}
         for row in rows:
@@ -51,15 +55,17 @@ def across(column: str, show: Callable[[Row], str]) -> Cells:
 
 
 def columns(**shown: Callable[[Row], str]) -> Cells:
+    """Return cells with one column for each keyword, shown by the function of this keyword."""
     return lambda rows: {name.replace('_', ' '): show(rows[0]) for name, show in shown.items()}
 
 
 def names(*shown: str) -> Cells:
+    """Return cells that show recorded columns as they are."""
     return lambda rows: {name: rows[0][name] for name in shown if name in rows[0]}
 
 
 def lines_of(view: View, rows: list[Row]) -> list[str]:
-    """Return the lines of a table; rows in the order in which they were recorded."""
+    """Return the lines of a table, with the rows in the order in which they were recorded."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in filter(view.shown, rows):
         groups.setdefault(tuple(row[name] for name in view.down), []).append(row)
@@ -70,21 +76,22 @@ def lines_of(view: View, rows: list[Row]) -> list[str]:
 
 
 class Page(NamedTuple):
-    """A page of results, made of what is recorded in a folder."""
+    """A page of results, made from the tables in a folder."""
 
-    script: str                      #: that writes it
-    file: str
-    tables: str                      #: folder of the recorded tables
+    script: str   #: command that writes the page
+    file: str     #: name of the page
+    tables: str   #: folder of the recorded tables
     title: str
-    reading: str                     #: how to read all of its tables
+    reading: str  #: explanation that is valid for all tables of the page
     views: Sequence[View]
-    picture: tuple[str, str] = ('', '')  #: file and caption
+    picture: tuple[str, str] = ('', '')  #: file and caption of the picture
 
     def write(self, folder: Path, recorded: Collection[str] | None = None) -> None:
-        """Write it into ``folder``; ``recorded``: headings of the tables to show, default all that are there."""
+        """Write the page into ``folder``. It shows the tables with headings in ``recorded``, or all if this is None."""
         (folder / self.file).write_text(self.text(folder, recorded), encoding='utf-8')
 
     def text(self, folder: Path, recorded: Collection[str] | None = None) -> str:
+        """Return the text of the page; the parameters are those of `write`."""
         tables = folder / self.tables
         text = [GENERATED.format(self.script), f'# {self.title}', '']
         text += [*_note(tables, 'about'), _filled(self.reading), '']
@@ -105,7 +112,7 @@ def _shown(view: View, tables: Path) -> list[str]:
     missed = verdicts.count('NOT MET')
     text = view.text.format_map(next(filter(view.shown, rows)))
     if verdicts and 'equired' in text:
-        text += f' Not met by {missed} of {len(verdicts)}.' if missed else ' Met.'
+        text += f' Values that do not meet this: {missed} of {len(verdicts)}.' if missed else ' All values meet this.'
     return [f'## {view.heading}', '', *([_filled(text), ''] if text else []), *_note(tables, name),
             *lines_of(view, rows), '']
 

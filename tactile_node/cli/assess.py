@@ -1,12 +1,13 @@
-"""`tactile assess`: how reliable recognition is on your own skin, from about 8 touches of each object.
+"""`tactile assess`: report how reliable recognition is on your own skin, from about 8 touches of each object.
 
-    tactile assess --name circle --name bar --name unknown --output my_skin.npz            # guides you, live
-    tactile assess --name circle --from discs.log --name unknown --from keys.log mug.npy   # from recordings: a report
+    tactile assess --name circle --name bar --name unknown --output my_skin.npz            # live, guides you
+    tactile assess --name circle --from discs.log --name unknown --from keys.log mug.npy   # report from recordings
 
 Give each object one of these names: one of the five shapes, bar (a rectangle), ball (a circle), a taught shape of
---model, or unknown for an object that is none of these. The command adapts --model to your skin if that improves the
-answers to touches that the adaptation was not fitted to, and writes it to --output. Give that file to the classifier
-node (model:=), to `tactile classify` (--model) or to the library (Recogniser(file=...)).
+--model, or unknown for an object that is none of these. The command fits an adaptation of --model to your skin. If the
+adaptation improves the answers to touches that it was not fitted to, the command writes the adapted model to --output.
+Give this file to the classifier node (model:=), to `tactile classify` (--model) or to the library
+(Recogniser(file=...)).
 """
 
 import argparse
@@ -44,23 +45,24 @@ from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, ShapeClass
 
 DEFAULT_TOUCHES = 8
-ALIASES = {'bar': 'rectangle', 'ball': 'circle'}
-REFUSED_CODE = 1
+ALIASES = {'bar': 'rectangle', 'ball': 'circle'}  #: Class of each name that is no class of the recogniser.
+REFUSED_CODE = 1  #: Exit code if --output is given, but the adaptation is not kept.
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--name', action='append', required=True,
-                        help='of the object; repeat it, with its own --from, for several objects')
+                        help='name of the object; repeat --name for each further object, followed by its --from')
     parser.add_argument('--from', nargs='+', action=OfLastName, dest='from_', metavar='FILE',
-                        help='touches of the object named before: CAN logs, or .npz and .npy files of frames in time '
-                        '(docs/command_line.md), one frame at least; the object is lifted between two touches. '
-                        'Without: live from the bus')
-    add_output_option(parser, metavar='FILE', help='.npz to write if the adaptation helps (default: only report)')
+                        help='files with touches of the object of the preceding --name: CAN logs, or .npz and .npy '
+                        'files with at least one frame, in the order of time (docs/command_line.md). Lift the object '
+                        'between two touches. Without --from, the touches are recorded live from the bus')
+    add_output_option(parser, metavar='FILE', help='.npz file to write if the adaptation helps (default: only report)')
     parser.add_argument('--model', default=METHOD_FILES[LEARNED], metavar='FILE',
-                        help='to assess, such as one of `tactile teach` (default: config/%(default)s)')
+                        help='model to assess, for example a file of `tactile teach` (default: config/%(default)s)')
     add_number(parser, '--touches', int, limits={'least': 1}, default=DEFAULT_TOUCHES, metavar='N',
-               help='to record of each object, live (default: %(default)s)')
-    parser.add_argument('--picture', metavar='FILE', help='draw how often answers of similar confidence are right')
+               help='number of touches of each object in a live recording (default: %(default)s)')
+    parser.add_argument('--picture', metavar='FILE', help='picture to write: how often answers of similar confidence '
+                        'are right')
     add_skin_options(parser)
     add_bus_options(parser, is_set=False)
     add_any_device_option(parser)
@@ -68,7 +70,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Report, and write the file if an adaptation is kept. Return 1 if --output was given and nothing is written."""
+    """Print the report, and write --output if the adaptation is kept.
+
+    Returns 0, or REFUSED_CODE if --output was given but not written.
+    """
     model = config_path(args.model)
     recogniser, base = ShapeRecogniser.from_file(model), read_arrays(model)
     labels = {name: _class_of(name, recogniser.outputs) for name in args.name}
@@ -89,13 +94,14 @@ def run(args: argparse.Namespace) -> int:
     if not args.output:
         return 0
     if found.adaptation is None:
-        print(f'tactile: {args.output} is not written: use the model as it is.', file=sys.stderr)
+        print(f'tactile: {args.output} was not written. Use the model as it is.', file=sys.stderr)
         return REFUSED_CODE
     arrays = {name: array for name, array in base.items() if not is_of_skin(name)}
     arrays |= arrays_of(found.kind, found.adaptation)
     with output_file(args.output, inputs=inputs) as stream:
         np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
-    print(f'written to {args.output}. Give it to the classifier node (model:=) or to tactile classify (--model).')
+    print(f'Written to {args.output}. Give this file to the classifier node (model:=) or to tactile classify '
+          '(--model).')
     return 0
 
 
@@ -104,26 +110,26 @@ def _class_of(name: str, outputs: Sequence[ShapeClass]) -> ShapeClass:
     found = by_name.get(name) or by_name.get(ALIASES.get(name, ''))
     if found is None:
         raise ConfigurationError('--name', expected=f'one of {", ".join((*by_name, *ALIASES))}', got=repr(name),
-                                 remedy='Name an object that is none of these unknown, or teach it first '
-                                 '(`tactile teach`) and assess that file (--model).')
+                                 remedy='Give an object that is none of these the name unknown. Or teach it first '
+                                 '(`tactile teach`), and assess the taught file (--model).')
     return found
 
 
 def _check(frames: Sequence[TouchFrame]) -> None:
     if not frames:
         raise InputError('touches', expected='one or more', got='none',
-                         remedy='Press away from the edges, and lift the object in between.')
+                         remedy='Press away from the edges of the pad, and lift the object between two touches.')
     if len(shapes := {frame.mask.shape for frame in frames}) > 1:
         sizes = ' and '.join(f'{rows}x{cols}' for rows, cols in sorted(shapes))
-        raise InputError('touches', expected='those of one skin', got=f'frames of {sizes} taxels',
-                         remedy='Assess each skin on its own.')
+        raise InputError('touches', expected='touches of one skin', got=f'frames of {sizes} taxels',
+                         remedy='Assess each skin separately.')
 
 
 def _report(found: Assessment) -> Iterator[str]:
     yield 'As the model is, with 95 % intervals:'
     yield from _table(found.before)
     if found.gain is None or found.after is None:
-        yield f'No adaptation was tried: it takes {LEAST_TOUCHES} touches or more, and {LEAST_CLASSES} names or more.'
+        yield f'No adaptation was tried. It needs at least {LEAST_TOUCHES} touches and {LEAST_CLASSES} names.'
         return
     yield 'Adapted, each touch answered by an adaptation that was fitted without it:'
     yield from _table(found.after)

@@ -1,4 +1,4 @@
-"""Writes a figure of matplotlib to the file that an option names."""
+"""Write a figure of matplotlib to the file that an option names."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,16 +11,23 @@ if TYPE_CHECKING:
 
 
 def check_figure(path: str | Path) -> None:
-    """Raise InputError if matplotlib writes no figures with the suffix of ``path``.
+    """Check that matplotlib can write a figure with the suffix of ``path``.
 
-    Call it before touches are recorded. It also raises ModuleNotFoundError without matplotlib.
+    Call this before touches are recorded, because an error after the recording would lose them.
+
+    Raises
+    ------
+    InputError
+        If matplotlib does not support the suffix.
+    ModuleNotFoundError
+        If matplotlib is not installed.
     """
     from matplotlib.backend_bases import FigureCanvasBase  # optional, and slow to import
 
     formats = FigureCanvasBase.get_supported_filetypes()
     if _format_of(path) not in formats:
         raise InputError(f'picture {str(path)!r}', expected='a format that matplotlib writes: ' + ', '.join(formats),
-                         got=_format_of(path), remedy='Give another suffix.')
+                         got=_format_of(path), remedy='Use another suffix.')
 
 
 def write_figure(path: str | Path, figure: 'Figure') -> None:

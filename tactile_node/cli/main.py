@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The program `tactile`: finds the sub-command and turns every error of this package into one line."""
+"""The program `tactile`: run a sub-command, and print every error of this package as one line."""
 
 import argparse
 import logging
@@ -14,10 +14,10 @@ import tactile_node
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions
 
-#: name and help, the first ones in the order in which one needs them; the module of that name, with ``add_options`` and
-#: ``run``, is imported only when it is chosen
+#: Name and help of each sub-command. The first FIRST_COMMANDS are in the order in which a new user needs them. The
+#: module of the same name has ``add_options`` and ``run``; it is imported only if its sub-command is chosen.
 COMMANDS = (
-    ('simulate', 'be a CANopen skin that touches shapes or repeats a recording'),
+    ('simulate', 'simulate a CANopen skin that touches shapes or repeats a recording'),
     ('scan', 'find the CANopen nodes of a bus'),
     ('draft', 'begin a skin layout from an EDS'),
     ('check', 'check a skin layout and its EDS, and show the pad'),
@@ -25,40 +25,53 @@ COMMANDS = (
     ('view', 'show the pads in a browser or on a terminal'),
     ('tare', 'set the zero of the pads of a running driver'),
     ('record', 'record a CAN log from a live bus'),
-    ('replay', 'play a CAN log without ROS: taxel frames to a file'),
-    ('classify', 'the recognised shape, of frames in files: JSON lines or CSV'),
-    ('report', 'write a page on a log or bag, for a support ticket'),
-    ('features', 'every quantity of the paper, of frames in files: JSON lines or CSV'),
+    ('replay', 'play a CAN log without ROS, and write its taxel frames to a file'),
+    ('classify', 'recognise the shape in frames from files, as JSON lines or CSV'),
+    ('report', 'write a page about a log or bag, for a support ticket'),
+    ('features', 'compute every quantity of the paper for frames from files, as JSON lines or CSV'),
     ('calibrate', "learn a skin's response from presses of a known disc"),
     ('teach', 'teach the recogniser your own shapes'),
-    ('assess', 'how reliable recognition is on your own skin, and an adaptation to it'),
+    ('assess', 'report how reliable recognition is on your own skin, and adapt it'),
     ('sdo', 'read or write one object of a device'),
-    ('completion', 'print what makes your shell complete `tactile`'),
+    ('completion', 'print the script with which your shell completes `tactile`'),
 )
 FIRST_COMMANDS = 11
 
-#: It runs nodes, whose handler forwards the log to /rosout and stderr.
+#: Command that runs nodes. Their own handler forwards log messages to /rosout and stderr.
 RUNS_NODES = 'bringup'
 
-#: by command, what its help would promise in vain without
+#: Modules without which a command cannot do anything. The help says which of them are missing.
 NEEDED = {'simulate': ('termios',), 'bringup': ('rclpy', 'tactile_skin'), 'view': ('viser',),
           'tare': ('rclpy', 'tactile_skin'), 'completion': ('argcomplete',)}
-_ROS = 'Source a ROS 2 workspace that holds tactile_skin, or run `make setup` once.'
+_ROS = 'Source a ROS 2 workspace that contains tactile_skin, or run `make setup` once.'
+#: Remedy for each module that may be missing.
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',
          'jinja2': 'Install it: pip install jinja2.',
-         'termios': 'It is part of Python on Linux and macOS alone: run this there.',
+         'termios': 'Python has this module only on Linux and macOS. Run the command there.',
          'matplotlib': "Install it: pip install 'tactile-skin[picture]'.",
          'viser': "Install it: pip install 'tactile-skin[view]'.",
          'PIL': "Install Pillow: pip install 'tactile-skin[picture]'.",
          'argcomplete': "Install it: pip install 'tactile-skin[completion]'."}
 
-#: set by the shell when it asks for completions; its value is the number of words that start the program
+#: Environment variable that the shell sets when it asks for completions. Its value is the number of words that start
+#: the program.
 COMPLETES = '_ARGCOMPLETE'
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run `tactile` with ``argv`` and return its exit code: 2 for bad input, 130 for Ctrl-C."""
+    """Run `tactile`.
+
+    Parameters
+    ----------
+    argv : list[str] or None
+        Arguments without the name of the program; None for those of the process.
+
+    Returns
+    -------
+    int
+        Exit code of the sub-command, 2 after an error, or 130 after Ctrl-C.
+    """
     argv = sys.argv[1:] if argv is None else argv
     try:
         args = _parser(argv[0] if argv else '').parse_args(argv)
@@ -76,7 +89,8 @@ def main(argv: list[str] | None = None) -> int:
               f'{NEEDS[error.name]}', file=sys.stderr)
         return 2
     except BrokenPipeError:
-        # The reader (head, less) has gone; keep Python from failing again when it flushes at exit.
+        # The reader of the pipe (head, less) has closed it. Without this line, Python fails again when it flushes
+        # stdout at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
@@ -84,12 +98,12 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def program() -> int:
-    """`main` as a process: a second Ctrl-C does not make its clean end look like a crash."""
+    """Run `main` as a process, and ignore Ctrl-C after it, which would make a clean end look like a crash."""
     if COMPLETES in os.environ:
         import argcomplete
 
         from tactile_node.cli.completion import chosen_command
-        argcomplete.autocomplete(_parser(chosen_command(os.environ)))  # which ends the process
+        argcomplete.autocomplete(_parser(chosen_command(os.environ)))  # ends the process
     try:
         return main()
     finally:
@@ -114,18 +128,18 @@ def _logging(command: str) -> Iterator[None]:
 
 
 class _Program(argparse.ArgumentParser):
-    """Parser whose help has a line for each command: first what one does first, in that order."""
+    """Parser whose help has one line for each command, with the FIRST_COMMANDS in a group of their own."""
 
     def format_help(self) -> str:
         lines = [f'    {name:<12}{text}{_lack(name)}' for name, text in COMMANDS]
-        return '\n'.join((f'{self.format_usage()}\n{self.description}', '', 'What one does first, in this order:',
+        return '\n'.join((f'{self.format_usage()}\n{self.description}', '', 'Begin with these commands, in this order:',
                           *lines[:FIRST_COMMANDS], '', 'More:', *lines[FIRST_COMMANDS:],
                           '    --version   print the version', '', f'{self.epilog}', ''))
 
 
 def _parser(chosen: str) -> argparse.ArgumentParser:
-    """Parser of all sub-commands, complete for the ``chosen`` one alone, so that no other is imported."""
-    parser = _Program(prog='tactile', description='Contact shape from a tactile skin on a CAN bus.',
+    """Return the parser of all sub-commands; only the ``chosen`` one has options, so that no other is imported."""
+    parser = _Program(prog='tactile', description='Recognise contact shapes with a tactile skin on a CAN bus.',
                       epilog='`tactile COMMAND --help` explains a command.')
     version = f'tactile_skin {tactile_node.__version__}' if chosen == '--version' else ''
     parser.add_argument('--version', action='version', version=version)
@@ -135,7 +149,7 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
         if name == chosen:
             module = import_module(f'tactile_node.cli.{name}')
             command.description = module.__doc__
-            if '\n' in str(module.__doc__):  # it has its own lines
+            if '\n' in str(module.__doc__):  # keep the line breaks of a long description
                 command.formatter_class = argparse.RawDescriptionHelpFormatter
             command.set_defaults(run=module.run)
             module.add_options(command)
@@ -143,9 +157,9 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
 
 
 def _lack(command: str) -> str:
-    """Return which modules ``command`` needs and are missing, for its help; '' where it can run."""
+    """Return a note on the missing modules that ``command`` needs, for the help, or '' if it can run."""
     missing = [module for module in NEEDED.get(command, ()) if find_spec(module) is None]
-    return f' (not here: needs {", ".join(missing)})' if missing else ''
+    return f' (not available: needs {", ".join(missing)})' if missing else ''
 
 
 if __name__ == '__main__':

@@ -1,4 +1,4 @@
-"""Options that several sub-commands share; their types raise ConfigurationError for what they cannot read."""
+"""Options that several sub-commands share. Their types raise ConfigurationError for a text that they cannot read."""
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,18 +24,21 @@ DEFAULT_NODE_ID = 32
 
 
 def node_ids(text: str) -> list[int]:
-    """'32,0x40' -> [32, 64]; with ``action='extend'`` the option may also be repeated."""
+    """Return the node-IDs in a text: '32,0x40' -> [32, 64]. With ``action='extend'``, the option may be repeated."""
     return [number(part, '--node-id', int, least=1, most=MAX_NODE_ID, remedy='For example --node-id 32,64.')
             for part in text.split(',')]
 
 
 def names(text: str) -> list[str]:
-    """'left,right' -> ['left', 'right']."""
+    """Return the names in a text: 'left,right' -> ['left', 'right']."""
     return [part.strip() for part in text.split(',') if part.strip()]
 
 
 def pad_names(text: str) -> list[str]:
-    """Return the names as `names` does; one with a blank is taken for several that no comma separates."""
+    """Return the names in a text as `names` does.
+
+    Raises ConfigurationError for a name that contains a blank, because the comma is then probably missing.
+    """
     if any(len(name.split()) > 1 for name in names(text)):
         raise ConfigurationError('--pads', expected='names separated by commas', got=repr(text),
                                  remedy='For example --pads left,right.')
@@ -44,8 +47,34 @@ def pad_names(text: str) -> list[str]:
 
 def number(text: str, option: str, kind: type = float, *, least: float = 0, above: float = -inf, most: float = inf,
            unit: str = '', remedy: str = 'Correct the number.') -> Any:
-    """Return the number of ``kind`` in ``text``. Raises ConfigurationError where it is none, or out of its range.
+    """Return the number in the text of an option.
 
+    Parameters
+    ----------
+    text : str
+        Text of the number. An int may also be hexadecimal, for example 0x20.
+    option : str
+        Name of the option, for the error.
+    kind : type
+        float or int.
+    least : float
+        Smallest number that is allowed.
+    above : float
+        The number has to be larger than this.
+    most : float
+        Largest number that is allowed.
+    unit : str
+        Unit of the number, for the error.
+    remedy : str
+        Remedy, for the error.
+
+    Raises
+    ------
+    ConfigurationError
+        If the text is not a number of this kind, or the number is out of its range.
+
+    Examples
+    --------
     >>> number('0.5', '--pace'), number('0x20', '--node-id', int, least=1, most=127)
     (0.5, 32)
     """
@@ -62,40 +91,65 @@ def number(text: str, option: str, kind: type = float, *, least: float = 0, abov
 
 def add_number(parser: argparse._ActionsContainer, option: str, kind: type = float, *, limits: Mapping[str, Any] = {},
                **properties: Any) -> None:
-    """Add ``option`` with ``properties`` as of argparse, and its ``limits`` as of `number`."""
+    """Add an option that is a number.
+
+    Parameters
+    ----------
+    parser : argparse._ActionsContainer
+        Parser or group to which the option is added.
+    option : str
+        Name of the option.
+    kind : type
+        float or int.
+    limits : Mapping[str, Any]
+        Keyword arguments of `number`, such as least and unit.
+    **properties : Any
+        Keyword arguments of argparse's add_argument.
+    """
     parser.add_argument(option, type=partial(number, option=option, kind=kind, **limits), **properties)
 
 
 def add_window_options(parser: argparse.ArgumentParser) -> None:
-    """Add --start and --duration; `window_of` reads them."""
+    """Add --start and --duration, which `window_of` reads."""
     limits = {'unit': 's', 'remedy': 'For example --start 1800 --duration 60.'}
-    add_number(parser, '--start', limits=limits, default=0.0, metavar='S', help='leave out the first S s of the '
-               'recording; of a bag (.mcap, .db3) they are not read')
-    add_number(parser, '--duration', limits=limits, metavar='S', help='length of what is read [s] (default: all)')
+    add_number(parser, '--start', limits=limits, default=0.0, metavar='S', help='skip the first S seconds of the '
+               'recording; in a bag (.mcap, .db3), they are not even read')
+    add_number(parser, '--duration', limits=limits, metavar='S', help='length of the part to read [s] (default: all)')
 
 
 def window_of(args: argparse.Namespace) -> TimeWindow:
+    """Return the part of a recording that --start and --duration select."""
     return TimeWindow(args.start, inf if args.duration is None else args.duration)
 
 
 def switch(text: str) -> bool:
-    """'true' -> True; as ROS writes it, in any case, or as 1 and 0."""
+    """Return the bool in a text: true or false in upper or lower case, as ROS writes them, or 1 or 0."""
     if text.lower() not in ('true', 'false', '1', '0'):
-        raise ConfigurationError('a switch', expected='true or false', got=repr(text), remedy='Write one of them.')
+        raise ConfigurationError('a switch', expected='true or false', got=repr(text),
+                                 remedy='Write true or false.')
     return text.lower() in ('true', '1')
 
 
 def bit_rate(text: str) -> int | None:
-    """'500000' -> 500000; 'auto' -> None."""
+    """Return the bit rate in a text: '500000' -> 500000; None for 'auto'."""
     return None if text == 'auto' else number(text, '--bitrate', int, least=1, unit='bit/s, or auto',
                                               remedy='For example --bitrate 500000.')
 
 
 def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_CHANNEL, is_set: bool = True,
                     finds_bit_rate: bool = False) -> None:
-    """Add --interface, --channel and --bitrate; not ``is_set``: None where not given, which leaves them to a file.
+    """Add --interface, --channel and --bitrate.
 
-    A command that ``finds_bit_rate`` gets None for --bitrate auto.
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser of the command.
+    channel : str
+        Default of --channel.
+    is_set : bool
+        False if an option that is not given shall be None, so that the command can take the value from a file.
+    finds_bit_rate : bool
+        True if the command accepts --bitrate auto; the option is then None.
     """
     read = bit_rate if finds_bit_rate else partial(number, option='--bitrate', kind=int, least=1, unit='bit/s')
     rate = (read, 'bit rate of the bus [bit/s]' + ', or auto' * finds_bit_rate)
@@ -106,48 +160,66 @@ def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_C
 
 
 def add_node_id_option(parser: argparse.ArgumentParser) -> None:
-    """Add --node-id; None where not given: `pads_of` has the default."""
+    """Add --node-id. The option is None if it is not given; `pads_of` then uses the default."""
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
                         help=f'CANopen node-ID of each pad (default: {DEFAULT_NODE_ID})')
 
 
 def add_pads_option(parser: argparse.ArgumentParser) -> None:
+    """Add --pads."""
     parser.add_argument('--pads', type=pad_names, default=[], metavar='NAME,...',
-                        help='name of each pad (default: after its node-ID)')
+                        help='name of each pad (default: a name made from its node-ID)')
 
 
 def add_any_device_option(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--any-device', action='store_true', help='play also where the SDO answers in the log show '
-                        'another device, or another mapping of its TPDOs: taxels may be in wrong places')
+    """Add --any-device."""
+    parser.add_argument('--any-device', action='store_true', help='play a log even if its SDO answers show a '
+                        'different device, or a different mapping of the TPDOs; taxels may then be in wrong places')
 
 
 def add_output_option(parser: argparse.ArgumentParser, *names: str, **properties: Any) -> None:
-    """Add --output, or ``names``, with ``properties``, and the --force that `check_writable` needs to replace it."""
+    """Add the option of an output file, and --force, which `check_writable` reads.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser of the command.
+    *names : str
+        Names of the option (default: -o and --output).
+    **properties : Any
+        Keyword arguments of argparse's add_argument.
+    """
     parser.add_argument(*(names or ('-o', '--output')), **properties)
-    parser.add_argument('--force', action='store_true', help='replace what exists; without, nothing is overwritten')
+    parser.add_argument('--force', action='store_true', help='replace an existing file; without --force, nothing is '
+                        'overwritten')
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
-    """Add --layout, --node-id, --channel and --any-device, for a log of pads of one layout."""
+    """Add --layout, --node-id, --channel and --any-device, for a log of pads that share one layout."""
     parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout (default: %(default)s)')
     add_node_id_option(parser)
-    parser.add_argument('--channel', default='', help='bus to play from a log of several buses, as the log names it '
-                        '(can0); for a bag, the topic')
+    parser.add_argument('--channel', default='', help='bus to play from a log of several buses, by its name in the '
+                        'log, for example can0; for a bag, the topic')
     add_any_device_option(parser)
 
 
 def add_model_option(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--model', default='', metavar='FILE', help='weights of the recogniser, such as one of '
-                        '`tactile teach` or `tactile assess` (default: those of the package)')
+    """Add --model, which `recogniser_of` reads."""
+    parser.add_argument('--model', default='', metavar='FILE', help='model of the recogniser, for example a file of '
+                        '`tactile teach` or `tactile assess` (default: the model of the package)')
 
 
 def recogniser_of(args: argparse.Namespace) -> 'VisibilityGuard':
-    from tactile_node.shape.methods import make_recogniser  # scipy: only where it is needed
+    """Return the recogniser with the model of --model. Raises ConfigurationError if the file cannot be used."""
+    from tactile_node.shape.methods import make_recogniser  # imports scipy, for which completion must not wait
     return make_recogniser(LEARNED, args.model)
 
 
 def add_skin_options(parser: argparse.ArgumentParser) -> None:
-    """Add --node-id, --layout and --eds; None where not given: `pads_of` and `eds_of` have defaults."""
+    """Add --node-id, --layout and --eds.
+
+    An option is None if it is not given; `pads_of` and `eds_of` then use the defaults.
+    """
     add_node_id_option(parser)
     parser.add_argument('--layout', type=names, metavar='LAYOUT,...',
                         help=f'skin layout of each pad, or one for all (default: {DEFAULT_LAYOUT})')
@@ -156,20 +228,36 @@ def add_skin_options(parser: argparse.ArgumentParser) -> None:
 
 
 def pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[PadSettings, ...]':
-    """Return the pads of the options --node-id and --layout. Raises ConfigurationError."""
-    from tactile_node.skin.pads import make_pads  # canopen, of which completion must not wait
+    """Return the pads that --node-id and --layout describe.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        Options of the command.
+    names : Sequence[str]
+        Names of the pads; empty for names that are made from the node-IDs.
+
+    Raises
+    ------
+    ConfigurationError
+        If a layout cannot be used, or the options do not fit together.
+    """
+    from tactile_node.skin.pads import make_pads  # imports canopen, for which completion must not wait
     layouts = [args.layout] if isinstance(args.layout, str) else args.layout or [DEFAULT_LAYOUT]
     return make_pads(layouts, args.node_id or [DEFAULT_NODE_ID], names)
 
 
 def live_pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[LivePad, ...]':
-    """Return the pads with the EDS of --eds, as a live bus needs them. Raises ConfigurationError."""
+    """Return the pads as `pads_of` does, with the object dictionaries of --eds, which a live bus needs.
+
+    Raises ConfigurationError if a layout or an EDS cannot be used.
+    """
     from tactile_node.skin.pads import with_dictionaries
     return with_dictionaries(pads_of(args, names), eds_of(args))
 
 
 def single_pad_of(args: argparse.Namespace, remedy: str) -> 'PadSettings':
-    """Return the only pad of the options. Raises ConfigurationError, with ``remedy``, where they name several."""
+    """Return the only pad of the options. Raises ConfigurationError with ``remedy`` if there are several pads."""
     pads = pads_of(args)
     if len(pads) > 1:
         raise ConfigurationError('--node-id', expected='the nodes of one pad', got=f'{len(pads)} pads', remedy=remedy)
@@ -177,19 +265,41 @@ def single_pad_of(args: argparse.Namespace, remedy: str) -> 'PadSettings':
 
 
 def bus_settings_of(args: argparse.Namespace, record: str = '') -> BusSettings:
-    """Return the settings of a bus whose options may not be given."""
+    """Return the settings of the bus, with defaults for options that are not given.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        Options of the command.
+    record : str
+        Path of the log to record; '' to record nothing.
+    """
     return BusSettings(args.interface or DEFAULT_INTERFACE, args.channel or DEFAULT_CHANNEL,
                        args.bitrate or DEFAULT_BITRATE, record=record)
 
 
 def eds_of(args: argparse.Namespace) -> list[str]:
+    """Return the files of --eds; '' stands for the EDS that belongs to the layout."""
     return args.eds or ['']
 
 
 @contextmanager
 def open_network(args: argparse.Namespace, on_batch: 'Callable[[Batch], None]') -> 'Iterator[BusNetwork]':
-    """The bus that the options of `add_bus_options` name. Raises BusError, also where it fails meanwhile."""
-    from tactile_node.bus.bus_network import BusNetwork, open_bus  # python-can, of which completion must not wait
+    """Open the bus that the options of `add_bus_options` describe, and close it at the end.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        Options of the command.
+    on_batch : Callable[[Batch], None]
+        Function that gets the received messages.
+
+    Raises
+    ------
+    BusError
+        If the bus cannot be opened, or at the end if it failed in the meantime.
+    """
+    from tactile_node.bus.bus_network import BusNetwork, open_bus  # imports python-can, which would slow completion
     failures: list[Exception] = []
     network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate), on_batch,
                          lambda fault, error: failures.append(error), name=f'{args.interface} {args.channel}')

@@ -1,10 +1,11 @@
-"""`tactile teach`: teach the recogniser your own shapes, from about 30 touches of each, in a few minutes.
+"""`tactile teach`: teach the recogniser your own shapes in a few minutes, from about 30 touches of each shape.
 
-    tactile teach --name plug --output my_shapes.npz                     # guides you through 30 touches, live
-    tactile teach --name plug --from touches.log --output my_shapes.npz  # from recordings, .npz and .npy too
+    tactile teach --name plug --output my_shapes.npz                     # live, guides you through 30 touches
+    tactile teach --name plug --from touches.log --output my_shapes.npz  # from recordings, also .npz and .npy
 
-The file holds the networks of --model and your shapes. Give it to the classifier node (model:=), to `tactile classify`
-(--model) or to the library (Recogniser(file=...)); on topics a taught shape has the number OTHER and its name.
+The file contains the networks of --model and your shapes. Give it to the classifier node (model:=), to
+`tactile classify` (--model) or to the library (Recogniser(file=...)). On topics, a taught shape has the code OTHER and
+its own name.
 """
 
 import argparse
@@ -44,24 +45,29 @@ from tactile_node.shape.recogniser import KINDS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, TaughtShape
 
 DEFAULT_TOUCHES = 30
-VARIANT_SEED = 0  #: seed of the variants of touches
-REFUSED_CODE = 1
+VARIANT_SEED = 0  #: Seed for the variants of the touches.
+REFUSED_CODE = 1  #: Exit code if the taught shapes are not good enough to be written.
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--name', action='append', required=True, help='of the shape; repeat it, with its own --from, '
-                        'for several shapes in one file')
+    parser.add_argument('--name', action='append', required=True, help='name of the shape; repeat --name for each '
+                        'further shape in the file, followed by its --from')
     parser.add_argument('--from', nargs='+', action=OfLastName, dest='from_', metavar='FILE',
-                        help='touches of the shape named before: CAN logs, or .npz and .npy files of frames in time '
-                        '(docs/command_line.md); the object is lifted between two touches. Without: live from the bus')
-    add_output_option(parser, required=True, metavar='FILE', help='.npz to write')
+                        help='files with touches of the shape of the preceding --name: CAN logs, or .npz and .npy '
+                        'files with frames in the order of time (docs/command_line.md). Lift the object between two '
+                        'touches. Without --from, the touches are recorded live from the bus')
+    add_output_option(parser, required=True, metavar='FILE', help='.npz file to write')
     parser.add_argument('--model', default=METHOD_FILES[LEARNED], metavar='FILE',
-                        help='to teach; a file of this command keeps its shapes (default: config/%(default)s)')
-    add_number(parser, '--touches', int, limits={'least': LEAST_TOUCHES, 'remedy': f'{DEFAULT_TOUCHES} as a rule.'},
-               default=DEFAULT_TOUCHES, metavar='N', help='to record of each shape, live (default: %(default)s)')
-    parser.add_argument('--picture', metavar='FILE', help='draw what is taken for what on held-out contacts')
-    parser.add_argument('--accept-poor', action='store_true', help='write the file even where the held-out figures are '
-                        'bad')
+                        help='model to which the shapes are added; shapes that it contains are kept (default: '
+                        'config/%(default)s)')
+    add_number(parser, '--touches', int,
+               limits={'least': LEAST_TOUCHES, 'remedy': f'{DEFAULT_TOUCHES} is a good number.'},
+               default=DEFAULT_TOUCHES, metavar='N',
+               help='number of touches of each shape in a live recording (default: %(default)s)')
+    parser.add_argument('--picture', metavar='FILE', help='picture to write: the answer to each shape on held-out '
+                        'contacts')
+    parser.add_argument('--accept-poor', action='store_true', help='write the file even if the recognition of held-out '
+                        'contacts is poor')
     add_skin_options(parser)
     add_bus_options(parser, is_set=False)
     add_any_device_option(parser)
@@ -69,7 +75,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the file; 1 where what was taught is not good enough and not forced."""
+    """Teach the shapes and write --output.
+
+    Returns 0, or REFUSED_CODE if a shape is not good enough and --accept-poor is not given.
+    """
     model = config_path(args.model)
     recogniser, base = ShapeRecogniser.from_file(model), read_arrays(model)
     before = [shape.value for shape in recogniser.classes if isinstance(shape, TaughtShape)]
@@ -78,7 +87,8 @@ def run(args: argparse.Namespace) -> int:
         check_name(name, names)
         names.append(name)
     if any(map(is_of_skin, base)):
-        print('tactile: the adaptation of --model to a skin is left out: assess the new file.', file=sys.stderr)
+        print('tactile: the new file will not contain the adaptation of --model to a skin. Assess the new file '
+              '(tactile assess).', file=sys.stderr)
     if args.picture:
         check_figure(args.picture)
     inputs = [model, *sum(args.sources.values(), [])]
@@ -95,22 +105,25 @@ def run(args: argparse.Namespace) -> int:
         print(_summary(result.held_out, names, kind))
         _draw(args.picture, result.held_out, names, kind if len(taught) > 1 else '')
     if not all(result.held_out.is_good for result in taught.values()) and not args.accept_poor:
-        print(f'tactile: not written: it needs {LEAST_RIGHT:.0%} of the touches of each shape, and may cost the five '
-              f'shapes {MOST_LOST:.1%}. The shape may be too like another one at this size, or the touches differ too '
-              'much: record more, or a larger contact. --accept-poor writes it all the same.', file=sys.stderr)
+        print(f'tactile: {args.output} was not written. At least {LEAST_RIGHT:.0%} of the touches of each shape must '
+              f'be recognised, and the five shapes must not lose more than {MOST_LOST:.1%}. The shape may look too '
+              'similar to another one at this size, or its touches may differ too much. Record more touches, or a '
+              'larger contact. With --accept-poor, the command writes the file nevertheless.', file=sys.stderr)
         return REFUSED_CODE
     with output_file(args.output, inputs=inputs) as stream:
         write_taught(stream, base, names, {kind: result.head for kind, result in taught.items()}, examples)
-    print(f'written to {args.output}. Give it to the classifier node (model:=) or to tactile classify (--model).')
+    print(f'Written to {args.output}. Give this file to the classifier node (model:=) or to tactile classify '
+          '(--model).')
     return 0
 
 
 def _record(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
-    """The kind of frames, and the examples of one shape."""
+    """Return the kind of frames and the examples of one shape, from its files or live."""
     touches = touches_of(name, args)
     if len(touches.touches) < LEAST_TOUCHES:
-        raise InputError(f'touches of {name}', expected=f'{LEAST_TOUCHES} or more, {DEFAULT_TOUCHES} as a rule',
-                         got=str(len(touches.touches)), remedy='Record more; lift the object in between.')
+        raise InputError(f'touches of {name}', expected=f'{LEAST_TOUCHES} or more, typically {DEFAULT_TOUCHES}',
+                         got=str(len(touches.touches)),
+                         remedy='Record more touches, and lift the object between them.')
     examples = examples_of(touches.touches, np.random.default_rng(VARIANT_SEED))
     graded = {patch.graded for patch in examples.patches}
     if len(graded) > 1:
@@ -127,7 +140,7 @@ def _taught(recogniser: ShapeRecogniser, kind: str, shapes: Sequence[Examples]) 
 
 def _summary(held_out: HeldOut, names: Sequence[str], kind: str) -> str:
     before, after = held_out.five
-    lines = [f'On contacts held out, {kind} frames, with 95 % intervals:']
+    lines = [f'On held-out contacts, {kind} frames, with 95 % intervals:']
     lines += [f'  {name}: {rate} of {rate.total} touches recognised' for name, rate in zip(names, held_out.taught)
               if rate.total]
     lines += [f'  the five shapes: {before} before, {after} after, of {before.total}',
@@ -137,7 +150,7 @@ def _summary(held_out: HeldOut, names: Sequence[str], kind: str) -> str:
 
 
 def _pictures(path: str | None) -> list[Path]:
-    """Return what `_draw` may write."""
+    """Return the paths of the pictures that `_draw` may write."""
     return [Path(path), *(Path(path).with_stem(f'{Path(path).stem}_{kind}') for kind in KINDS)] if path else []
 
 

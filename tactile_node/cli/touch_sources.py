@@ -1,4 +1,4 @@
-"""Sources of the touches for `tactile teach` and `tactile assess`: .npz and .npy files, CAN logs, or a live bus."""
+"""Read the touches for `tactile teach` and `tactile assess` from .npz and .npy files, CAN logs, or a live bus."""
 
 import argparse
 import sys
@@ -23,27 +23,41 @@ from tactile_node.skin.pads import with_dictionaries
 from tactile_node.taxel_frame import ON_OFF_UNIT
 
 ARRAY_SUFFIXES = ('.npy', '.npz')
-REST_FRAMES = 25        #: frames that the zero of a live skin is found from
-STEADY_FRAMES = 10         #: frames
-FRAME_TIMEOUT = 10.0   #: s without a frame
-WHAT_TO_DO = ('Touch the skin {count} times with: {name}. Hold the object still until the touch counts, lift it, '
-              'rotate it, touch at another place. Keep it off the edges of the pad.')
+REST_FRAMES = 25      #: Number of frames from which the zero of a live skin is determined.
+STEADY_FRAMES = 10    #: Number of frames for which an object has to rest for the touch to count.
+FRAME_TIMEOUT = 10.0  #: Time without a frame after which a live recording fails [s].
+WHAT_TO_DO = ('Touch the skin {count} times with this object: {name}. Hold the object still until the touch counts. '
+              'Then lift it, rotate it, and touch at another place. Keep away from the edges of the pad.')
 
 
 class OfLastName(argparse.Action):
-    """Collects the files of --from in ``sources``, by the --name before them."""
+    """Collects the files of each --from in ``sources``, under the name that precedes it."""
 
     def __call__(self, parser, namespace, values, option_string=None):
         if not namespace.name:
-            parser.error('--from: give its name first: --name NAME --from FILE')
+            parser.error('--from: give the name first, as in --name NAME --from FILE')
         namespace.sources.setdefault(namespace.name[-1], []).extend(values)
 
 
 def touches_of(name: str, args: argparse.Namespace, finder_type: type[TouchFinder] = TouchFinder) -> Touches:
-    """Return the touches of ``name`` from its files, or live if it has none, and print how many there are.
+    """Return the touches of one object from its files, or live from the bus if it has no files.
 
-    ``finder_type`` decides which touches are of use. ``args`` holds --touches, --output, the options of skin and bus,
-    and the ``sources`` that `OfLastName` collects. Live touches are recorded beside --output, or in the working folder.
+    The function also prints the number of touches. It records live touches in the folder of --output, or in the working
+    folder.
+
+    Parameters
+    ----------
+    name : str
+        Name of the object.
+    args : argparse.Namespace
+        --touches, --output, the options of skin and bus, and the ``sources`` that `OfLastName` collects.
+    finder_type : type[TouchFinder]
+        Finder, which decides which touches are used.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the user stops a live recording.
     """
     files = args.sources.get(name)
     if files:
@@ -82,12 +96,32 @@ def _in_log(path: str, finder_type: type[TouchFinder], args: argparse.Namespace)
 
 def live_touches(name: str, count: int, args: argparse.Namespace, record: str,
                  finder_type: type[TouchFinder] = TouchFinder) -> Touches:
-    """Guide the user through ``count`` touches of ``name`` on a live bus, which is recorded to the log ``record``.
+    """Guide the user through the touches of one object on a live bus, and record the bus.
 
-    Where that log exists, the recording is a file beside it; its path is reported, however the touches end.
-    Raises KeyboardInterrupt where the user ends it, and what a bus and its devices raise.
+    If the log ``record`` exists, the function records to a new file next to it. It prints the path of the recording in
+    any case, also after an error.
+
+    Parameters
+    ----------
+    name : str
+        Name of the object.
+    count : int
+        Number of touches.
+    args : argparse.Namespace
+        Options of skin and bus.
+    record : str
+        Path of the log to record.
+    finder_type : type[TouchFinder]
+        Finder, which decides which touches are used.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the user stops the recording.
+    BusError
+        If the bus fails, or no frame arrives for FRAME_TIMEOUT.
     """
-    pad = single_pad_of(args, 'Touch one pad; what is found holds for the other one, too.')
+    pad = single_pad_of(args, 'Touch one pad; the result is also valid for the other pad.')
     frames: SimpleQueue[np.ndarray] = SimpleQueue()
     failures: list[Failure] = []
     pads = with_dictionaries((pad,), eds_of(args))
@@ -102,7 +136,7 @@ def live_touches(name: str, count: int, args: argparse.Namespace, record: str,
         recorded = bus.recorded_to
         bus.close()
         if recorded is not None:
-            _say(f'The bus was recorded to {recorded}: --from {recorded} takes the touches from it again.')
+            _say(f'The bus was recorded to {recorded}. To use these touches again, give --from {recorded}.')
 
 
 def _guide(name: str, count: int, layout: SkinLayout, frames: SimpleQueue, failures: list[Failure],
@@ -120,11 +154,12 @@ def _guide(name: str, count: int, layout: SkinLayout, frames: SimpleQueue, failu
             ended = finder.feed(_next(frames, failures, stop_requested) - zero)
             if ended:
                 touches += ended if was_steady else []
-                _say(f'touch {len(touches)} of {count}' if was_steady else 'That was too short: hold it still.')
+                _say(f'touch {len(touches)} of {count}' if was_steady
+                     else 'That touch was too short. Hold the object still.')
                 was_steady = False
             elif finder.is_steady(STEADY_FRAMES) and not was_steady:
                 was_steady = True
-                _say('  steady: lift it and rotate it')
+                _say('  steady: lift the object and rotate it')
             elif finder.reason is not None and finder.reason is not last:
                 _say(f'  not used: {finder.reason.name.lower().replace("_", " ")}')
             last = finder.reason
@@ -137,8 +172,8 @@ def _next(frames: SimpleQueue, failures: list[Failure], stop_requested) -> np.nd
         if stop_requested.is_set():
             raise KeyboardInterrupt
         if failures:
-            raise BusError('CAN bus', expected='a bus that works', got=failure_text(failures[0]).rstrip('.'),
-                           remedy='Repair it and begin again.')
+            raise BusError('CAN bus', expected='a working bus', got=failure_text(failures[0]).rstrip('.'),
+                           remedy='Correct the fault and begin again.')
         try:
             return frames.get(timeout=0.1)
         except Empty:

@@ -1,7 +1,8 @@
-"""Touches of known objects -> how reliable recognition is on this skin, and an adaptation if it helps.
+"""Assess how reliable recognition is on a skin, from touches of known objects, and adapt the recogniser if that helps.
 
-The adaptation is a temperature, and a bias and weights for each class that was touched (shape/adaptation.py). Held-out
-touches are answered by the whole recogniser with its rules. The adaptation is kept only if their Brier score improves.
+The adaptation consists of a temperature, and of a bias and weights for each class that was touched
+(shape/adaptation.py). The recogniser answers held-out touches with an adaptation that was fitted without them, and
+applies all its rules. The adaptation is kept only if it improves the Brier score of these answers.
 """
 
 from collections.abc import Sequence
@@ -21,59 +22,64 @@ from tactile_node.shape.recognition import Recognition, Shape, ShapeClass
 from tactile_node.shape.support import SURE
 from tactile_node.taxel_frame import read_only
 
-FOLDS = 8           #: parts of the touches, each of which is held out once
-LEAST_TOUCHES = 24  #: fewest touches in all, for an adaptation
-LEAST_CLASSES = 2   #: from touches of one class, an adaptation would learn to answer nothing else
-LEAST_GAIN = 0.01   #: of the mean Brier score; a recogniser that is nearly always right gains less, but for certain
-#: Standard deviations that the logarithm of the temperature, a bias and a weight have beforehand. On computed skins
-#: with gains of up to 6:1 and blur, biases of 1 to 4 were alike, and better than 0.5; smaller weights gained less, and
-#: larger ones were worse for unknown objects that had not been touched.
+FOLDS = 8           #: Number of parts into which the touches are divided; each part is held out once.
+LEAST_TOUCHES = 24  #: Smallest number of touches, of all objects together, for an adaptation.
+#: Smallest number of classes for an adaptation. With touches of a single class, it would learn to answer nothing else.
+LEAST_CLASSES = 2
+#: Smallest improvement of the mean Brier score for an adaptation to be kept. If the recogniser is nearly always right,
+#: an adaptation improves the score by less than this, even if the improvement is certain.
+LEAST_GAIN = 0.01
+#: Prior standard deviation of the logarithm of the temperature.
 TEMPERATURE_SPREAD = 0.5
+#: Prior standard deviation of a bias. On computed skins with gains of up to 6:1 and blur, values of 1 to 4 led to
+#: similar results, and 0.5 to worse results.
 BIAS_SPREAD = 2.0
+#: Prior standard deviation of a weight. On the same skins, smaller values improved the score less. Larger values made
+#: the answers worse for unknown objects that had not been touched.
 WEIGHT_SPREAD = 0.18
-CONFIDENCE_LIMITS = 0.0, 0.5, 0.7, 0.9, 1.0  #: limits of the groups by which confidence is judged
+CONFIDENCE_LIMITS = 0.0, 0.5, 0.7, 0.9, 1.0  #: Limits of the groups of answers with similar confidence.
 NAMELESS = Shape.UNKNOWN, Shape.NONE
 
 
 class LabelledTouch(NamedTuple):
-    """One frame of a touch, and the object that touched."""
+    """One frame of a touch, with the class of the object."""
 
-    label: ShapeClass        #: class of the recogniser; UNKNOWN for an object that is none of the others
-    pattern: ContactPattern
+    label: ShapeClass        #: class of the object; UNKNOWN if it is none of the recogniser's other classes
+    pattern: ContactPattern  #: contact pattern of the frame
 
 
 class Counts(NamedTuple):
-    """Counts of the answers to some touches."""
+    """Numbers of answers to some touches."""
 
-    total: int
-    right: int          #: the likeliest class is the label
-    no_name: int        #: UNKNOWN or NONE, for an object that has a name
-    sure: int           #: a name with a confidence of SURE or more
-    sure_and_wrong: int
+    total: int           #: all answers
+    right: int           #: answers whose most probable class is the label
+    no_name: int         #: answers UNKNOWN or NONE for an object that has a name
+    sure: int            #: answers with a name at a confidence of SURE or more
+    sure_and_wrong: int  #: sure answers with a wrong name
 
 
 class Group(NamedTuple):
-    """Answers of similar confidence."""
+    """A group of answers with similar confidence."""
 
-    confidence: float  #: mean confidence
-    right: Rate
+    confidence: float  #: mean confidence; NaN for an empty group
+    right: Rate        #: share of right answers
 
 
 class Gain(NamedTuple):
-    """Improvement of the Brier score, over some touches."""
+    """Improvement of the Brier score over some touches."""
 
-    mean: float
+    mean: float   #: mean improvement
     error: float  #: standard error of the mean
-    touches: int
+    touches: int  #: number of touches
 
     @property
     def is_worth_it(self) -> bool:
-        """True if the gain is large enough, and larger than its error."""
+        """True if the mean reaches both LEAST_GAIN and the standard error."""
         return self.mean >= max(LEAST_GAIN, self.error)
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval by Student's t."""
+        """95 % interval of the mean by Student's t, as lower and upper end."""
         from scipy.stats import t  # slow to import
 
         reach = float(t.ppf(0.975, self.touches - 1)) * self.error
@@ -84,13 +90,13 @@ class Gain(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """The answers to labelled touches, in the same order."""
+    """Answers to labelled touches."""
 
-    labels: Sequence[ShapeClass]
-    found: Sequence[Recognition]
+    labels: Sequence[ShapeClass]  #: class of each touched object
+    found: Sequence[Recognition]  #: answer to each touch, in the same order
 
     def counts(self, label: ShapeClass | None = None) -> Counts:
-        """Return the counts for the touches of ``label``, or for all if it is None."""
+        """Return the counts for the touches of ``label``, or for all touches if ``label`` is None."""
         some = [(truth, each) for truth, each in zip(*self) if label in (None, truth)]
         is_right = [each.shape == truth for truth, each in some]
         is_sure = [each.shape not in NAMELESS and each.confidence >= SURE for _, each in some]
@@ -99,7 +105,7 @@ class Answers(NamedTuple):
                       sum(is_sure), sum(sure and not right for sure, right in zip(is_sure, is_right)))
 
     def groups(self) -> list[Group]:
-        """Return the answers between each two of CONFIDENCE_LIMITS."""
+        """Return one group of answers for each interval between two CONFIDENCE_LIMITS."""
         confidences = np.array([each.confidence for each in self.found])
         right = np.array([each.shape == truth for truth, each in zip(*self)])
         of = np.digitize(confidences, CONFIDENCE_LIMITS[1:-1])
@@ -107,25 +113,47 @@ class Answers(NamedTuple):
                       Rate(int(right[of == k].sum()), int((of == k).sum()))) for k in range(len(CONFIDENCE_LIMITS) - 1)]
 
     def scores(self) -> np.ndarray:
-        """Return the Brier score of each answer: the squared error of its probabilities, summed, 0 to 2."""
+        """Return the Brier score of each answer, (K,): the squared error of the probabilities, summed over the classes.
+
+        The score is 0 for an answer that is certain and right, and 2 for an answer that is certain and wrong.
+        """
         return np.array([sum((p - (shape == truth)) ** 2 for shape, p in each.probabilities.items())
                          for truth, each in zip(*self)])
 
 
 class Assessment(NamedTuple):
-    """How reliable recognition is on one skin, and the adaptation to it."""
+    """Result of an assessment: the answers on one skin, and the adaptation to this skin.
 
-    before: Answers
-    after: Answers | None = None          #: by adaptations, each fitted without the touch that it answers
-    gain: Gain | None = None              #: from ``before`` to ``after``
-    kind: str = ''                        #: kind of the frames
-    adaptation: Adaptation | None = None  #: None if there are too few touches, or the gain is too small
+    The fields with a default keep it if there are too few touches for an adaptation.
+    """
+
+    before: Answers  #: answers of the recogniser as it is
+    #: answers of adapted recognisers; each touch is answered with an adaptation that was fitted without this touch
+    after: Answers | None = None
+    gain: Gain | None = None              #: improvement of ``after`` over ``before``
+    kind: str = ''                        #: kind of the frames, one of `recogniser.KINDS`
+    adaptation: Adaptation | None = None  #: None also if the gain is too small
 
 
 def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Assessment:
-    """Return how reliable ``recogniser`` is on the skin of ``touches``, and an adaptation if that helps.
+    """Assess a recogniser on the skin of some touches, and fit an adaptation to all of them if that helps.
 
-    Raises InputError if some touches are of pressures and some of on/off taxels.
+    Parameters
+    ----------
+    recogniser : ShapeRecogniser
+        Recogniser to assess. Its own adaptation answers the touches in ``before``, but the new one replaces it.
+    touches : Sequence[LabelledTouch]
+        Touches on one skin.
+
+    Returns
+    -------
+    Assessment
+        The answers and, if it is kept, the adaptation.
+
+    Raises
+    ------
+    InputError
+        If some touches are pressures and some are on/off taxels.
     """
     labels = [touch.label for touch in touches]
     before = Answers(labels, _answers(recogniser, touches))
@@ -151,13 +179,13 @@ def _answers(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> l
 
 
 class _Examples(NamedTuple):
-    """K touches that an adaptation of N outputs is fitted to; those of too few taxels to be recognised are left out."""
+    """K touches to which an adaptation of N outputs is fitted. Touches with too few taxels are left out."""
 
     logits: np.ndarray     #: (K, N), logarithms of the probabilities without an adaptation
-    embedding: np.ndarray  #: (K, F)
-    truth: np.ndarray      #: (K,), index of the output that is the label
+    embedding: np.ndarray  #: (K, F), embedding of the contacts
+    truth: np.ndarray      #: (K,), index of the output that stands for the label
     touch: np.ndarray      #: (K,), index of the touch
-    kind: str              #: kind of the frames
+    kind: str              #: kind of the frames; '' without touches
 
     @classmethod
     def of(cls, recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> '_Examples':
@@ -180,10 +208,10 @@ class _Examples(NamedTuple):
         return _Examples(self.logits[kept], self.embedding[kept], self.truth[kept], self.touch[kept], self.kind)
 
     def fitted(self) -> Adaptation:
-        """Return the likeliest adaptation.
+        """Return the adaptation with the highest posterior probability.
 
-        Only the classes that were touched have biases and weights, whose mean over these classes is 0. So no other
-        class becomes likelier or less likely than these.
+        Only the classes that were touched get biases and weights. Their mean over these classes is 0, so that the
+        adaptation neither prefers nor excludes the other classes.
         """
         outputs = self.logits.shape[1]
         touched = np.unique(self.truth)
@@ -220,13 +248,16 @@ if TYPE_CHECKING:
 
 
 def reliability_picture(assessment: Assessment) -> 'Figure':
-    """Draw how often answers of similar confidence are right, without and, if it was tried, with the adaptation."""
+    """Return a figure that shows how often answers of similar confidence are right.
+
+    The figure shows the answers without an adaptation. If an adaptation was fitted, it also shows the answers with it.
+    """
     from matplotlib.figure import Figure  # optional, and slow to import
 
     figure = Figure(figsize=(5, 4.6), layout='constrained')
     axes = figure.subplots()
-    axes.plot((0, 1), (0, 1), color='grey', linestyle=':', label='as sure as it is right')
-    for name, answers in (('as it is', assessment.before), ('adapted, held out', assessment.after)):
+    axes.plot((0, 1), (0, 1), color='grey', linestyle=':', label='perfect calibration')
+    for name, answers in (('without adaptation', assessment.before), ('adapted, held out', assessment.after)):
         groups = [group for group in answers.groups() if group.right.total] if answers else []
         if groups:
             right = np.array([group.right.value for group in groups])
@@ -234,7 +265,7 @@ def reliability_picture(assessment: Assessment) -> 'Figure':
             axes.errorbar([group.confidence for group in groups], right, (right - low, high - right), marker='o',
                           capsize=3, label=name)
     axes.set_xlabel('mean confidence')
-    axes.set_ylabel('share of answers that are right, 95 % interval')
+    axes.set_ylabel('share of right answers, 95 % interval')
     axes.set_xlim(0, 1.02)
     axes.set_ylim(0, 1.02)
     axes.legend(loc='upper left')

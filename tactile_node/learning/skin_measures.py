@@ -1,4 +1,4 @@
-"""Noise, spread of the gains and halo of a skin, from touches of any objects."""
+"""Measure the noise, the spread of the gains and the halo of a skin from touches of any objects."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -10,19 +10,20 @@ from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown
 from tactile_node.contact.press import are_on_off
 from tactile_node.learning.touches import TouchFrame
 
-AROUND = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])  #: neighbours of a taxel
-LEAST_NEIGHBOURS = 5  #: fewest neighbours in the contact, for a taxel to be compared with them
-OFTEN = 8             #: touches in which a taxel must be inside a contact
-LEAST_TAXELS = 20     #: fewest taxels that were inside so often, for a spread of the gains
-REST_DISTANCE = 4     #: distance from the contact beyond which taxels are at rest [taxels]
+AROUND = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])  #: Neighbours of a taxel.
+#: A taxel is compared with its neighbours only if at least this many of them belong to the contact.
+LEAST_NEIGHBOURS = 5
+OFTEN = 8           #: Number of touches in which a taxel has to be inside a contact for its gain to be measured.
+LEAST_TAXELS = 20   #: Smallest number of such taxels for the spread of the gains.
+REST_DISTANCE = 4   #: Distance from the contact beyond which taxels are at rest [taxels].
 
 
 class SkinMeasures(NamedTuple):
-    """Measures of a skin; each is NaN if it is not known, as for on/off taxels."""
+    """Measures of a skin. Each is NaN if it is not known; for on/off taxels, all are NaN."""
 
-    noise: float  #: standard deviation of a taxel at rest [share of the contact's level]
+    noise: float  #: standard deviation of a taxel at rest, as a share of the contact's level
     gains: float  #: standard deviation of the logarithm of the taxels' gains
-    halo: float   #: reading two taxels beside a contact, all round it [share of the contact's level]
+    halo: float   #: reading at a distance of two taxels all round a contact, as a share of the contact's level
 
     def __str__(self) -> str:
         return '; '.join(f'{name} {_percent(value)}' for name, value in zip(
@@ -30,20 +31,42 @@ class SkinMeasures(NamedTuple):
 
 
 def measure_skin(frames: Sequence[TouchFrame]) -> SkinMeasures:
-    """Return the measures of the skin of one pad. ``frames``: one of each touch."""
+    """Return the measures of the skin of one pad.
+
+    Parameters
+    ----------
+    frames : Sequence[TouchFrame]
+        One frame of each touch. Frames with on/off taxels are not used.
+    """
     raised = [(frame, frame.reading - _rest(frame)) for frame in frames
               if not are_on_off(frame.reading[np.isfinite(frame.reading)])]
     levels = [float(np.nanmedian(values[frame.mask])) for frame, values in raised]
     noise = [_median(frame.pattern.noise) / level for (frame, _), level in zip(raised, levels)]
     halo = [_skirt(values, frame.mask) / level for (frame, values), level in zip(raised, levels)]
     residuals = [residual(values, frame.mask, float(np.nanmax(values))) for frame, values in raised]
-    of_taxels = [of for of in by_place(residuals) if len(of) >= OFTEN]
-    gains = fixed_part(of_taxels)[0] if len(of_taxels) >= LEAST_TAXELS else np.nan
+    touched_often = [of_taxel for of_taxel in by_place(residuals) if len(of_taxel) >= OFTEN]
+    gains = fixed_part(touched_often)[0] if len(touched_often) >= LEAST_TAXELS else np.nan
     return SkinMeasures(_median(np.array(noise)), gains, _median(np.array(halo)))
 
 
 def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
-    """Return the log of each reading in a contact less that of its neighbours in it; NaN where they are too few."""
+    """Return how far the logarithm of each reading in a contact deviates from that of its neighbours.
+
+    Parameters
+    ----------
+    frame : np.ndarray
+        Readings, (rows, cols).
+    mask : np.ndarray
+        Taxels of the contact, bool (rows, cols).
+    largest : float
+        Reading from which on a taxel is not used, for example the end of its range.
+
+    Returns
+    -------
+    np.ndarray
+        Deviations, (rows, cols), scaled so that they have the variance of a single taxel. NaN for taxels outside the
+        contact or with fewer than LEAST_NEIGHBOURS usable neighbours in the contact.
+    """
     valid = mask & (frame > 0) & (frame < largest)
     logs = np.where(valid, np.log(np.maximum(frame, 1e-9)), 0.0)
     count, total = (ndimage.convolve(of.astype(float), AROUND, mode='constant') for of in (valid, logs))
@@ -53,7 +76,19 @@ def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
 
 
 def fixed_part(residuals: Iterable[np.ndarray]) -> tuple[float, float]:
-    """Return the standard deviations of what stays from frame to frame, and of what changes; by one-way variances."""
+    """Divide residuals into a part that stays with each taxel and a part that changes from frame to frame.
+
+    Parameters
+    ----------
+    residuals : Iterable[np.ndarray]
+        Residuals of each taxel over the frames. Taxels with fewer than OFTEN values are not used.
+
+    Returns
+    -------
+    tuple[float, float]
+        Standard deviations of the constant and of the changing part, by one-way analysis of variance. Both are NaN for
+        fewer than two taxels.
+    """
     own = [one for one in residuals if len(one) >= OFTEN]
     if len(own) < 2:
         return np.nan, np.nan
@@ -63,7 +98,7 @@ def fixed_part(residuals: Iterable[np.ndarray]) -> tuple[float, float]:
 
 
 def by_place(residuals: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Return the valid values of each taxel or line, over the frames."""
+    """Return the valid residuals of each taxel or line over the frames."""
     stacked = np.reshape(residuals, (len(residuals), -1)).T if residuals else np.zeros((0, 0))
     return [of[np.isfinite(of)] for of in stacked]
 

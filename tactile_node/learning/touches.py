@@ -1,7 +1,7 @@
-"""Taxel frames -> touches: what a pad reads while one object is held on it, from contact to lift.
+"""Find touches in taxel frames: the frames of a pad while an object is held on it, from contact to lift.
 
-Of a touch a few frames at equal steps are used, on purpose, and none is recognised: the nodes answer every frame, but
-the many frames of one hold teach no more than a few.
+Only a few frames of a touch are kept, at equal steps, because the many frames of one hold teach no more than a few. The
+frames are not recognised here.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,30 +17,30 @@ from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_shapeless
 
-TOUCH_FRAMES = 5   #: frames of a touch that are used
-CENTRE_MOVED = 1.0  #: centres so far apart are of two touches [pitches]
-MOST_HIDDEN_SHARE = 0.1  #: share of its taxels without a value
+TOUCH_FRAMES = 5         #: Number of frames that are kept from a touch.
+CENTRE_MOVED = 1.0       #: A centre that moves by more than this in one frame begins another touch [pitches].
+MOST_HIDDEN_SHARE = 0.1  #: Largest share of the contact's taxels that may lack a value.
 
 
 class Unused(IntEnum):
-    """Why a frame with a contact is of no use."""
+    """Reason why a frame with a contact is not used."""
 
     NOT_KNOWN = 0
     SEVERAL_CONTACTS = 1
-    AT_EDGE = 2
+    AT_EDGE = 2    #: the contact touches an edge of the pad
     TOO_SMALL = 3
-    HIDDEN = 4     #: dead, missing or stuck taxels
-    SHAPELESS = 5  #: ragged, a line, or from edge to edge: answered UNKNOWN whatever is taught
-    SATURATED = 6  #: readings at the end of their range
-    NO_CIRCLE = 7  #: recognised as another shape, or as none
+    HIDDEN = 4     #: too many taxels of the contact are dead, missing or stuck
+    SHAPELESS = 5  #: the contact is ragged, a line, or reaches across the pad; the answer is always UNKNOWN
+    SATURATED = 6  #: readings are at the end of their range
+    NO_CIRCLE = 7  #: the contact is recognised as another shape or as none
 
 
 class TouchFrame(NamedTuple):
     """One frame of a touch."""
 
-    mask: np.ndarray         #: bool (rows, cols), the contact with the pieces near it
-    pattern: ContactPattern  #: the contact as a recogniser takes it, without those pieces
-    reading: np.ndarray      #: (rows, cols), the frame as it was fed
+    mask: np.ndarray         #: bool (rows, cols), the contact together with the pieces near it
+    pattern: ContactPattern  #: the contact without these pieces, as the input of a recogniser
+    reading: np.ndarray      #: (rows, cols), the unchanged frame
 
     @classmethod
     def of(cls, values: np.ndarray, mask: np.ndarray) -> 'TouchFrame':
@@ -49,35 +49,36 @@ class TouchFrame(NamedTuple):
 
     @property
     def values(self) -> np.ndarray:
-        """Values of the taxels, (rows, cols), NaN where there is no valid one."""
+        """Values of the taxels, (rows, cols); NaN for a taxel without a valid value."""
         return self.pattern.values
 
     @property
     def strength(self) -> float:
-        """The sum of the contact's values."""
+        """Sum of the contact's values."""
         return float(np.nansum(self.values[self.mask]))
 
     @property
     def centre(self) -> np.ndarray:
-        """The mean place of the contact's taxels: row, column."""
+        """Mean row and column of the contact's taxels."""
         return np.argwhere(self.mask).mean(0)
 
 
 class Touch(NamedTuple):
-    """One object held on the pad; ``frames``: at equal steps through it, one at least."""
+    """One object held on the pad."""
 
-    frames: tuple[TouchFrame, ...]
+    frames: tuple[TouchFrame, ...]  #: at least one frame, at equal steps through the touch
 
     @property
     def middle(self) -> TouchFrame:
+        """Frame in the middle of the touch."""
         return self.frames[len(self.frames) // 2]
 
 
 class Touches(NamedTuple):
-    """``unused`` counts frames by reason."""
+    """The touches in a sequence of frames."""
 
     touches: list[Touch]
-    unused: dict[Unused, int]
+    unused: dict[Unused, int]  #: number of frames that are not used, by reason
 
     def __str__(self) -> str:
         counts = ', '.join(f'{count} {reason.name.lower()}' for reason, count in sorted(self.unused.items()))
@@ -85,21 +86,43 @@ class Touches(NamedTuple):
 
 
 class TouchFinder:
-    """Follows the frames of one pad; ``unit`` as in `find_contact`."""
+    """Finds touches in the successive frames of one pad.
 
-    lightest = 0.5     #: share of the strongest frame of a touch: lighter, the object is still being set down or lifted
-    least_taxels = 12  #: fewest taxels of a contact that shows a shape
+    Parameters
+    ----------
+    unit : str or None
+        Unit of the values, as in `find_contact`.
+
+    Attributes
+    ----------
+    unused : dict[Unused, int]
+        Number of frames that were not used, by reason.
+    reason : Unused or None
+        Reason why the latest frame was not used; None if it was used, or had no contact.
+    """
+
+    #: Smallest strength of a used frame, as a share of the strongest frame of the touch. In weaker frames, the object
+    #: is still being set down or lifted.
+    lightest = 0.5
+    least_taxels = 12  #: Smallest number of taxels of a contact that shows a shape.
 
     def __init__(self, unit: str | None):
         self._pipeline, self._taxels = ContactPipeline(), Taxels(unit=unit)
         self._held: list[TouchFrame] = []
         self.unused: dict[Unused, int] = {}
-        self.reason: Unused | None = None  #: why the latest frame was not used
+        self.reason: Unused | None = None
 
     def feed(self, values: np.ndarray, saturated: np.ndarray | None = None) -> list[Touch]:
-        """Take a frame, (rows, cols); return the touches that have ended with it, as a rule none or one.
+        """Process a frame and return the touches that it ends, usually none or one.
 
-        A frame in which the pad is not seen ends none: it shows no lift.
+        A frame in which the pad is not seen does not end a touch, because it does not show that the object was lifted.
+
+        Parameters
+        ----------
+        values : np.ndarray
+            Taxel values, (rows, cols).
+        saturated : np.ndarray or None
+            Saturated taxels, bool (rows, cols); None for no saturated taxel.
         """
         found = self._pipeline.find(values, self._taxels, saturated=saturated)
         self.reason = None
@@ -115,7 +138,7 @@ class TouchFinder:
         return []
 
     def is_steady(self, frames: int) -> bool:
-        """Whether the last ``frames`` show one object at rest."""
+        """Return True if the last ``frames`` frames show one object at rest."""
         last = self._held[-frames:]
         if len(last) < frames or self.reason is not None:
             return False
@@ -123,7 +146,7 @@ class TouchFinder:
         return bool(np.ptp(centres, axis=0).max() < CENTRE_MOVED / 2 and np.ptp(strengths) < 0.15 * strengths.max())
 
     def end(self) -> list[Touch]:
-        """End the touch under way: one, or several where the contact jumps without a lift."""
+        """End the current touch and return it; return several touches if the contact jumped without a lift."""
         held, self._held = self._held, []
         if not held:
             return []
@@ -134,7 +157,15 @@ class TouchFinder:
         return [self._choose(firm[first:last]) for first, last in zip((0, *jumps), (*jumps, len(firm)))]
 
     def find(self, frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | None] = repeat(None)) -> Touches:
-        """Return the touches in successive ``frames``, with which of their taxels are saturated."""
+        """Return the touches in a whole sequence of frames.
+
+        Parameters
+        ----------
+        frames : Iterable[np.ndarray]
+            Taxel values of each frame, (rows, cols).
+        saturated : Iterable[np.ndarray or None]
+            Saturated taxels of each frame, bool (rows, cols); None for no saturated taxel.
+        """
         touches = [touch for values, at_end in zip(frames, saturated) for touch in self.feed(values, at_end)]
         return Touches(touches + self.end(), self.unused)
 
@@ -156,13 +187,13 @@ class TouchFinder:
 
 
 def choose_frames(frames: Sequence[TouchFrame], most: int) -> Touch:
-    """Return up to ``most`` of ``frames``, at equal steps."""
+    """Return a touch of at most ``most`` of the frames, at equal steps."""
     which = np.unique(np.linspace(0, len(frames) - 1, most).round().astype(int))
     return Touch(tuple(frames[k] for k in which))
 
 
 class AnyTouchFinder(TouchFinder):
-    """Finds every touch that a recogniser answers, however unclear, but leaves out those that the pad's edge cuts."""
+    """Finds every touch that a recogniser answers, even if it is unclear, but no touch that the pad's edge cuts."""
 
     def _why_unusable(self, found: FoundContact) -> Unused | None:
         return Unused.AT_EDGE if touches_edge(found.pattern.mask) else None

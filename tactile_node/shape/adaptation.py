@@ -1,9 +1,12 @@
-"""An adaptation of the recogniser's probabilities to one skin, and the arrays that hold it in a model file.
+"""The adaptation of the recogniser's probabilities to one skin, and the arrays that hold it in a model file.
 
-`tactile assess` fits the adaptation to a few touches (tactile_node/learning/assess.py). A temperature divides the
-logarithm of each probability; above 1 it makes the recogniser less sure. A linear function of the network's embedding
-is added, because a skin may make one shape look like another. The networks and the heads of taught shapes stay as they
-are.
+`tactile assess` fits the adaptation to a few touches (tactile_node/learning/assess.py). The adaptation has two parts:
+
+- A temperature divides the logarithm of each probability. A temperature above 1 makes the recogniser less confident.
+- A linear function of the network's embedding is added to the logarithms, because a skin may make one shape look like
+  another.
+
+The networks and the heads of taught shapes do not change.
 """
 
 from collections.abc import Mapping
@@ -13,10 +16,10 @@ import numpy as np
 
 from tactile_node.taxel_frame import read_only
 
-ADAPTATION_VERSION = 1
-ADAPTATION_MARK = '_skin_'  #: part of the names of these arrays in a file
-LEAST_PROBABILITY = 1e-6    #: lower bound of a probability: no class is ruled out for ever
-LARGEST_NUMBER = 100.0      #: upper bound of a temperature and of each magnitude, far more than touches show
+ADAPTATION_VERSION = 1      #: Version of these arrays in a file.
+ADAPTATION_MARK = '_skin_'  #: Part of the names of these arrays in a file.
+LEAST_PROBABILITY = 1e-6    #: Lower bound of a probability, so that the adaptation can make every class likelier.
+LARGEST_NUMBER = 100.0      #: Upper bound of the temperature and of each magnitude; fitted numbers are far smaller.
 
 
 class Adaptation(NamedTuple):
@@ -27,8 +30,22 @@ class Adaptation(NamedTuple):
     weights: np.ndarray  #: (F, N)
 
     def applied(self, probabilities: np.ndarray, embedding: np.ndarray) -> np.ndarray:
-        """Return the adapted probabilities, (K, N), of ``probabilities`` (K, N) and ``embedding`` (K, F).
+        """Return the adapted probabilities.
 
+        Parameters
+        ----------
+        probabilities : np.ndarray
+            Probabilities without the adaptation, (K, N).
+        embedding : np.ndarray
+            Embedding of the contacts, (K, F).
+
+        Returns
+        -------
+        np.ndarray
+            Adapted probabilities, (K, N).
+
+        Examples
+        --------
         >>> Adaptation(2.0, np.zeros(2), np.zeros((1, 2))).applied(np.array([[0.9, 0.1]]), np.ones((1, 1))).round(4)
         array([[0.75, 0.25]])
         """
@@ -40,10 +57,26 @@ class Adaptation(NamedTuple):
 
 
 def read_adaptations(data: Mapping[str, np.ndarray], outputs: int, widths: Mapping[str, int]) -> dict[str, Adaptation]:
-    """Return the adaptations in the arrays of a model file by kind of frames, or none if the file has none.
+    """Return the adaptations of a model file by kind of frames.
 
-    ``widths``: number of columns of the embedding of each kind. Raises ValueError or KeyError if the arrays are not
-    those that `tactile assess` writes.
+    Parameters
+    ----------
+    data : Mapping[str, np.ndarray]
+        Arrays of the file by name.
+    outputs : int
+        Number of outputs of the recogniser, with the taught shapes.
+    widths : Mapping[str, int]
+        Number of columns of the embedding for each kind of frames.
+
+    Returns
+    -------
+    dict[str, Adaptation]
+        Empty if the file has no adaptation.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If the arrays are not those that `tactile assess` writes.
     """
     return {kind: _adaptation(data, kind, outputs, width) for kind, width in widths.items()
             if any(name.startswith(f'{kind}{ADAPTATION_MARK}') for name in data)}
@@ -65,7 +98,7 @@ def _adaptation(data: Mapping[str, np.ndarray], kind: str, outputs: int, width: 
 
 
 def arrays_of(kind: str, adaptation: Adaptation) -> dict[str, np.ndarray]:
-    """Return the arrays that `read_adaptations` reads."""
+    """Return the arrays of an adaptation for one kind of frames, as `read_adaptations` reads them."""
     named = {'version': ADAPTATION_VERSION, **adaptation._asdict()}
     return {f'{kind}{ADAPTATION_MARK}{part}': np.asarray(value) for part, value in named.items()}
 

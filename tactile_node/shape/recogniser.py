@@ -1,10 +1,12 @@
-"""The learned recogniser: contact pattern -> patch and geometry -> two small networks -> probabilities.
+"""The learned recogniser: contact pattern -> patch and geometry -> network -> probabilities.
 
-One network is for on/off taxels, one for pressures. Each gives five logits, one a class, which are divided by a
-temperature found on validation patterns, and one that the contact is none of them, which has a bias.
-The weights are data (config/recogniser.npz), written by training/train.py. A file of `tactile teach` has the same
-arrays and, after them, the heads of taught shapes (taught.py); one of `tactile assess` has the adaptation to a skin
-(adaptation.py).
+There are two small networks, one for on/off taxels and one for pressures. Each network returns six logits. Five of them
+are for the five classes; they are divided by a temperature that was found on validation patterns. The sixth logit says
+that the contact is none of the five; it has a bias.
+
+The weights are data in config/recogniser.npz, which training/train.py writes. A file of `tactile teach` contains the
+same arrays and the heads of taught shapes (taught.py). A file of `tactile assess` contains the same arrays and the
+adaptation to a skin (adaptation.py).
 """
 
 import zlib
@@ -27,29 +29,47 @@ from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, Taugh
 from tactile_node.shape.support import as_far_as_it_fits, as_far_as_it_holds, low_outline
 from tactile_node.shape.taught import Head, join, read_taught
 
-#: what each output of the networks in the weights' file stands for; its order is part of the file's format
+#: Class of each output of the networks. The order is part of the format of the weights' file.
 OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE, Shape.UNKNOWN)
-#: a pattern of fewer taxels is UNKNOWN: it stands for a contact of less than nine taxels' area, of which
-#: pressures show the rim
+#: Smallest number of taxels of a pattern that is recognised; a smaller one is UNKNOWN. The limit stands for an area of
+#: nine taxels. Pressures need fewer pressed taxels because they also show the rim of the contact.
 FEWEST_TAXELS = {'on_off': 6, 'graded': 4}
-DOUBT_GAIN = 0.2   #: by so much the whole must be likelier unknown than its largest piece to be given up
-MOST_OF_PIECES = 0.5  #: it has so many of their taxels; several pieces alike are one contact of several parts
-NOT_CONVEX_PROBABILITY = 0.99     #: probability of UNKNOWN, at least, of a contact that is not convex
+#: The pieces of a torn contact are recognised together. If the probability of UNKNOWN is higher by more than this than
+#: for the largest piece alone, the largest piece is recognised alone.
+DOUBT_GAIN = 0.2
+#: Smallest share of the taxels of all pieces that the largest piece must have to be recognised alone. Several pieces of
+#: similar size are one contact of several parts.
+MOST_OF_PIECES = 0.5
+#: Smallest probability of UNKNOWN for a contact that is not convex.
+NOT_CONVEX_PROBABILITY = 0.99
 LAYERS = len(TAPS) + 3
-MOST_ARRAY_BYTES = 1 << 24  #: size of the arrays of a file, far more than ours have
-KINDS = ('on_off', 'graded')  #: kinds of frames: without and with values between none and full
-SIZES = (12, 17, 24, 34, 48, 68, 96, 136, 200, 300)  #: taxels at which the evidence for UNKNOWN is calibrated
+MOST_ARRAY_BYTES = 1 << 24  #: Largest size of all arrays of a file [bytes]; our files are far smaller.
+KINDS = ('on_off', 'graded')  #: Kinds of frames: on/off taxels, and pressures.
+SIZES = (12, 17, 24, 34, 48, 68, 96, 136, 200, 300)  #: Sizes at which UNKNOWN is calibrated [taxels].
 LOG_SIZES = np.log(SIZES)
 
 
 class Calibration(NamedTuple):
-    """From logits to probabilities."""
+    """Converts the logits of a network into probabilities."""
 
-    temperature: float   #: temperature of the classes
-    biases: np.ndarray   #: shape (len(SIZES),): how much evidence it takes to answer UNKNOWN, by size
+    temperature: float   #: temperature of the five classes
+    biases: np.ndarray   #: (len(SIZES),), logit from which on UNKNOWN is likelier than not, for each of SIZES
 
     def probabilities(self, logits: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
-        """Return the probabilities of the five classes and of UNKNOWN, (K, 6), of logits (K, 6)."""
+        """Return the probabilities of the five classes and of UNKNOWN.
+
+        Parameters
+        ----------
+        logits : np.ndarray
+            Logits of K contacts, (K, 6).
+        log_taxels : np.ndarray
+            Logarithm of the number of taxels of each contact, (K,).
+
+        Returns
+        -------
+        np.ndarray
+            Probabilities, (K, 6).
+        """
         scaled = logits[:, :-1] / self.temperature
         odds = np.exp(scaled - scaled.max(1, keepdims=True))
         foreign = 1 / (1 + np.exp(np.interp(log_taxels, LOG_SIZES, self.biases) - logits[:, -1]))[:, None]
@@ -57,10 +77,27 @@ class Calibration(NamedTuple):
 
 
 class ShapeRecogniser:
-    """Recognises the shape of a contact from on/off taxels or, better, from pressures.
+    """Recognises the shape of a contact from on/off taxels or, more reliably, from pressures.
 
-    ``heads``: by kind of frames, of the ``taught`` shapes; a kind without one knows none of them.
-    ``adaptations``: by kind of frames, to one skin; a kind without one is answered as on any skin.
+    Parameters
+    ----------
+    networks : dict[str, Network]
+        Network for each of KINDS.
+    calibrations : dict[str, Calibration]
+        Calibration for each of KINDS.
+    taught : tuple[TaughtShape, ...]
+        Taught shapes.
+    heads : Mapping[str, Head]
+        Heads of the taught shapes by kind of frames. A kind without a head recognises no taught shape.
+    adaptations : Mapping[str, Adaptation]
+        Adaptations to a skin by kind of frames. For a kind without an adaptation, the probabilities stay as they are.
+
+    Attributes
+    ----------
+    outputs : tuple[ShapeClass, ...]
+        Class of each column of `probabilities`.
+    classes : tuple[ShapeClass, ...]
+        All classes that a recognition may name.
     """
 
     def __init__(self, networks: dict[str, Network], calibrations: dict[str, Calibration],
@@ -68,12 +105,18 @@ class ShapeRecogniser:
                  adaptations: Mapping[str, Adaptation] = MappingProxyType({})):
         self._networks, self._calibrations, self._heads = networks, calibrations, heads
         self._taught, self._adaptations = taught, adaptations
-        self.outputs: tuple[ShapeClass, ...] = (*OUTPUTS, *taught)  #: what the columns of `probabilities` stand for
-        self.classes: tuple[ShapeClass, ...] = (*Shape, *taught)    #: every class that a recognition may name
+        self.outputs: tuple[ShapeClass, ...] = (*OUTPUTS, *taught)
+        self.classes: tuple[ShapeClass, ...] = (*Shape, *taught)
 
     @classmethod
     def from_file(cls, path: str | Path) -> 'ShapeRecogniser':
-        """Read what training/train.py wrote; ConfigurationError where it is not that."""
+        """Return the recogniser in a file of training/train.py, `tactile teach` or `tactile assess`.
+
+        Raises
+        ------
+        ConfigurationError
+            If the file cannot be read, or has other contents.
+        """
         try:
             data = read_arrays(path)
             networks = {kind: _network(data, kind) for kind in KINDS}
@@ -86,29 +129,30 @@ class ShapeRecogniser:
         except KeyError as error:
             raise _unusable(path, f'no array {error}') from None
         except (ValueError, TypeError, EOFError, AttributeError, MemoryError, OverflowError, BadZipFile,
-                NotImplementedError, RuntimeError, zlib.error) as error:  # numpy lets zipfile's and zlib's through
+                NotImplementedError, RuntimeError, zlib.error) as error:  # numpy passes on errors of zipfile and zlib
             raise _unusable(path, ' '.join(str(error).split())) from None
 
     def adapted(self, adaptations: Mapping[str, Adaptation]) -> 'ShapeRecogniser':
-        """Return the same recogniser with other adaptations."""
+        """Return the same recogniser with ``adaptations`` in place of its own."""
         return ShapeRecogniser(self._networks, self._calibrations, self._taught, self._heads, adaptations)
 
     def recognise(self, pattern: ContactPattern) -> Recognition:
-        """Return the most probable shape; NONE for an empty pattern, UNKNOWN below FEWEST_TAXELS taxels.
+        """Return the recognition of the largest contact.
 
-        Pieces that may belong to one torn contact are looked at as one, unless that is much more
-        likely to be no known shape than the largest of them alone.
+        The answer is NONE for an empty pattern, and UNKNOWN for a contact of fewer than FEWEST_TAXELS taxels. Pieces
+        that may belong to one torn contact are recognised as one contact. If the joined contact is much more likely to
+        be UNKNOWN than its largest piece, the largest piece is recognised alone.
         """
         return self.recognise_all([pattern])[0]
 
     def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
-        """Recognise each pattern as `recognise` does, in less time than one after another."""
+        """Return the recognition of each pattern, as `recognise` does, but faster than in one call for each pattern."""
         together = [joined(pattern) for pattern in patterns]
         whole = self._verified([(pattern.values, mask) for pattern, mask in zip(patterns, together)])
         return [self._decide(pattern, mask, found) for pattern, mask, found in zip(patterns, together, whole)]
 
     def _decide(self, pattern: ContactPattern, together: np.ndarray, whole: Recognition) -> Recognition:
-        """Choose between the pieces together and the largest alone, where that is most of them."""
+        """Return the recognition of all pieces ``together`` (``whole``), or of the largest piece alone."""
         if np.count_nonzero(together) == np.count_nonzero(pattern.mask):
             return whole
         whole = whole._replace(joined=whole.shape is not Shape.UNKNOWN)
@@ -120,9 +164,10 @@ class ShapeRecogniser:
         return largest if gain > DOUBT_GAIN else whole
 
     def _verified(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
-        """Return the recognition of each contact, given as values and mask, no surer than its low outline allows.
+        """Return the recognition of each contact, with its confidence limited by its low outline.
 
-        Both outlines are recognised together, which takes little longer than one.
+        A contact is a pair of values and mask. Both outlines are recognised in one call, which takes little longer than
+        a single outline.
         """
         low = [low_outline(*contact) for contact in contacts]
         lower = [(values, mask) for (values, _), mask in zip(contacts, low) if mask is not None]
@@ -131,7 +176,7 @@ class ShapeRecogniser:
         return [each if mask is None else as_far_as_it_holds(each, next(of_low)) for each, mask in zip(found, low)]
 
     def _recognise_contacts(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
-        """Return the recognition of each contact, given as values and mask."""
+        """Return the recognition of each contact, a pair of values and mask, by its network."""
         found = [Recognition.certain(Shape.NONE)] * len(contacts)
         patches: dict[bool, list[tuple[int, Patch]]] = {False: [], True: []}
         for k, (values, mask) in enumerate(contacts):
@@ -156,15 +201,25 @@ class ShapeRecogniser:
 
     def probabilities(self, patches: Sequence[Patch],
                       contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the probabilities of ``outputs``, (K, len(outputs)), and what `embedding` returns.
+        """Return the probabilities of the outputs for K contacts of one kind of frames.
 
-        ``patches`` are those of ``contacts``, pairs of values and mask. All of them are graded, or none is.
+        Parameters
+        ----------
+        patches : Sequence[Patch]
+            Patches of the contacts. Either all of them are graded, or none is.
+        contacts : Sequence[tuple[np.ndarray, np.ndarray]]
+            Values and mask of each contact, both (rows, cols).
+
+        Returns
+        -------
+        tuple[np.ndarray, np.ndarray, np.ndarray]
+            Probabilities, (K, len(outputs)), and the two arrays that `embedding` returns.
         """
         kind = KINDS[patches[0].graded]
         embedding, geometry = self.embedding(patches)
         found = self.known(kind, embedding, geometry[:, LOG_TAXELS])
-        # The five shapes are convex; taught ones need not be. Silent lines tear the rim of on/off contacts into pieces,
-        # which would not look convex, so only pressures are checked.
+        # Only the five shapes have to be convex, so this check comes before the heads of taught shapes. On/off contacts
+        # are not checked, because silent lines tear their rim into pieces, which do not look convex.
         convex = np.array([not patch.graded or is_convex(*contact) for patch, contact in zip(patches, contacts)])
         found[~convex] = _as_foreign(found[~convex])
         if kind in self._heads:
@@ -176,7 +231,18 @@ class ShapeRecogniser:
         return found, embedding, geometry
 
     def embedding(self, patches: Sequence[Patch]) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the heads of taught shapes see of patches all graded or all not, and the patches' numbers."""
+        """Return the embedding of K patches, from which the heads and adaptations compute their answers.
+
+        Parameters
+        ----------
+        patches : Sequence[Patch]
+            Patches of the contacts. Either all of them are graded, or none is.
+
+        Returns
+        -------
+        tuple[np.ndarray, np.ndarray]
+            Embedding, (K, network.width), and geometry of the patches, (K, invariants.COUNT).
+        """
         levels, unseen = np.array([patch.level for patch in patches]), np.array([patch.unseen for patch in patches])
         geometry = describe_all(levels, unseen, np.array([patch.scale for patch in patches]))
         network = self._networks[KINDS[patches[0].graded]]
@@ -185,27 +251,49 @@ class ShapeRecogniser:
         return network.embedding(images, geometry), geometry
 
     def known(self, kind: str, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
-        """Return the probabilities of OUTPUTS, (K, 6), as without taught shapes."""
+        """Return the probabilities of OUTPUTS, without taught shapes and adaptations.
+
+        Parameters
+        ----------
+        kind : str
+            Kind of the frames, one of KINDS.
+        embedding : np.ndarray
+            Embedding of K contacts, (K, F).
+        log_taxels : np.ndarray
+            Logarithm of the number of taxels of each contact, (K,).
+
+        Returns
+        -------
+        np.ndarray
+            Probabilities, (K, 6).
+        """
         logits = self._networks[kind].logits(embedding)
         return self._calibrations[kind].probabilities(logits.astype(float), log_taxels)
 
 
 def _as_foreign(probabilities: np.ndarray) -> np.ndarray:
-    """Return probabilities of OUTPUTS, (K, 6), with that of UNKNOWN at least NOT_CONVEX_PROBABILITY."""
+    """Return probabilities of OUTPUTS, (K, 6), in which UNKNOWN has at least NOT_CONVEX_PROBABILITY."""
     unknown = np.maximum(probabilities[:, -1:], NOT_CONVEX_PROBABILITY)
     known = probabilities[:, :-1] * (1 - unknown) / np.maximum(1 - probabilities[:, -1:], 1e-12)
     return np.concatenate((known, unknown), 1)
 
 
 def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
-    """Return all arrays of the file, of finite numbers; ValueError and zipfile's errors where it is not that.
+    """Return all arrays of a .npz file by name.
 
-    A few bytes of a .npz may stand for more than fits into memory.
+    The size is checked before the file is unpacked, because a small .npz file may unpack to more than the memory holds.
+
+    Raises
+    ------
+    ValueError
+        If the arrays are too large, are compressed in another way than NumPy does, or contain NaN or infinity.
+    BadZipFile
+        If the file is not an archive.
     """
     with ZipFile(path) as packed:
         members = packed.infolist()
     if not {each.compress_type for each in members} <= {ZIP_STORED, ZIP_DEFLATED}:
-        raise ValueError('another compression than that of NumPy')
+        raise ValueError('a compression that NumPy does not use')
     if (size := sum(each.file_size for each in members)) > MOST_ARRAY_BYTES:
         raise ValueError(f'{size} bytes of arrays, more than {MOST_ARRAY_BYTES}')
     with np.load(path, allow_pickle=False) as data:
@@ -241,4 +329,4 @@ def _calibration(data: Mapping[str, np.ndarray], kind: str) -> Calibration:
 def _unusable(path: str | Path, got: str) -> ConfigurationError:
     return ConfigurationError(f'weights of the recogniser, {path}', got=got,
                               expected='a file written by training/train.py, `tactile teach` or `tactile assess`',
-                              remedy='Use config/recogniser.npz, or write the file again with one of them.')
+                              remedy='Use config/recogniser.npz, or write the file again with one of these programs.')

@@ -1,8 +1,10 @@
-"""Shapes that a user has taught: a head on the networks' embedding, beside the five classes, and how it is read.
+"""Heads that recognise the shapes a user has taught, and the arrays that hold them in a model file.
 
-A head is a multinomial logistic regression of N taught shapes against all else. It leaves the networks as they are: of
-what it leaves to all else, the five classes and UNKNOWN keep their shares. A taught shape is one object, so it is
-answered only for contacts of about the sizes that were taught. `tactile teach` writes it (tactile_node/learning).
+A head is a multinomial logistic regression on the embedding of a network. It compares N taught shapes with everything
+else. The networks do not change: the five classes and UNKNOWN share the probability that the head gives to everything
+else, in the same proportions as before. A taught shape stands for one object. It is therefore reported only for
+contacts whose size is about the size of the taught touches. `tactile teach` fits and writes the heads
+(tactile_node/learning).
 """
 
 import re
@@ -15,39 +17,69 @@ import numpy as np
 from tactile_node.shape.adaptation import is_of_skin
 from tactile_node.shape.recognition import Shape, TaughtShape
 
-HEAD_VERSION = 1      #: version of the arrays below; embeddings of other code are other numbers
-MOST_TAUGHT = 16
+#: Version of the arrays below. It has to change if the embedding changes, because heads fit only one embedding.
+HEAD_VERSION = 1
+MOST_TAUGHT = 16  #: Largest number of taught shapes in a file.
 NAME_FORM = re.compile(r'[a-z][a-z0-9_]{0,31}')
-#: Those of shapes, and of the codes of ContactShape.msg that are no shape
+#: Names that a taught shape must not have: those of the shapes, and those of other codes in ContactShape.msg.
 NOT_NAMES = frozenset(shape.value for shape in Shape) | {'other', 'not_known'}
-OUTLIER_LIMIT = 5.0      #: standard numbers beyond are outliers
+OUTLIER_LIMIT = 5.0  #: Largest magnitude of a standardised number of the embedding.
 HEAD_PARTS = 'weights', 'biases', 'middle', 'spread', 'sizes'
-OWN_PARTS = '_taught_', '_touch_'  #: in the names of arrays that are no part of the base
+OWN_PARTS = '_taught_', '_touch_'  #: Parts of the names of arrays that do not belong to the base.
 
 
 class Head(NamedTuple):
-    """Head for one kind of frames, for N shapes and embeddings of F numbers."""
+    """Head of N taught shapes for one kind of frames, with embeddings of F numbers."""
 
     weights: np.ndarray  #: (F, N)
     biases: np.ndarray   #: (N,)
-    middle: np.ndarray   #: (F,) and
-    spread: np.ndarray   #: (F,): the embedding is used as (embedding - middle) / spread
-    sizes: np.ndarray    #: (N, 2), log of the least and the largest number of taxels; an empty range: not taught
+    middle: np.ndarray   #: (F,), subtracted from the embedding
+    spread: np.ndarray   #: (F,), divides the embedding after that
+    #: (N, 2), logarithm of the smallest and the largest number of taxels of each shape. The range is empty for a shape
+    #: that was not taught with this kind of frames.
+    sizes: np.ndarray
 
     def evidence(self, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
-        """Return the log of the odds of each shape to all else, (K, N); -inf beyond its sizes."""
+        """Return the logarithm of the odds of each taught shape against everything else.
+
+        Parameters
+        ----------
+        embedding : np.ndarray
+            Embedding of K contacts, (K, F).
+        log_taxels : np.ndarray
+            Logarithm of the number of taxels of each contact, (K,).
+
+        Returns
+        -------
+        np.ndarray
+            Log-odds, (K, N); -inf if the size of the contact is outside the range of the shape.
+        """
         found = self.standard(embedding) @ self.weights + self.biases
         sizes = log_taxels[:, None]
         return np.where((self.sizes[:, 0] <= sizes) & (sizes <= self.sizes[:, 1]), found, -np.inf)
 
     def standard(self, embedding: np.ndarray) -> np.ndarray:
-        """Return (embedding - middle) / spread, (K, F), outliers within OUTLIER_LIMIT."""
+        """Return (embedding - middle) / spread, (K, F), limited to a magnitude of OUTLIER_LIMIT."""
         return np.clip((embedding - self.middle) / self.spread, -OUTLIER_LIMIT, OUTLIER_LIMIT)
 
 
 def join(known: np.ndarray, evidence: np.ndarray) -> np.ndarray:
-    """Join probabilities of the known classes (K, 6) and log-odds of N taught shapes (K, N) to (K, 6 + N).
+    """Return the probabilities of the known classes and of the taught shapes together.
 
+    Parameters
+    ----------
+    known : np.ndarray
+        Probabilities of the known classes without taught shapes, (K, 6).
+    evidence : np.ndarray
+        Log-odds of the taught shapes, (K, N), as from `Head.evidence`.
+
+    Returns
+    -------
+    np.ndarray
+        Probabilities, (K, 6 + N).
+
+    Examples
+    --------
     >>> join(np.array([[0.75, 0.25]]), np.array([[np.log(3)]])).round(4).tolist()
     [[0.1875, 0.0625, 0.75]]
     """
@@ -58,9 +90,24 @@ def join(known: np.ndarray, evidence: np.ndarray) -> np.ndarray:
 
 def read_taught(data: Mapping[str, np.ndarray],
                 widths: Mapping[str, int]) -> tuple[tuple[TaughtShape, ...], dict[str, Head]]:
-    """Return the taught shapes and their heads by kind of frames; none of a file without.
+    """Return the taught shapes of a model file, and their heads by kind of frames.
 
-    ``widths``: of the embedding of each kind. Raises ValueError, KeyError, TypeError where the arrays are no heads.
+    Parameters
+    ----------
+    data : Mapping[str, np.ndarray]
+        Arrays of the file by name.
+    widths : Mapping[str, int]
+        Number of columns of the embedding for each kind of frames.
+
+    Returns
+    -------
+    tuple[tuple[TaughtShape, ...], dict[str, Head]]
+        Both are empty if the file has no taught shapes.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        If the arrays are not those that `tactile teach` writes.
     """
     if not any(name.startswith('taught_') for name in data):
         return (), {}
@@ -84,7 +131,7 @@ def read_taught(data: Mapping[str, np.ndarray],
 
 
 def is_name(name: str) -> bool:
-    """Return whether ``name`` may be that of a taught shape: lower case, and none that has another meaning.
+    """Return True if a taught shape may have this name: it is lower case and has no other meaning.
 
     >>> is_name('my_plug'), is_name('circle'), is_name('other'), is_name('My plug')
     (True, False, False, False)
@@ -93,7 +140,7 @@ def is_name(name: str) -> bool:
 
 
 def digest_of(data: Mapping[str, np.ndarray]) -> str:
-    """Return the SHA-256 of the arrays of the base, those of networks and calibrations."""
+    """Return the SHA-256 digest of the base: the arrays of the networks and of their calibrations."""
     found = sha256()
     for name in sorted(data):
         if not is_own(name) and name != 'about':
@@ -104,7 +151,7 @@ def digest_of(data: Mapping[str, np.ndarray]) -> str:
 
 
 def is_own(name: str) -> bool:
-    """Return whether an array is of the user's shapes or skin, not of the base."""
+    """Return True if the array of this name belongs to the user's shapes or skin, False if it belongs to the base."""
     return name.startswith('taught_') or is_of_skin(name) or any(part in name for part in OWN_PARTS)
 
 
