@@ -23,7 +23,7 @@ Rules, for each node of the pad separately
       periods, all runs are lost until a free bus proves that nothing is late (rule 8).
     - A node that was just started (``start``) is not behind.
  4. When the runs of all nodes are complete, the frame is emitted immediately. Further TPDOs in that period are SURPLUS.
- 5. In an incomplete frame, the taxels that no run holds are NaN and STALE. The frame is emitted, or withheld
+ 5. In an incomplete frame, the taxels that no run contains are NaN and STALE. The frame is emitted, or withheld
     (``drop_incomplete``), as soon as none of its missing TPDOs can arrive any more: at the next SYNC, when the next run
     begins, or one SYNC later.
  6. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC then belongs to the
@@ -35,16 +35,16 @@ Rules, for each node of the pad separately
     belongs to the period in which it arrives. If a second run arrives in that period, this conclusion was wrong,
     because an adapter had held frames back. While it is not known which SYNC a node is answering (``is_in_doubt``), the
     SYNC producer skips SYNCs, so that the bus becomes free.
- 9. A SYNC that may have been on the bus more than MOST_LATE after its stamp begins a period as usual, but the taxels of
+ 9. If a SYNC may have reached the bus more than MOST_LATE after its stamp, it begins a period as usual. The taxels of
     that period are not published: they are LATE.
 
 Limits
   - A frame mixes two periods only in two cases. In the first, a SYNC, the end of one sweep and the beginning of the
     next sweep are all lost within two periods. In the second, the bus or an adapter changes the order of a sender for
     the first time, and the end of the previous sweep is lost.
-  - After a skipped sweep, the assembler cannot detect a node that answers on a free bus only after the next SYNC, nor
-    an adapter that holds back frames for that long between others. The taxels are then stamped as late as the node
-    answers: one period, or more if it answers after further SYNCs.
+  - After a skipped sweep, the assembler cannot detect a node that answers on a free bus only after the next SYNC. It
+    cannot detect an adapter either that holds frames back for that long while it passes others. The stamps of the
+    taxels are then too late by one period, or by more if the answer comes after further SYNCs.
 """
 
 from collections.abc import Sequence
@@ -114,7 +114,7 @@ class FrameAssembler(PadAssembler):
         self._is_after_outage = True
 
     def start(self, node_id: int) -> None:
-        """Note that a silent node was started, so none of its next TPDOs belongs to an earlier period."""
+        """Note that a silent node was started, so its next TPDOs do not belong to an earlier period."""
         if self._period is not None and node_id in self._node_ids:
             self._period.runs[self._node_ids.index(node_id)].start()
 

@@ -30,32 +30,32 @@ class PadStatistics(NamedTuple):
     For a pad with a polled DOMAIN, read "SDO upload" wherever this text says "TPDO".
     """
 
-    complete: int  #: taxel frames given with all their TPDOs
-    incomplete: int  #: taxel frames given with NaN
-    expected: int  #: TPDOs that all taxel frames should consist of, whether given or withheld
+    complete: int  #: taxel frames emitted with all their TPDOs
+    incomplete: int  #: taxel frames emitted with NaN for the missing taxels
+    expected: int  #: TPDOs that all taxel frames, emitted or withheld, would contain if complete
     received: int  #: TPDOs received, valid or not
-    used: int  #: TPDOs whose taxels were given as valid
+    used: int  #: TPDOs whose taxels were emitted as valid
     pending: int  #: TPDOs that may still be used or lost
     losses: dict[LossReason, int]  #: TPDOs lost, with an entry for each reason; read only
-    withheld: int = 0  #: incomplete taxel frames that were not given because of ``drop_incomplete``
+    withheld: int = 0  #: incomplete taxel frames that were not emitted because of ``drop_incomplete``
     padded: int = 0  #: TPDOs longer than mapped, up to 8 bytes, whose first bytes were used
     used_by_node: tuple[int, ...] = ()  #: ``used`` for each node of the pad
     syncs: int = 0  #: SYNCs that began a period
     #: for each node and each of its TPDOs in the order of the layout: TPDOs received, without DUPLICATEs
     distinct_by_tpdo: tuple[tuple[int, ...], ...] = ()
-    #: for each node and each of its TPDOs in the order of the layout: TPDOs used for a taxel frame, given or withheld
+    #: for each node and each of its TPDOs in the order of the layout: TPDOs used for a taxel frame, emitted or withheld
     fresh_by_tpdo: tuple[tuple[int, ...], ...] = ()
     #: for each node, an order of TPDOs that differs from the layout; None if the node keeps the order of the layout
     orders: tuple[TpdoOrder | None, ...] = ()
 
     @property
     def published(self) -> int:
-        """Number of taxel frames given, complete or not."""
+        """Number of taxel frames emitted, complete or not."""
         return self.complete + self.incomplete
 
     @property
     def missing(self) -> int:
-        """Number of expected TPDOs that brought no valid taxels."""
+        """Number of expected TPDOs that delivered no valid taxels."""
         return self.expected - self.used
 
 
@@ -63,7 +63,8 @@ class BusStatistics(NamedTuple):
     """Counts of a bus or a log since construction."""
 
     pads: dict[str, PadStatistics]  #: by name of the pad
-    #: received CAN frames by service; 'tpdo' counts the TPDOs of the pads, 'foreign' frames that belong to no pad
+    #: received CAN frames by service; 'tpdo' counts the TPDOs of the pads, and 'foreign' the frames that belong to no
+    #: pad
     can_frames: dict[str, int]
     queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
     sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
@@ -90,10 +91,10 @@ class FrameSource(Protocol):
         """Find the devices, check their identity and configure them. Raises DeviceError or BusError."""
 
     def start(self) -> None:
-        """Start to give frames. The sequence numbers of a bus start at 0. A log continues where it was stopped."""
+        """Start to deliver frames. The sequence numbers of a bus start at 0. A log continues where it was stopped."""
 
     def stop(self) -> None:
-        """Stop giving frames. ``start`` may be called again."""
+        """Stop delivering frames. ``start`` may be called again."""
 
     def close(self) -> None:
         """Release the bus or the log. This is allowed in every state and may be repeated."""

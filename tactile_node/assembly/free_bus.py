@@ -90,11 +90,11 @@ class FreeBus:
         until : float
             Stamp until which no further TPDO was received [s].
         """
-        return until - self._since_before >= FREE_TIME + self._frame_time  # a frame may be on the bus just now
+        return until - self._since_before >= FREE_TIME + self._frame_time  # a frame may be on the bus right now
 
 
 class SyncPause:
-    """Decides which SYNCs are skipped while it is in doubt whether a node is behind.
+    """Decides which SYNCs are skipped while a node may be behind.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class SyncPause:
     """
 
     def __init__(self, period: float):
-        # Two periods for the waiting sweeps, and the free time. The driver sees a free bus as up to 2 ms too short.
+        # Two periods for the waiting sweeps, and the free time. The driver measures the free time up to 2 ms too short.
         self._length = 2 + ceil((FREE_TIME + 2e-3) / period)
         self.count = 0
         self.restart()

@@ -75,7 +75,7 @@ class Overload(Fault):
 
 
 class SyncState(NamedTuple):
-    """SYNC as it is received."""
+    """State of the SYNC messages that the driver receives."""
 
     fault: SyncFault = SyncFault.NOT_KNOWN
     foreign: int = 0  #: SYNCs of other devices while this driver produces SYNC
@@ -130,9 +130,9 @@ class NodeHealth(NamedTuple):
     emergencies: int = 0  #: EMCY messages received
     last_emergency: Emergency | None = None  #: last EMCY message
     outages: Outages[Failure | NodeFault] = Outages()
-    distrusted: int = 0  #: taxel frames given without values because the node was not configured
+    distrusted: int = 0  #: taxel frames emitted without values because the node was not configured
     active_emergency: Emergency | None = None  #: last error that the device has not reset
-    missing_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that bring no taxels while others do
+    missing_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while others do
     surplus_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that are received more often than SYNC
     tpdo_order: TpdoOrder | None = None  #: order of the TPDOs if it differs from the layout, else None
     device_errors: DeviceErrors | None = None  #: errors that the device reported when it did not become OPERATIONAL

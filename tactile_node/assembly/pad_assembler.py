@@ -14,7 +14,7 @@ from tactile_node.taxel_frame import TaxelFrame, TpdoAges
 
 logger = logging.getLogger(__name__)
 
-#: Taxel frames that a CAN frame or a SYNC finishes, in their order; often empty.
+#: Taxel frames finished by a CAN frame or a SYNC, in order; often empty.
 Frames = tuple[TaxelFrame, ...]
 
 
@@ -83,7 +83,7 @@ class PadAssembler:
         Returns
         -------
         tuple of TaxelFrame
-            Taxel frames that this CAN frame finishes.
+            Taxel frames finished by this CAN frame.
         """
         self._received += 1
         length = self._prefix_lengths[can_id]
@@ -97,7 +97,7 @@ class PadAssembler:
         return self._feed_tpdo(rank, data, timestamp)
 
     def end_period(self) -> Frames:
-        """End the present period at the end of a log, and return the taxel frames not given yet."""
+        """End the present period at the end of a log, and return the taxel frames not emitted yet."""
         raise NotImplementedError
 
     def statistics(self) -> PadStatistics:
@@ -145,7 +145,7 @@ class PadAssembler:
         self._missing += missing
 
     def _give(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray) -> Frames:
-        """Give the taxel frame of the ``fresh`` TPDOs (bool by rank), or withhold it and count these TPDOs as lost."""
+        """Emit the taxel frame of the ``fresh`` TPDOs (bool by rank), or withhold it and count these TPDOs as lost."""
         missing = int((~fresh).sum())
         if missing and self.drop_incomplete:
             self._count_withheld(missing)
@@ -154,9 +154,9 @@ class PadAssembler:
 
     def _give_frame(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray, used: np.ndarray,
                     missing: int, ages: TpdoAges | None = None) -> Frames:
-        """Give a taxel frame in which ``missing`` TPDOs are missing.
+        """Emit a taxel frame in which ``missing`` TPDOs are missing.
 
-        ``used`` (bool by rank) marks the TPDOs that are in no earlier frame; they are counted as used.
+        ``used`` (bool by rank) marks the TPDOs that were not part of an earlier frame. Only these are counted as used.
         """
         self._used += np.bincount(self._senders[used], minlength=len(self._used))
         self._complete += not missing

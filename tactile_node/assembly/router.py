@@ -82,11 +82,11 @@ class Router:
             assembler.start(node_id)
 
     def pause(self) -> None:
-        """Ignore SYNCs of other devices, and the data of pads without SYNC, from now on. No frames are given."""
+        """Ignore SYNCs of other devices, and the data of pads without SYNC, from now on. No frames are emitted."""
         self.is_running = False
 
     def drop_incomplete(self, is_wanted: bool) -> None:
-        """Withhold incomplete taxel frames from now on if ``is_wanted`` is True, else give them."""
+        """Withhold incomplete taxel frames from now on if ``is_wanted`` is True, otherwise emit them."""
         for assembler in self._assemblers.values():
             assembler.drop_incomplete = is_wanted
 

@@ -103,7 +103,7 @@ class SenderRun:
 
     @property
     def is_position_unknown(self) -> bool:
-        """After the period: True if it is not known which sweep the sender was sending."""
+        """True if, after the period, it is not known which sweep the sender was sending."""
         return self._ended_suspect if self.is_seen else self._behind > 0
 
     @property

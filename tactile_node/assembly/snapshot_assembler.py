@@ -5,20 +5,20 @@ Ages are therefore never negative, and stamps rise although TPDOs are sent at di
 acquired at stamp - age.
 
 Rules
- 1. A snapshot is given as soon as every TPDO has been received since the previous snapshot. TPDOs whose values are
-    already too old are not waited for.
- 2. A snapshot is also given before a TPDO would replace values that are in no snapshot yet. No value is lost, and the
-    fastest TPDO sets the pace. A snapshot is also given before a TPDO that arrives more than SNAPSHOT_WAIT after the
+ 1. A snapshot is emitted as soon as every TPDO has been received since the previous snapshot. The assembler does not
+    wait for TPDOs whose values are already too old.
+ 2. A snapshot is also emitted before a TPDO replaces values that no snapshot contains yet. No value is lost, and the
+    fastest TPDO sets the pace. A snapshot is also emitted before a TPDO that arrives more than SNAPSHOT_WAIT after the
     first new TPDO.
  3. If a TPDO is older than ``max_age`` or was never received, its taxels are NaN and STALE. A device repeats unchanged
     values after its event timer, so silence beyond ``max_age`` is a fault and never means "unchanged".
  4. An immediate repetition with equal bytes, sooner than half the event timer, is a DUPLICATE and does not renew the
     age.
  5. With ``drop_incomplete``, a snapshot with STALE TPDOs is withheld. Its new TPDOs are lost (INCOMPLETE) unless the
-    next given snapshot still holds them.
+    next emitted snapshot still holds them.
  6. If a stamp differs from the newest stamp by more than ``max_age``, all values are forgotten: the pad was silent, or
     the clock was set. The next snapshot then waits for every TPDO, as the first one does.
- 7. When a node is started, its values are forgotten. The node did not send, and may send other values now.
+ 7. When a node is started, its values are forgotten. The node was silent, and its values may have changed.
 """
 
 from collections.abc import Sequence
@@ -54,7 +54,7 @@ class SnapshotAssembler(PadAssembler):
         self._taxel_tpdos = _taxel_tpdos(layout)
         size = len(layout.tpdos)
         self._words = bytearray(MAX_PDO_BYTES * size)
-        self._unused = np.zeros(size, bool)  # by rank, True for values that are in no given frame
+        self._unused = np.zeros(size, bool)  # by rank, True for values that no emitted frame contains
         self.restart()
 
     def start(self, node_id: int) -> None:
@@ -88,7 +88,7 @@ class SnapshotAssembler(PadAssembler):
         self._unused = np.zeros(size, bool)
         self._is_new = np.zeros(size, bool)  # by rank, True for values that are not in the last snapshot
         self._is_known = np.zeros(size, bool)
-        self._stamps = np.full(size, np.nan)  # by rank, time of the last TPDO, or time since when it may arrive
+        self._stamps = np.full(size, np.nan)  # by rank, time of the last TPDO, or time from which it may arrive
         self._newest = self._first_new = np.inf
         self._last = -1, b''  # rank and bytes of the last TPDO
         self._started: set[int] = set()  # node-IDs

@@ -7,7 +7,7 @@ Rules
  1. A taxel frame consists of one run: TPDOs in ascending rank, stamped within ``sweep_time`` of the first of them.
  2. If the rank of a TPDO is not above the last rank, or its stamp is outside that time, the TPDO begins the next run.
     An immediate repetition with equal bytes within that time is a DUPLICATE and changes nothing.
- 3. A run is given when its last rank is received, or when the next run begins. Taxels that none of its TPDOs holds are
+ 3. A run is emitted when its last rank is received, or when the next run begins. Taxels without a TPDO in the run are
     NaN and STALE. With ``drop_incomplete``, an incomplete frame is withheld.
  4. The stamp of a frame is the stamp of the first TPDO received. It is later than the scan by the time that the device
     takes to send this TPDO. If the first TPDOs are lost, it is later by up to ``sweep_time``.
@@ -19,8 +19,8 @@ Two sweeps are never mixed if each takes less than ``sweep_time`` from its begin
 received is then stamped at most ``sweep_time`` after the beginning of the sweep, and the run ends ``sweep_time`` later.
 Together these times are shorter than the period (``SWEEP_SHARE``).
 
-Limit: two sweeps may be mixed if stamps are delayed by more than that, as by an adapter that hands over many frames at
-once, and the end of one sweep and the beginning of the next are lost at the same time.
+Limit: two sweeps may be mixed if two faults coincide. Stamps are delayed by more than that, for example by an adapter
+that delivers many frames at once, and both the end of one sweep and the beginning of the next are lost.
 """
 
 from collections.abc import Sequence
@@ -56,7 +56,7 @@ class SweepAssembler(PadAssembler):
         self._first: float | None = None  # stamp of the first TPDO in the run
         self._words = bytearray()
         self._fresh = np.zeros(self._size, bool)
-        self._is_given = True  # the run was given, or there is none
+        self._is_given = True  # the run was emitted, or there is none
         self._last = -1, b''  # rank and bytes of the last TPDO
         self.restart()
 

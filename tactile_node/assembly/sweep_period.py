@@ -31,7 +31,7 @@ class SweepPeriod:
         self.runs: list[SenderRun] = [SenderRun(own, self.payload, run)
                                       for own, run in zip(ranks_of_senders, runs_before)]
         self.is_emitted = False
-        self.is_stamp_wrong = False  #: True if the stamp may be wrong; the taxels are then not given
+        self.is_stamp_wrong = False  #: True if the stamp may be wrong; the taxels are then not emitted
         self.is_discarded = False  #: True if a SYNC was lost in this period; its TPDOs are then not used
 
     @property

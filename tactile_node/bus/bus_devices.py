@@ -118,7 +118,7 @@ class BusDevices:
         self._interrupts = 0
 
     def sdo_client(self, node: CanopenNode) -> AbstractContextManager[OwnSdoClient]:
-        """Return a context manager that gives the SDO client of ``node``."""
+        """Return a context manager that yields the SDO client of ``node``."""
         return self._network().sdo_client(node.node_id, node.dictionary, self._settings.sdo_timeout)
 
     def command(self, command: objects.NmtCommand, node: CanopenNode) -> None:
@@ -145,13 +145,13 @@ class BusDevices:
         Raises
         ------
         DeviceError
-            If the device is absent, is another one, or refuses a request.
+            If the device is absent, has another identity, or refuses a request.
         TwoDevicesError
             If two devices answer under this node-ID.
         BusError
             If the bus cannot be used.
         InterruptedSetupError
-            If ``interrupt`` was called meanwhile.
+            If ``interrupt`` was called during the configuration.
         """
         interrupts = self._interrupts
         foreign_requests = self._monitor.foreign_requests[node.node_id]

@@ -1,4 +1,4 @@
-"""Monitor the traffic of a bus beside the taxels, and count the bits of all frames for the bus load.
+"""Monitor all traffic of a bus except the taxels, and count the bits of all frames for the bus load.
 
 The monitor observes heartbeats, EMCY messages, error frames, and the NMT commands and SDO requests of other masters.
 """
@@ -39,7 +39,7 @@ class BusMonitor:
         Node-IDs of the pads on the bus.
     on_news : callable
         Called when the state of a node changes, when another master sends an NMT command to one of the nodes, or when
-        it changes the TPDOs of one. The callback must return immediately.
+        another master changes the TPDOs of a node. The callback must return immediately.
     """
 
     def __init__(self, node_ids: Iterable[int], on_news: Callable[[], None] = lambda: None):

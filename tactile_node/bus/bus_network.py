@@ -35,7 +35,7 @@ _REMEDIES = {
     'kvaser': 'Use the interface socketcan with the Linux driver kvaser_usb. On Linux, python-can 4.6 cannot open an '
               'adapter through CANlib (docs/adapters.md).',
     'pcan': 'Use the interface socketcan with the Linux driver peak_usb, or install PCAN-Basic (docs/adapters.md).'}
-#: By interface, the library of the adapter's manufacturer that python-can loads.
+#: The manufacturer's library that python-can loads, by interface.
 _LIBRARIES = {'kvaser': 'CANlib', 'pcan': 'PCAN-Basic'}
 
 
@@ -170,7 +170,7 @@ class BusNetwork(Network):
 
     @contextmanager
     def sdo_client(self, node_id: int, dictionary: ObjectDictionary, timeout: float) -> Iterator[OwnSdoClient]:
-        """Give an SDO client for one device. Only one client for a device is active at a time; others wait.
+        """Yield an SDO client for one device. Only one client for a device is active at a time; others wait.
 
         canopen's RemoteNode is not used, because it stores every EMCY message without a limit.
 

@@ -22,6 +22,6 @@ class BusSettings:
     heartbeat_ms: int = 100  #: heartbeat time written to object 0x1017 of each device [ms]
     allow_full_bus: bool = False  #: True to accept a planned load above `load.FULL_LOAD`
     queue_limit: int = 20_000  #: largest number of CAN frames that may wait for the assembler
-    drop_incomplete: bool = False  #: True to withhold and count sweeps that lack TPDOs; False to give them with NaN
+    drop_incomplete: bool = False  #: True to withhold and count sweeps that lack TPDOs; False to emit them with NaN
     record: str = ''  #: log file for all frames on the bus, including those of this driver; '' for no recording
     record_largest: int = 0  #: size at which the recording continues in a new file [bytes]; 0 for a single file

@@ -51,7 +51,7 @@ class DeviceSetup:
     retries : int
         Number of times that an unanswered request is repeated.
     is_interrupted : callable
-        Asked before each request. If it returns True, the configuration ends with InterruptedSetupError.
+        Called before each request. If it returns True, the configuration ends with InterruptedSetupError.
     """
 
     def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats, retries: int,
@@ -84,7 +84,7 @@ class DeviceSetup:
         DeviceAbsentError
             If the device does not answer.
         DeviceError
-            If the device is another one or does not accept the configuration.
+            If the device has another identity or does not accept the configuration.
         BusError
             If a request cannot be sent.
         InterruptedSetupError
@@ -245,7 +245,7 @@ class DeviceSetup:
         return not isinstance(record, ODVariable) and sub in record.subindices
 
     def _report_fixed_times(self, tpdos: Collection[int]) -> None:
-        """Log the times that the layout gives but that the EDS does not list for ``tpdos``."""
+        """Log the times that the layout specifies but the EDS does not list for ``tpdos``."""
         event = self._node.layout.event_driven
         for sub, value in () if event is None else event.times.items():
             fixed = [number for number in tpdos if not self._is_listed(objects.TPDO_COMMUNICATION + number - 1, sub)]

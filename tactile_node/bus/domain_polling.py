@@ -108,7 +108,7 @@ class DomainPolling(Pacer):
     period : float
         Time between two polls [s].
     open_sdo : callable
-        Returns a context manager that gives the SDO client of the node.
+        Returns a context manager that yields the SDO client of the node.
     on_failure : callable
         Called with a `BusFault` and the exception if a request cannot be sent, or if the thread ends with an exception.
     """

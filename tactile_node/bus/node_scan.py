@@ -119,7 +119,7 @@ def _number(data: bytes | None) -> int | None:
 
 #: Bit rates of CiA 301 (5.4) in the order in which they are tried [bit/s]: those common for skins come first.
 SCANNED_BIT_RATES = (1_000_000, 500_000, 250_000, 125_000, 800_000, 50_000, 20_000, 10_000)
-#: Time after opening during which frames are ignored [s]: the change of bit rate may cut lines of the adapter.
+#: Time after opening during which frames are ignored [s]: the change of bit rate may truncate lines of the adapter.
 OPENING_TIME = 0.1
 BY_IP_LINK = ('Try one bit rate after another: "ip link set {channel} down", then "ip link set {channel} up type can '
               'bitrate 500000 listen-only on". Use candump to see whether frames are received.')
@@ -147,7 +147,7 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
     ConfigurationError
         If the interface cannot find the bit rate.
     BusError
-        If no bit rate brings valid frames without error frames.
+        If there are no valid frames at any bit rate, or only together with error frames.
     """
     if interface != 'slcan':
         by_hand = BY_IP_LINK if interface == 'socketcan' else 'Give the bit rate; only slcan can find it.'

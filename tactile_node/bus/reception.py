@@ -18,7 +18,7 @@ RECEIVE_TIMEOUT = 0.1  #: Longest time that a read waits for a message [s].
 STOP_TIMEOUT = 1.0  #: Time allowed for the reception thread to end [s].
 #: Shortest time between two reads on a busy bus [s]. The pause adds at most this time to the age of the taxels.
 READ_PAUSE = 0.5e-3
-#: Largest number of CAN frames in a batch. It is less than the buffer of a socket holds.
+#: Largest number of CAN frames in a batch. A socket buffer holds more frames than that.
 MOST_IN_BATCH = 256
 #: This many frames within 0.8 ms carry taxels, so the bus counts as busy. An SDO dialogue is slower and is not delayed.
 BUSY_FRAMES = 4

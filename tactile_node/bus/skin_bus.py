@@ -242,7 +242,7 @@ class SkinBus:
             self.traffic.end(timeout=2.0)  # a call of on_frame may still be running
 
     def drop_incomplete(self, is_wanted: bool) -> None:
-        """Withhold incomplete taxel frames from now on if ``is_wanted`` is True, else give them."""
+        """Withhold incomplete taxel frames from now on if ``is_wanted`` is True, otherwise emit them."""
         self._router.drop_incomplete(is_wanted)
 
     def statistics(self) -> BusStatistics:

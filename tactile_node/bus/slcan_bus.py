@@ -63,7 +63,7 @@ class BulkSlcanBus(slcanBus):
     def __init__(self, channel: str, bitrate: int | None = None, sleep_after_open: float | None = None,
                  listen_only: bool = False, **options: Any):
         self._lines: deque[str] = deque()
-        self._asked = -inf  # time of the last look for waiting bytes
+        self._asked = -inf  # time of the last check for waiting bytes
         self._came_after = -inf  # all lines in the buffer arrived after this time
         self._open_command = 'L' if listen_only else 'O'  # python-can 4.3 ignores the option
         self._lock = _lock_port(channel.split('@')[0])

@@ -10,7 +10,7 @@ CLOCK_DRIFT = 1e-4  #: Largest relative error of an adapter's crystal.
 
 
 class StampClock:
-    """Gives the stamps of sent messages (``now``) and received messages (``of``) in one epoch; they never go back.
+    """Provides stamps for sent messages (``now``) and received messages (``of``) in one epoch. They never go back.
 
     If the wall clock is set forward, the stamps follow it. If it is set back, the stamps continue evenly and lead the
     wall clock by ``ahead`` [s], until the wall clock has caught up or ``restart`` is called. Both kinds of jump count

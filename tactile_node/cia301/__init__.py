@@ -1,1 +1,1 @@
-"""Facts of CiA 301 (CANopen), each defined once, and state machines for its frames, without bus and threads."""
+"""Facts of CiA 301 (CANopen), each defined once, and state machines for its frames, without a bus or threads."""

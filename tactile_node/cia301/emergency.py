@@ -1,4 +1,4 @@
-"""EMCY (CiA 301, 7.2.7), with which a device reports its own errors: decode the messages and keep the last one."""
+"""Decode EMCY messages (CiA 301, 7.2.7), which report a device's own errors, and keep the last one."""
 
 import time
 from typing import NamedTuple

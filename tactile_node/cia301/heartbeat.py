@@ -25,7 +25,7 @@ class HeardNode:
     state: int | None = None  #: NMT state last reported; None if the node was never heard
     heard: float | None = None  #: time of the last heartbeat
     boots: int = 0  #: number of boot-up messages
-    heartbeats: int = 0  #: number of heartbeats without boot-up messages
+    heartbeats: int = 0  #: number of heartbeats, not counting boot-up messages
     guarded: int = 0  #: number of heartbeats with a toggle bit, which are answers to node guarding
     #: the last two intervals between heartbeats; a change of state adds an interval, which may be short
     intervals: tuple[float, float] | None = None
