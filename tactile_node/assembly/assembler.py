@@ -43,8 +43,8 @@ Limits
     next sweep are all lost within two periods. In the second, the bus or an adapter changes the order of a sender for
     the first time, and the end of the previous sweep is lost.
   - After a skipped sweep, the assembler cannot detect a node that answers on a free bus only after the next SYNC. It
-    cannot detect an adapter either that holds frames back for that long while it passes others. The stamps of the
-    taxels are then too late by one period, or by more if the answer comes after further SYNCs.
+    also cannot detect an adapter that holds frames back for that long while it passes others. The stamps of the taxels
+    are then too late by one period, or by more if the answer comes after further SYNCs.
 """
 
 from collections.abc import Sequence
@@ -170,7 +170,7 @@ class FrameAssembler(PadAssembler):
             distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in own) for own in self._ranks_of_nodes),
             orders=tuple(map(self._order, self._node_ids, self._orders, self._layout_orders)),
             fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
-            syncs=self._syncs)  # read last, because another thread may count meanwhile
+            syncs=self._syncs)  # read last, because another thread may count at the same time
 
     def _order(self, node_id: int, sent: list[int], layout: list[int]) -> TpdoOrder | None:
         if sent == layout:

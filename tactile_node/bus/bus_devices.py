@@ -64,7 +64,7 @@ def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
 
 
 def read_errors(sdo: SdoClient) -> DeviceErrors:
-    """Return the error register of a device and its newest four errors, as far as the device answers.
+    """Return the error register of a device and its newest four errors. Values without an answer are missing.
 
     A device may store up to 254 errors, so only the newest four are read.
 

@@ -123,7 +123,8 @@ class Traffic:
                 frames.append((can_id, data, self.clock.of(message.timestamp)))
             else:
                 self._count_other(kind, message)
-                # The bus may have more errors than the controller reports, so an error frame leaves no free time.
+                # The bus may have more errors than the controller reports, so time before an error frame never counts
+                # as free.
                 came = inf if message.is_error_frame else self.clock.of(message.timestamp)
                 frames.append((NO_DATA, b'', came))
         if self._put - self._fed + len(frames) <= self._queue_limit:

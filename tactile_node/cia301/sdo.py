@@ -26,7 +26,7 @@ END_BLOCK_RESPONSE = constants.RESPONSE_BLOCK_UPLOAD | constants.END_BLOCK_TRANS
 
 
 class AbortCode(IntEnum):
-    """Reasons for which a server refuses a request, as far as this package uses them."""
+    """Abort codes with which a server refuses a request. Only those that this package uses are listed."""
 
     INVALID_BLOCK_SIZE = 0x0504_0002
     NOT_MAPPABLE = 0x0604_0041

@@ -45,7 +45,7 @@ from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, ShapeClass
 
 DEFAULT_TOUCHES = 8
-ALIASES = {'bar': 'rectangle', 'ball': 'circle'}  #: Class of each name that is no class of the recogniser.
+ALIASES = {'bar': 'rectangle', 'ball': 'circle'}  #: Class for each name that is not itself a class of the recogniser.
 REFUSED_CODE = 1  #: Exit code if --output is given, but the adaptation is not kept.
 
 

@@ -34,7 +34,7 @@ PARAMETERS: Mapping[Role, Mapping[str, str]] = {
         'frame_prefix', 'gap', 'gap_source', 'gap_joints', 'gap_frames', 'gap_scale', 'gap_offset',
         'publish_pad_frames')}}}
 
-#: option or launch argument -> its second spelling with the same meaning
+#: option or launch argument -> its alternative spelling
 OTHER_SPELLINGS = {'node_ids': 'node_id', 'layouts': 'layout'}
 
 
@@ -139,7 +139,7 @@ def _check_side(args: argparse.Namespace) -> None:
 
 
 def _source_parameters(args: argparse.Namespace) -> dict[str, ParameterValue]:
-    """Return the driver parameters that replace the bus by a simulated skin or by a log."""
+    """Return the driver parameters that replace the bus with a simulated skin or a log."""
     if args.simulate:
         return {'interface': 'virtual', 'channel': SIMULATED_CHANNEL}
     return {'autostart': True} if args.replay else {}  # a replay starts even if the parameter file says false

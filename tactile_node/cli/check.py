@@ -84,7 +84,7 @@ def check_layout(layout_name: str, eds: str, use: Use) -> CheckedLayout:
     layout_name
         Path of the layout, or the name of a layout in ``config/``.
     eds
-        Path of the EDS, or '' for the EDS beside the layout.
+        Path of the EDS, or '' for the EDS next to the layout.
     use
         Planned bit rate, number of pads and SYNC period; the warnings about the bus load depend on them.
     """

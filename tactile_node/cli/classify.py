@@ -19,8 +19,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--curves', default='', metavar='FILE',
                         help=f'curves of --method volf (default: config/{METHOD_FILES[VOLF]})')
     parser.add_argument('--pitch', type=float, metavar='METRES',
-                        help='distance of neighbouring taxels; with a pitch, pose and size of a recognised shape are '
-                             'fitted (default: the pitch in an .npz)')
+                        help='distance between neighbouring taxels; with a pitch, pose and size of a recognised shape '
+                             'are fitted (default: the pitch in an .npz)')
     parser.add_argument('--response', default='', metavar='FILE',
                         help='response of the skin, a file of `tactile calibrate`: its curve turns readings into '
                              'pressures, and the fits use its depth of the taxels')
@@ -51,6 +51,6 @@ def run(args: argparse.Namespace) -> int:
         if file and args.method != method:
             raise ConfigurationError(option, expected=f'--method {method}, which reads this file', got=args.method,
                                      remedy=f'Omit {option}, or give --method {method}.')
-    from tactile_node.cli.classified import write_shapes  # imports scipy, for which completion must not wait
+    from tactile_node.cli.classified import write_shapes  # imports scipy, which would slow completion
     write_shapes(args)
     return 0

@@ -114,7 +114,7 @@ class TaxelFrames(NamedTuple):
     unit: str | None = None             #: unit of the values: 'Pa', 'N' or '1' (on/off)
 
     def known_of(self, k: int) -> dict:
-        """Return the pad, stamp and sequence number of frame ``k`` by name, as far as the file contains them."""
+        """Return the pad, stamp and sequence number of frame ``k`` by name, if the file contains them."""
         known: dict = {} if self.pad is None else {'pad': self.pad}
         if self.stamps is not None:
             known['stamp'] = float(self.stamps[k])

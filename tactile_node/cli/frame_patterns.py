@@ -57,7 +57,7 @@ def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest
     Parameters
     ----------
     path
-        Name of the file, shown beside the progress bar.
+        Name of the file, shown next to the progress bar.
     found
         Frames of the file.
     args

@@ -147,7 +147,7 @@ def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_C
     channel : str
         Default of --channel.
     is_set : bool
-        False if an option that is not given shall be None, so that the command can take the value from a file.
+        False if an option that is not given should be None, so that the command can take the value from a file.
     finds_bit_rate : bool
         True if the command accepts --bitrate auto; the option is then None.
     """
@@ -211,7 +211,7 @@ def add_model_option(parser: argparse.ArgumentParser) -> None:
 
 def recogniser_of(args: argparse.Namespace) -> 'VisibilityGuard':
     """Return the recogniser with the model of --model. Raises ConfigurationError if the file cannot be used."""
-    from tactile_node.shape.methods import make_recogniser  # imports scipy, for which completion must not wait
+    from tactile_node.shape.methods import make_recogniser  # imports scipy, which would slow completion
     return make_recogniser(LEARNED, args.model)
 
 
@@ -240,9 +240,9 @@ def pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[PadSe
     Raises
     ------
     ConfigurationError
-        If a layout cannot be used, or the options do not fit together.
+        If a layout cannot be used, or the options contradict each other.
     """
-    from tactile_node.skin.pads import make_pads  # imports canopen, for which completion must not wait
+    from tactile_node.skin.pads import make_pads  # imports canopen, which would slow completion
     layouts = [args.layout] if isinstance(args.layout, str) else args.layout or [DEFAULT_LAYOUT]
     return make_pads(layouts, args.node_id or [DEFAULT_NODE_ID], names)
 

@@ -1,4 +1,4 @@
-"""Show the progress of long work and the time left, by tqdm on stderr; nothing is shown if stderr is no terminal."""
+"""Show the progress of a long task and the time left with tqdm on stderr, if stderr is a terminal."""
 
 import sys
 from collections.abc import Iterable, Iterator
@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-BAR_DELAY = 1.0  #: duration of work below which no bar appears [s]
+BAR_DELAY = 1.0  #: duration of a task below which no bar appears [s]
 
 Item = TypeVar('Item')
 
@@ -19,7 +19,7 @@ def show_progress(items: Iterable[Item], what: str, total: int, *, prints: bool)
     items
         Frames to pass on.
     what
-        Text beside the bar.
+        Text next to the bar.
     total
         Number of frames.
     prints

@@ -4,8 +4,8 @@ OBJECT is an index with a sub-index, hexadecimal or decimal: 0x1018:1 or 25601:1
 --eds, OBJECT may also be a name from the EDS, such as Identity.Vendor-ID. Hexadecimal numbers need their 0x, even
 where a device manual leaves it out.
 
-If a driver is running, it takes a write to 0x1005, 0x1800... or 0x1A00... for the act of another master. The driver
-then publishes no values from this node until it has configured the node again (RECONFIGURED).
+A running driver treats a write to 0x1005, 0x1800... or 0x1A00... as a change by another master. The driver then
+publishes no values from this node until it has configured the node again (RECONFIGURED).
 """
 
 import argparse

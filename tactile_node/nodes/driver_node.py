@@ -103,7 +103,7 @@ class DriverNode(LifecycleNode):
     def _is_configured_at_start(self, stop: threading.Event | None) -> bool:
         """Configure the node. With ``stop``, repeat the attempt until it succeeds or ``stop`` is set.
 
-        Returns False if ``stop`` was set, or if a lifecycle manager has configured the node meanwhile.
+        Returns False if ``stop`` was set, or if a lifecycle manager has configured the node in the meantime.
         """
         try:
             while self.trigger_configure() != TransitionCallbackReturn.SUCCESS:

@@ -27,8 +27,8 @@ class Zeroing(NamedTuple):
     """The pads and the source that a tare works on."""
 
     pads: Mapping[str, TaredPad]  #: by name of the pad
-    #: Returns the highest reading of a taxel that counts as not pressed, for the name of a pad, in the unit of the pad.
-    #: It raises ConfigurationError if the pad has no zero.
+    #: Returns, for the name of a pad, the highest reading at which a taxel counts as not pressed, in the unit of the
+    #: pad. It raises ConfigurationError if the pad has no zero.
     limit: Callable[[str], float]
     frame_period: float  #: time between two frames [s]
     source: FrameSource  #: gives access to devices that zero themselves
@@ -37,7 +37,7 @@ class Zeroing(NamedTuple):
 class TareService:
     """The service `~/tare`. It measures the zero of pads from their frames.
 
-    A thread does the work, so the executor continues meanwhile.
+    A thread does the work, so the executor is not blocked.
     The service exists as long as its node, because rclpy cannot answer a request after the service was destroyed.
     """
 

@@ -43,7 +43,7 @@ class DuplicateWatch:
         self._identity = UUID(uuid=list(uuid4().bytes))
         self._heard: dict[str, float] = {}  # by topic, time at which another identity was last heard [s]
         self._ran = -math.inf  # time of the last heartbeat of this process [s]
-        self._listens_since = math.inf  # start of listening without a pause of this process [s]
+        self._listens_since = math.inf  # time since which this process has listened without a pause [s]
         self._logged: tuple[str, ...] = ()
         self._publishers = [node.create_publisher(UUID, topic, QoSProfile(depth=10)) for topic in topics]
         for publisher in self._publishers:

@@ -103,7 +103,7 @@ class GraspRequests:
             self._timer.cancel()
 
     def destroy(self) -> None:
-        """End without an answer to the waiting goals. A client must have its own timeout for a silent server."""
+        """Stop serving, and answer no waiting goal. A client must have its own timeout for a silent server."""
         self._goals.clear()
         self._timer.cancel()
         self._server.destroy()

@@ -1,8 +1,8 @@
 """Command the gripper through its own action, one command at a time, and read its state.
 
 The client does not rely on the number of servers in the ROS graph, because a killed server stays there for 20 s, even
-beside a new one. It relies on answers only. The client gives up a command that gets no answer. Later goals do not wait
-for this command, but it stays in doubt whether the gripper still carries it out.
+next to a new one. It relies on answers only. The client gives up a command that gets no answer. Later goals do not wait
+for this command, but it remains unknown whether the gripper is still carrying it out.
 """
 
 import math
@@ -68,7 +68,7 @@ class GripperResult(NamedTuple):
 class GripperClient:
     """Client of the gripper's own action.
 
-    Each command carries a limit of effort, so the gripper stays within this limit even if this process ends.
+    Each command carries an effort limit, so the gripper stays within this limit even if this process ends.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class GripperClient:
     law : LinearGap
         Relation between the position of the gripper and its opening.
     effort : float
-        Limit of effort in each command, in the unit of the gripper.
+        Effort limit in each command, in the unit of the gripper.
     timeout : float
         Time allowed for the answer to a command [s].
     steady : callable

@@ -58,8 +58,8 @@ MEASURED = (int(GapSource.JOINT_STATES), int(GapSource.TF))
 LEAST_EXCESS = 0.05  #: Smallest excess over the force of the goal that the text of the outcome mentions [N].
 NEAR = 0.002  #: Largest distance from the commanded opening at which the gripper counts as there [m].
 ROUNDING = 1e-6  #: Rounding error of an opening that was computed from the gripper's own unit [m].
-#: Outcomes of a goal to close that are kept even if the gripper may still move by an unanswered command. Every other
-#: outcome becomes NOT_STOPPED in that case.
+#: Outcomes of a goal to close that are kept even if the gripper may still be moving because of an unanswered command.
+#: Every other outcome becomes NOT_STOPPED in that case.
 TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REFUSED, Outcome.REPLACED, Outcome.DUPLICATE)
 IN_DOUBT = 'the gripper may still be moving, because it did not confirm the end of an earlier command'
 NOT_ENDING = ('the gripper refuses to cancel an earlier command, and no measurement shows it at rest: provide its '
@@ -74,7 +74,7 @@ class _Run:
 
     handle: ServerGoalHandle
     opening: float = math.nan  #: commanded opening [m]
-    #: `Holding` after the result of the goal was given; None for a refused goal
+    #: `Holding` after the result of the goal was sent; None for a refused goal
     task: Widening | Closing | Holding | None = None
     #: True while the node listens for duplicates, or waits for the end of an earlier command
     waits: bool = True
@@ -107,7 +107,7 @@ class GripperNode(Node):
     """Serves the action `~/gripper_cmd`, which a client uses in place of the gripper's own action.
 
     A goal to close continues only while the messages on `grasp` allow it. Its status is ACCEPTED (in Lyrical EXECUTING)
-    until its result is known. A new goal replaces the goal before.
+    until its result is known. A new goal replaces the previous goal.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ class GripperNode(Node):
         self._timer.reset()
 
     def _decide(self, run: _Run) -> None:
-        """Decide whether the goal opens or closes the gripper from its present opening, or why it is refused."""
+        """Decide from the present opening whether the goal opens or closes the gripper, or refuse the goal."""
         now, present = self._steady(), self._opening()
         try:
             command = self._interface.command(run.handle.request)
@@ -319,7 +319,7 @@ class GripperNode(Node):
                     run.reason = NOT_ENDING if is_answered and not is_ended else ''
                     return end
                 self._client.forget()
-        self._decide(run)  # again, because the gripper may have moved meanwhile
+        self._decide(run)  # again, because the gripper may have moved in the meantime
         run.waits = False
         return run.outcome
 

@@ -258,7 +258,7 @@ def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
     """Return the full names of the nodes that publish ``topic`` with other message fields than ``node`` reads.
 
     The middleware matches publisher and subscription only by the name of the type. If the fields differ, values are
-    read from wrong places. The function compares the hashes of the type descriptions (REP 2011).
+    read from the wrong places. The function compares the hashes of the type descriptions (REP 2011).
 
     Parameters
     ----------

@@ -173,7 +173,7 @@ class HandOver:
             stage.call(publish)
 
     def _work_on_all(self) -> None:
-        """Work on waiting frames and shapes, once for each stage, so that a classifier has its turn in any case."""
+        """Work on waiting frames and shapes, once for each stage, so that a classifier always has its turn."""
         for stage in self._inputs.values():
             if not stage.takes_newest and stage.waits:
                 stage.work(stage.take())
@@ -183,8 +183,8 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     """Input of a stage. It takes results from a stage of this process or from a topic.
 
     The input subscribes to the topic unless a stage of this process is its only publisher. If another node also
-    publishes the topic, no result is used as soon as that node sends. Messages of this process that come back over the
-    topic are recognised by sequence number and stamp, and ignored.
+    publishes the topic, the input uses no result from the moment at which that node sends. Messages of this process
+    that come back over the topic are recognised by sequence number and stamp, and ignored.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         Parameters
         ----------
         result : Result
-            Result of the stage before.
+            Result of the previous stage.
         acquired : float
             Time when its taxels were acquired, by the steady clock [s]; -inf if not known.
         """
@@ -251,7 +251,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._hand_over.wake()
 
     def end_feeding(self) -> None:
-        """Note that the stage before is gone. From now on, every publisher of the topic counts as another source."""
+        """Note that the previous stage is gone. From now on, every publisher of the topic counts as another source."""
         self._is_fed = False
         self._own.clear()
 

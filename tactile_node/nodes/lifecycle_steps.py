@@ -34,7 +34,7 @@ class LifecycleSteps:
     Attributes
     ----------
     error : TactileError or None
-        Error of the last step; None after a success or an unforeseen exception.
+        Error of the last step; None after a success or an unexpected exception.
     """
 
     def __init__(self, node: Node):

@@ -29,7 +29,7 @@ class MessageHealth:
     Parameters
     ----------
     node : Node
-        Node that is reported.
+        Node whose health is published.
     subscriptions : sequence of GuardedSubscription
         Subscriptions of the node.
     settings : ReceiverSettings
@@ -69,7 +69,7 @@ def publish_status(node: Node, status: Callable[[], DiagnosticStatus]) -> None:
     """Publish a status on /diagnostics once a second, as long as the node exists.
 
     The stamp is the time of the node's clock. With use_sim_time and before the first message on /clock it is 0, but the
-    messages are published all the same.
+    messages are published anyway.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ logger = logging.getLogger(__name__)
 
 #: Values of the parameter gap_source.
 GAP_SOURCES = PARAMETER, JOINT_STATES, TF, NONE = 'parameter', 'joint_states', 'tf', 'none'
-#: By parameter, the sources that read it.
+#: Sources that read each parameter.
 READ_BY = {'gap': (PARAMETER,), 'gap_joints': (JOINT_STATES,), 'gap_frames': (TF,), 'gap_scale': (JOINT_STATES, TF),
            'gap_offset': (JOINT_STATES, TF)}
 #: Largest number of frames in the tree and in one message together, so that invented names cannot fill the memory.
@@ -62,7 +62,7 @@ class OpeningSource(Protocol):
 
 
 class ParameterOpening:
-    """Opening from the live parameter ``gap``. A value holds until it is set again; below 0 it is not known."""
+    """Opening from the live parameter ``gap``. A value holds until the next one; a negative value means not known."""
 
     def __init__(self, node: Node, steady: Callable[[], float]):
         self._steady = steady

@@ -1,4 +1,4 @@
-"""Spin nodes on a thread of their own, beside the thread that starts and watches them."""
+"""Spin nodes on a thread of their own, separate from the thread that starts and watches them."""
 
 import inspect
 import math
@@ -27,7 +27,7 @@ from tactile_node.threads import OnDeath, ReportedThread
 
 EVENTS_PERIOD = 1.0  #: Time between two checks of event handlers, and longest wait for entities [s].
 LONGEST_WAIT = 1.0  #: Longest wait of spin_once without a timeout [s].
-#: Largest number of failed waits in a row. A single wait fails if an entity was destroyed meanwhile.
+#: Largest number of failed waits in a row. A single wait fails if an entity is destroyed during the wait.
 MOST_FAILURES = 3
 
 

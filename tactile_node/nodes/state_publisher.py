@@ -37,7 +37,7 @@ class StatePublisher:
     """Publishes the state on both topics with the same stamp: when it changes (see `ChangePace`), and once a second.
 
     The publisher exists as long as its node. The stamp is the time of the node's clock. With use_sim_time and before
-    the first message on /clock it is 0, but the messages are published all the same.
+    the first message on /clock it is 0, but the messages are published anyway.
 
     Parameters
     ----------

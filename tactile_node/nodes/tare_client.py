@@ -72,7 +72,7 @@ class TareClient:
 
 @contextmanager
 def tare_client(namespace: str) -> Iterator[TareClient]:
-    """Give a client of the driver in ``namespace`` inside the block; '' is the root. Raises ConfigurationError."""
+    """Yield a client of the driver in ``namespace``; '' is the root namespace. Raises ConfigurationError."""
     with translate_rclpy_errors():
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = Node('tactile_tare', namespace=namespace)

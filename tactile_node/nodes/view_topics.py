@@ -78,7 +78,7 @@ class TaxelViews:
     depth : int
         Depth of the queues [messages].
     full_scale : float
-        Reading with the brightest colour; see `ColourScale`.
+        Reading shown in the brightest colour; see `ColourScale`.
     """
 
     def __init__(self, node: Node, depth: int, full_scale: float):
@@ -109,7 +109,7 @@ class ShapeView:
     depth : int
         Depth of the queue [messages].
     full_scale : float
-        Reading with the brightest colour; see `ColourScale`.
+        Reading shown in the brightest colour; see `ColourScale`.
     """
 
     def __init__(self, node: Node, depth: int, full_scale: float):

@@ -28,7 +28,7 @@ class PadFrame(NamedTuple):
 
     @classmethod
     def of(cls, frame: TaxelFrame, taxels: Taxels, frame_id: str) -> 'PadFrame':
-        """Return a frame with its numbers rounded as in the message, so that both ways give the same result."""
+        """Return a frame whose numbers are rounded as in a message, so that calls and messages give equal results."""
         layer = None if taxels.layer is None else Layer(*map(single, taxels.layer))
         return cls(Header(stamp=time_message(frame.stamp), frame_id=frame_id), frame.sequence,
                    np.ascontiguousarray(frame.values, np.float32), np.ascontiguousarray(frame.status, np.uint8),
@@ -95,7 +95,7 @@ def find_in(frame: PadFrame, pipeline: ContactPipeline) -> FoundContact:
 
 def contact_message(contact: PadContact) -> Contact:
     frame, (pattern, visibility, taxels, smallest_contact) = contact.frame, contact.found
-    left = pattern.hidden & np.isfinite(frame.values)  # left over from a contact: FAULTY and without a value
+    left = pattern.hidden & np.isfinite(frame.values)  # left over from a contact, so FAULTY and without a value
     status = np.where(left, TaxelStatus.FAULTY, frame.status) if left.any() else frame.status
     message = Contact(
         header=frame.header, sequence=frame.sequence, state=pad_state(contact.found), left_out=contact.left_out,

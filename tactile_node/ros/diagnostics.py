@@ -57,7 +57,7 @@ class BusDiagnostics:
         self._hardware_id = hardware_id
         self._window = window
         self._steady = steady
-        self._looks: deque[Look] = deque()  # in ascending order; the first one is compared with
+        self._looks: deque[Look] = deque()  # in ascending order; the first one is the reference
 
     def evaluate(self, counts: BusStatistics, health: BusHealth,
                  conditions: Mapping[str, PadCondition]) -> tuple[Finding, ...]:

@@ -44,7 +44,7 @@ def _grasp_codes(message: Grasp) -> RejectReason | None:
 
 
 def _grasp_states(message: Grasp) -> RejectReason | None:
-    """Check that ``contact`` follows from the states of the sides, and that freshness and stability fit to them."""
+    """Check that ``contact`` follows from the states of the sides, and that freshness and stability agree with them."""
     left, right = map(SideState, message.side_states)
     if left is right is SideState.NOT_KNOWN:  # a default-constructed message, which says nothing
         return RejectReason.INCONSISTENT

@@ -24,11 +24,13 @@ from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import SHAPES
 from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, GraspSides, RequirementState
 
-MOST_HIDDEN = 0.25  #: fraction of hidden taxels, in a contact or in the ring around it; 3 % of dead taxels hide less
+#: Fraction of hidden taxels, in a contact or in the ring around it, above which the contact counts as largely hidden.
+#: With 3 % of dead taxels, the fraction stays below it.
+MOST_HIDDEN = 0.25
 NUMBER_OF_NAME = {shape.value: code for code, shape in SHAPE_OF_NUMBER.items()}  #: class name -> code
 #: code -> name of the shapes that a requirement may ask for
 REQUIRABLE = {code: shape.value for code, shape in SHAPE_OF_NUMBER.items() if shape in SHAPES}
-LONGEST = 3600.0  #: longest timeout of a goal [s]; a longer one is taken for a mistake
+LONGEST = 3600.0  #: longest timeout of a goal [s]; a longer one is refused as a mistake
 NANOSECONDS = 10**9
 
 
@@ -95,7 +97,7 @@ def face_of(message: ContactShape) -> Face:
 
 
 def _face_fit(message: ContactShape) -> FaceFit | None:
-    """Return the fit with its standard deviations, or None without them, because it could not be weighted."""
+    """Return the fit with its standard deviations, or None without them, because such a fit cannot be weighted."""
     if not message.fit_valid or not message.dimension_names:
         return None
     of_each = dict(zip(message.parameter_names, map(float, message.standard_deviations)))
@@ -209,7 +211,7 @@ def requirement_of(message: GraspRequirement, known_names: Collection[str] = ())
     Raises
     ------
     RefusedRequirementError
-        If a limit is not valid, or if no recogniser reports a required shape, so that a goal would wait in vain.
+        If a limit is not valid, or if no recogniser reports a required shape, so that a goal could never be met.
     """
     if len(message.shapes) + len(message.class_names) > 2 * MOST_REQUIRED:  # checked before the names are processed
         raise _refused(RequirementRefusal.TOO_MANY_SHAPES, f'at most {MOST_REQUIRED} shapes',

@@ -33,9 +33,9 @@ class GripperSettings(ReceiverSettings):
                                       0.02, 60)
     widest: float = parameter(LIMITS.widest, 'opening of the open gripper [m]; a goal of this opening or more opens '
                               'the gripper, unless it is measured to be wider', 1e-3, HIGHEST_GAP)
-    fast_speed: float = parameter(LIMITS.fast_speed, 'speed of the opening until the first touch [m/s]; with a '
+    fast_speed: float = parameter(LIMITS.fast_speed, 'closing speed until the first touch [m/s]; with a '
                                   "GripperCommand, the gripper's own speed", 1e-5, 10)
-    slow_speed: float = parameter(LIMITS.slow_speed, 'speed of the opening after the first touch, or below slow_from '
+    slow_speed: float = parameter(LIMITS.slow_speed, 'closing speed after the first touch, or below slow_from '
                                   '[m/s]', 1e-5, 10)
     slow_from: float = parameter(LIMITS.slow_from, 'opening below which the gripper closes slowly [m]; 0: only after '
                                  'the first touch', 0, HIGHEST_GAP)

@@ -1,11 +1,11 @@
 """The field `age` of the chain's messages: the time since the acquisition, added up over the stages by steady clocks.
 
-Each stage adds the time for which a message was held back on its way, and its own processing time. The stamp stays that
-of the taxels. No synchronised clocks are needed. `InputAge` notes when each message of a subscription arrives. Data
-that are passed on within one process carry the time of their acquisition.
+Each stage adds the time for which a message was held back on its way, and its own processing time. The stamp remains
+that of the taxels. No synchronised clocks are needed. `InputAge` notes when each message of a subscription arrives.
+Data that are passed on within one process carry the time of their acquisition.
 
 A blocked node reads its queue late. `arrived` is then called late too, so the time in the queue counts as held back.
-The time stamps of DDS are not used, because they are by the wall clock and only of the last sender.
+The time stamps of DDS are not used, because they use the wall clock and cover only the last sender.
 
 An age is *not known* (`math.inf`, in a message the longest Duration) until the smallest delay is settled, about 0.5 s
 after each stage has received its first messages. Stages settle one after another, because no stage can measure with an
@@ -26,14 +26,16 @@ from std_msgs.msg import Header
 from tactile_node.ros.settings import NodeSettings
 from tactile_node.ros.time_messages import duration_message, seconds
 
-WINDOW = 30.0  #: time for which the smallest difference is kept [s]; then a slower path, or a set clock, is normal
+#: Time for which the smallest difference is kept [s]. After it, a slower path or a set clock counts as normal.
+WINDOW = 30.0
 BUCKETS = 30  #: number of parts of the window; each part is forgotten as a whole
-SETTLING_TIME = 0.5  #: time with messages, and without a fall of the smallest difference, after which it is settled [s]
-SETTLING_TOLERANCE = 0.02  #: while settling, a smaller fall is jitter of the path [s]
-#: Once settled, a smaller fall [s] comes from a message that was faster than all earlier ones. The earlier messages
-#: were older by this time than they seemed; the later ones are measured correctly.
+#: Time for which messages must arrive, without a decrease of the smallest difference, until it is settled [s].
+SETTLING_TIME = 0.5
+SETTLING_TOLERANCE = 0.02  #: while settling, a smaller decrease counts as jitter of the path [s]
+#: Once settled, a smaller decrease [s] comes from a message that was faster than all earlier ones. The earlier messages
+#: were older than they seemed by this time; later messages are measured correctly.
 SETTLED_ERROR = 0.05
-DRIFT = 1e-3  #: relative rate; a slower fall is the drift or the slewing of a clock
+DRIFT = 1e-3  #: relative rate; a slower decrease comes from a clock that drifts or is slewed
 LONGEST_GAP = 0.1  #: longest silence that counts towards SETTLING_TIME [s]
 
 
@@ -67,8 +69,8 @@ class DelayEstimator:
 
     def _restart(self) -> None:
         self._least: deque[tuple[int, float]] = deque()  # (bucket, smallest difference from it on), both ascending
-        self._reference = inf  # value below which the smallest difference must not fall by more than the tolerance
-        self._covered = 0.0  # time with messages since the last such fall
+        self._reference = inf  # value below which the smallest difference may decrease by at most the tolerance
+        self._covered = 0.0  # time with messages since the last such decrease
 
     def update(self, arrival: float, sent: float) -> Delay:
         """Process a message and return its delay.
@@ -103,7 +105,7 @@ class DelayEstimator:
         return self._least[0][1]
 
     def _follow(self, least: float, gap: float) -> None:
-        """Start settling again after a fall; ``gap`` is the time since the last message [s]."""
+        """Start settling again after a decrease; ``gap`` is the time since the last message [s]."""
         reference = self._reference - DRIFT * gap
         is_settled = self._covered >= SETTLING_TIME
         if least < reference - (SETTLED_ERROR if is_settled else SETTLING_TOLERANCE):
@@ -117,7 +119,7 @@ class DelayEstimator:
 class MeasurementTime:
     """Finds the time of measurement for the messages of one sender.
 
-    The sender publishes a measurement at once or not at all, or repeats it.
+    The sender publishes a measurement at once or not at all, and may repeat it.
 
     Parameters
     ----------

@@ -2,9 +2,9 @@
 
 The rules for a TaxelArray are in `skin/taxel_array.py`, because they also hold for bags.
 
-DDS guarantees the types of the fields, but any node can publish on these topics, and fields may not fit together. Sizes
-are checked first. No check therefore costs more than the message itself, and no memory is allocated for a size that a
-message claims.
+DDS guarantees the types of the fields, but any node can publish on these topics, and fields may contradict each other.
+Sizes are checked first. No check therefore costs more than the message itself, and no memory is allocated for a size
+that a message only claims.
 """
 
 import math
@@ -46,7 +46,7 @@ Check = Callable[[Message], RejectReason | None]
 
 
 def check_contact(message: Contact) -> RejectReason | None:
-    """Check the taxels as `check_taxel_array` does, and that labels, counts and state are consistent."""
+    """Check the taxels as `check_taxel_array` does, and check that labels, counts and state are consistent."""
     return (check_grid(message.rows, message.cols, len(message.values), len(message.status), len(message.labels))
             or (RejectReason.TOO_LARGE if len(message.contact_taxels) > len(message.labels) else None)
             or check_scale(message.unit, message.pitch)
@@ -158,7 +158,7 @@ def _counts(message: ContactShape) -> RejectReason | None:
 
 
 def _place(message: ContactShape) -> RejectReason | None:
-    """Check place and fit. A shape without taxels is allowed, for an unseen pad; it has no place and no fit."""
+    """Check place and fit. An unseen pad may have a shape without taxels, which has no place and no fit."""
     is_none = message.shape == ContactShape.NONE
     if any(map(math.isinf, message.pressure_slope)):
         return RejectReason.NOT_FINITE

@@ -17,7 +17,7 @@ from tactile_node.ros.message_health import MessageCounts, dropped_since, droppe
 from tactile_node.skin.taxel_array import RejectReason, check_finite, check_time
 
 if TYPE_CHECKING:
-    from sensor_msgs.msg import JointState  # 40 ms, which only a grasp node that needs it pays
+    from sensor_msgs.msg import JointState  # the import takes 40 ms, and not every grasp node needs it
 
 QUATERNION_TOLERANCE = 1e-2  #: allowed error of a quaternion's length, as in tf2
 

@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter as RosParameter
 from tactile_node.errors import ConfigurationError
 from tactile_node.ros.settings import NodeSettings, Parameter, table
 
-SIMILAR = 0.8  #: similarity of two names from which on one is taken for the other, misspelt
+SIMILAR = 0.8  #: similarity at which an unknown name counts as a misspelling of a known one
 
 Settings = TypeVar('Settings', bound=NodeSettings)
 
@@ -80,7 +80,7 @@ def follow_changes(node: Node, settings: type[Settings], check: Callable[[Settin
     check
         Raises ConfigurationError to refuse new values; it must change nothing.
     apply
-        Applies the values of all parameters after any of the node was set; it must not raise.
+        Applies the values of all parameters after any parameter of the node was set; it must not raise.
     """
     def on_set(parameters: list[RosParameter]) -> SetParametersResult:
         try:

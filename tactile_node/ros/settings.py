@@ -134,7 +134,7 @@ class DriverSettings(NodeSettings):
                                          'nodes send one every heartbeat_period', 0.3, 60, live=True)
     recover: bool = parameter(True, 'true: reopen a failed bus, and configure and start restarted devices; false: only '
                               'report faults')
-    tare_limit: float = parameter(0.0, 'reading from which on a taxel counts as pressed when a tare is requested '
+    tare_limit: float = parameter(0.0, 'reading at which a taxel starts to count as pressed when a tare is requested '
                                   f'[unit of the taxels]; 0: by the unit ({TARE_LIMIT_BY_UNIT["Pa"] / 1e3:g} kPa, '
                                   f'{TARE_LIMIT_BY_UNIT["N"]:g} N). A contact is refused whatever the limit', 0, 1e9,
                                   live=True)
@@ -163,7 +163,7 @@ class DriverSettings(NodeSettings):
 
 @dataclass(frozen=True)
 class ProcessorSettings(ReceiverSettings):
-    press_threshold: float = parameter(0.0, 'reading from which on a taxel is pressed [unit of the taxels]; 0: a taxel '
+    press_threshold: float = parameter(0.0, 'reading at which a taxel becomes pressed [unit of the taxels]; 0: a taxel '
                                        'is pressed if it stands out of the noise (at least '
                                        f'{LEAST_BY_UNIT["Pa"] / 1e3:g} kPa, {LEAST_BY_UNIT["N"]:g} N) and reads half '
                                        f'of the level of its contact; on/off taxels from {PRESS_BY_UNIT["1"]:g} on', 0,

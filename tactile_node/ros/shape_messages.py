@@ -30,7 +30,7 @@ def number_of(shape: ShapeClass) -> int:
 
 
 class PadShape:
-    """The shape on a pad as a message. Its box takes as long as the rest, so it is computed only when it is read.
+    """The shape on a pad as a message. The box takes as long as all the rest, so it is computed only when read.
 
     Parameters
     ----------

@@ -16,8 +16,8 @@ from unique_identifier_msgs.msg import UUID
 from tactile_node.ros.gripper_messages import PARALLEL, Command, GripperState, gripper_interface
 from tactile_skin.msg import GripperOutcome
 
-OUTCOME_WAIT = 1.0  #: time after the result for which the outcome is awaited [s]; then it counts as lost
-LOOK_PERIOD = 0.005  #: period at which the end of a goal is checked [s]
+OUTCOME_WAIT = 1.0  #: time for which the client waits for the outcome after the result [s]; then it counts as lost
+LOOK_PERIOD = 0.005  #: time between two checks for the end of a goal [s]
 
 
 class TouchEnding(NamedTuple):
@@ -46,7 +46,7 @@ class TouchGoal:
         return TouchEnding(*self._result, self.outcome) if self._result is not None and is_known else None
 
     def cancel(self) -> Any:
-        """Cancel the goal, which must have been accepted; return the future of rclpy."""
+        """Cancel the goal, which must have been accepted; return rclpy's future."""
         return self.handle.cancel_goal_async()
 
     def _accept(self, handle: Any, state: Callable[[Any], GripperState]) -> None:

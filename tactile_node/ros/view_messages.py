@@ -55,7 +55,7 @@ class ContactMarkers:
         self._scale = scale
         self._palette = [ColorRGBA(r=r, g=g, b=b, a=1.0) for r, g, b in (RGB_TABLE / 255.0).tolist()]
         self._grid: tuple[int, int, float] | None = None
-        self._centres: list[Point] = []  # taxel centres of _grid; kept, since making 256 takes longer than all the rest
+        self._centres: list[Point] = []  # taxel centres of _grid; kept, because making them takes most of the time
 
     def message(self, contact: Contact, shape: ContactShape, lifetime: float) -> MarkerArray:
         """Return the markers of a contact.
@@ -175,7 +175,7 @@ class MarkerLifetime:
     """Computes the lifetime of markers from the time between messages.
 
     A viewer measures lifetimes by its own clock: the clock of the log in a replay with use_sim_time, else the steady
-    clock. The longer of both times counts. Of the last two intervals, the shorter one counts, so that an outage does
+    clock. The longer of the two times counts. Of the last two intervals, the shorter one counts, so that an outage does
     not prolong the lifetime of the markers after it.
     """
 

@@ -201,7 +201,7 @@ class Entry(NamedTuple):
 
 
 class EdsText:
-    """Sections and keys of an EDS with their lines; upper and lower case are not distinguished."""
+    """Sections and keys of an EDS with their lines; their names are not case-sensitive."""
 
     def __init__(self, eds: str):
         self.eds = eds

@@ -1,7 +1,7 @@
 """Check that an EDS and a skin layout agree, and that the EDS correctly declares the objects that the driver sets.
 
 canopen truncates each value that it reads to the size declared in the EDS. If an object is declared with too few bits
-or with another type, the driver could therefore take it for already set.
+or with another type, the driver could therefore conclude wrongly that the object is already set.
 """
 
 from collections.abc import Callable, Iterator

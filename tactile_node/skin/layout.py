@@ -16,7 +16,7 @@ SWEEP_SHARE = 0.45
 
 @dataclass(frozen=True)
 class EventDriven:
-    """How a device sends without SYNC (CiA 301, transmission types 254 and 255). Times are in seconds."""
+    """Settings of a device that sends without SYNC (CiA 301, transmission types 254 and 255). Times are in seconds."""
 
     transmission_type: int
     event_timer: float  #: longest time between two transmissions of a TPDO; 0 switches the timer off
@@ -187,7 +187,7 @@ class TpdoLayout:
 
 @dataclass(frozen=True)
 class DomainLayout:
-    """A DOMAIN object (CiA 301) with all taxels of one sample. It is read by SDO, as a block if the device can."""
+    """A DOMAIN object (CiA 301) with all taxels of one sample. It is read by SDO, in blocks if the device can."""
 
     index: int
     subindex: int
@@ -202,7 +202,7 @@ SIDES = {'first_row': SkinSide.FIRST_ROW, 'last_row': SkinSide.LAST_ROW, 'first_
 
 @dataclass(frozen=True)
 class SkinLayout:
-    """Taxels of a pad and the TPDOs, in the order in which the device sends them, or the DOMAIN that carry them."""
+    """Taxels of a pad, and the TPDOs that carry them, in the order of the device, or the DOMAIN that carries them."""
 
     source: str  #: path of the layout file, for messages
     rows: int

@@ -57,7 +57,7 @@ def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> LivePad:
 
 
 def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[str] = ()) -> tuple[PadSettings, ...]:
-    """Return pads without an EDS, as a log needs them.
+    """Return pads without an EDS, which is enough for a log.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
 
 
 def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> tuple[LivePad, ...]:
-    """Return the pads with their EDS, as a live bus needs them, and check that EDS and layout agree.
+    """Return the pads with their EDS, which a live bus needs, and check that EDS and layout agree.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -
 def identities_of(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> dict[str, Identity]:
     """Return the identity in the EDS of each pad, by pad name.
 
-    A log needs no EDS, so a pad without an EDS beside its layout is left out.
+    A log needs no EDS, so a pad without an EDS next to its layout is left out.
 
     Parameters
     ----------

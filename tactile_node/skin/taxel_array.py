@@ -29,7 +29,7 @@ class RejectReason(IntEnum):
     UNKNOWN_UNIT = 1  #: the unit is not "Pa", "N" or "1"
     NO_TAXELS = 2  #: rows or cols is 0, as in a default-constructed message
     TOO_LARGE = 3  #: more rows, columns or features than any skin has
-    WRONG_LENGTH = 4  #: the length of an array does not fit rows * cols, the classes or the names of its elements
+    WRONG_LENGTH = 4  #: the length of an array does not match rows * cols, the classes or the names of its elements
     WRONG_PITCH = 5  #: the pitch is not a length > 0
     UNKNOWN_CODE = 6  #: a number is not defined in its enumeration
     NOT_FINITE = 7  #: a number is NaN or infinite where a finite one is needed
@@ -41,7 +41,7 @@ class RejectReason(IntEnum):
     IMPLAUSIBLE_OPENING = 13  #: no gripper opens that far: the sign, scale or offset is wrong
     STAMP_AHEAD = 14  #: the stamp is far ahead of all earlier ones: a false message, or a clock that was set forward
     WRONG_SEQUENCE = 15  #: this sequence number is not possible yet
-    OTHER_TYPE = 16  #: a publisher uses another version of the message, so values are read from wrong places
+    OTHER_TYPE = 16  #: a publisher uses another version of the message, so values are read from the wrong places
     OTHER_SOURCE = 17  #: two sources publish on the topic, and it is not known which one is right
 
     @property
@@ -53,7 +53,7 @@ class RejectReason(IntEnum):
 def check_taxel_array(message: Any) -> RejectReason | None:
     """Return the reason why a TaxelArray must be dropped, or None if it can be used.
 
-    The function checks sizes, unit, pitch, codes and stamps. A taxel must have a finite value exactly if its status
+    The function checks sizes, unit, pitch, codes and stamps. A taxel must have a finite value if and only if its status
     code says so. Fields that the message definition in a bag lacks are treated as not known.
     """
     return (check_grid(message.rows, message.cols, len(message.values), len(message.status))
@@ -89,7 +89,7 @@ def check_codes(codes: Sequence[int], last: int) -> RejectReason | None:
 
 
 def check_taxels(values: Sequence[float], status: Sequence[int]) -> RejectReason | None:
-    """Check that a taxel has a value exactly if its status code says so.
+    """Check that a taxel has a value if and only if its status code says so.
 
     Otherwise a value without a suitable code would be used as valid, and NaN with VALID would look like an error of
     this package.

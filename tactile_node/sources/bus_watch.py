@@ -15,7 +15,7 @@ from tactile_node.sources.node_traffic import BusSeen
 
 
 class OverloadWatch:
-    """Detects overload of this process. If it is too slow, data that seem to be missing may just wait to be processed.
+    """Detects overload of this process. Data that seem to be missing may then be waiting to be processed.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class OverloadWatch:
             self._see(Overload.STALLED, now)
 
     def waited(self, now: float, since: float) -> None:
-        """Note that this process waited ``since`` [s] for another thread, and may not have run meanwhile.
+        """Note that this process waited ``since`` [s] for another thread, and may not have run during that time.
 
         This is not an overload, but no measurement is possible either.
         """
@@ -56,7 +56,7 @@ class OverloadWatch:
             self._excused = self.ran_again = now
 
     def is_excused(self, now: float) -> bool:
-        """Return True if data that seem to be missing may just wait to be processed."""
+        """Return True if data that seem to be missing may only be waiting to be processed."""
         return self.kind.is_fault or now - self._excused <= 2 * self.limit
 
     def update(self, now: float, dropped: int) -> Overload:
@@ -86,7 +86,7 @@ class SyncWatch:
 
     If this driver produces SYNC, every received SYNC comes from another producer. Otherwise the period of the received
     SYNCs is measured. It counts as wrong if two windows in a row show a wrong period, because the first window may
-    begin before the producer does.
+    begin before the producer starts.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class SyncWatch:
         self._period = period
         self._received = 0
         self._foreign_at: float | None = None
-        self._begun: tuple[float, int] | None = None  # begin of the window, number of SYNCs until then
+        self._begun: tuple[float, int] | None = None  # start of the window, number of SYNCs until then
         self._was_other = False
         self.state = SyncState()
 
@@ -165,8 +165,8 @@ class BusWatch:
         self._pads = len(pads)
         self._planned_load = planned_load((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._bitrate = settings.bitrate
-        self._window: tuple[float, int] | None = None  # begin of the load's window, number of bits until then
-        #: load from 0 to 1 in the last complete window, with the worst case of bit stuffing; the real load is about a
+        self._window: tuple[float, int] | None = None  # start of the load's window, number of bits until then
+        #: load from 0 to 1 in the last complete window, with worst-case bit stuffing; the real load is about a
         #: fifth lower
         self.load = 0.0
         self.sync = SyncWatch(settings.produce_sync, settings.sync_period)
@@ -177,7 +177,7 @@ class BusWatch:
         self._overload_reminder = Reminder()
 
     def opened(self) -> None:
-        """Log the planned load when the bus was opened for the first time, if that load is high."""
+        """Log the planned load if it is high, when the bus is opened for the first time."""
         if self._planned_load > MOST_LOAD:
             logger.warning('By layouts and sync_period %s. Raise sync_period, or move some pads to another bus.',
                            load_text(self._planned_load, self._pads), extra={'fact': self._planned_load})

@@ -26,7 +26,7 @@ logger = logging.getLogger(__name__)
 class LogSource:
     """A log as a FrameSource.
 
-    ``stop`` pauses the log, and ``start`` continues at the next CAN frame. The log is not played on if its set-up
+    ``stop`` pauses the log, and ``start`` continues at the next CAN frame. The source stops playing a log whose set-up
     contradicts the layout or the identity in the EDS.
 
     Parameters
@@ -48,7 +48,7 @@ class LogSource:
     on_time
         Called with the stamp [s] of each CAN frame before it is played.
     eds
-        EDS of each pad, or one for all pads; '' stands for the EDS beside the layout.
+        EDS of each pad, or one for all pads; '' stands for the EDS next to the layout.
     any_device
         True to play the log in spite of a contradiction.
     on_message
@@ -162,7 +162,7 @@ class LogSource:
                 yield message
             if not self._loop or first is None or last is None:
                 return
-            self._router.end()  # else the first CAN frames of the log would complete its last sweep
+            self._router.end()  # otherwise the first CAN frames of the log would complete its last sweep
             self._unread += self.reader.unread
             shift += last - first
 
@@ -237,7 +237,7 @@ class LogSource:
 
 
 def _of_pads(pads: Sequence[PadSettings]) -> set[int]:
-    """Return the COB-IDs, besides those of taxels, that must come from a single bus."""
+    """Return the COB-IDs, other than those of taxels, that must come from a single bus."""
     nodes = [node_id for pad in pads for node_id in pad.node_ids]
     return {pad.layout.sync_cob_id for pad in pads} | {
         base + node_id for base in (HEARTBEAT, SDO_REQUEST, SDO_RESPONSE) for node_id in nodes}

@@ -15,7 +15,7 @@ from tactile_node.sources.node_traffic import BusSeen, NodeTraffic
 from tactile_node.sources.outage import Attempts, OutageClock
 from tactile_node.taxel_frame import TaxelFrame
 
-OVERLOAD_PATIENCE = 10  #: factor by which a node may be silent longer while this process is overloaded
+OVERLOAD_PATIENCE = 10  #: factor by which the allowed silence grows while this process is overloaded
 
 
 class Setup(NamedTuple):
@@ -55,12 +55,12 @@ class NodeMonitor:
         self.retry_reminder = Reminder()
         self._emergency_reminder = Reminder()
         self.fault = NodeFault.NOT_KNOWN
-        self.distrusted = 0  #: number of taxel frames given without values, because the node was not configured
+        self.distrusted = 0  #: number of taxel frames emitted without values, because the node was not configured
         self._emergencies_reported = 0
         self._configured: Setup | None = None
         self.trusted_from = 0.0  #: time before which the node's TPDOs may have another meaning
         self._since = 0.0  # time when the bus was opened, or when this process ran again
-        self._excuses = 0  # number of stalls since the node was last heard
+        self._excuses = 0  # number of stalls since the last message of the node
         self._commanded = 0.0  # time of the last command
         self._sync_at = 0.0
         self.data_at = 0.0  #: time when the last taxels were received
@@ -89,7 +89,7 @@ class NodeMonitor:
 
     @property
     def is_trusted(self) -> bool:
-        """True if the TPDOs mean what the layout says: since its set-up, the node neither restarted nor was changed."""
+        """True if the TPDOs match the layout, because the node was neither restarted nor changed since its set-up."""
         return self._configured == self.setup
 
     def untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
@@ -173,7 +173,7 @@ class NodeMonitor:
         return pad.used_by_node[self.node.position] > self._used_then
 
     def is_emergency_due(self, now: float) -> bool:
-        """Return True if an EMCY must be reported now, and note the report. Reports become ever rarer."""
+        """Return True if an EMCY must be reported now, and note the report. The interval between reports grows."""
         count = self._monitor.emergencies[self.node.node_id].count
         if count == self._emergencies_reported or not self._emergency_reminder.is_due('EMCY', now):
             return False
@@ -224,7 +224,7 @@ class NodeMonitor:
         if is_silent:  # heartbeat and data may have stopped together; half of the timeout tells them apart
             has_still = now - self.data_at <= self._data_timeout / 2 or self._is_overloaded
             return NodeFault.NO_HEARTBEAT if is_active and has_still else NodeFault.SILENT
-        # A node has three heartbeats, but at least 0.3 s, to execute a command and to report its new state.
+        # A node has three heartbeat times, but at least 0.3 s, to execute a command and to report its new state.
         if not is_active or now - self._commanded < max(0.3, 3 * (self._heartbeat_time or 0.0)):
             return NodeFault.NONE
         if self._heard.state != NmtState.OPERATIONAL:

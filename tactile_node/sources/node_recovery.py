@@ -30,7 +30,7 @@ WAITED_FOR = (NodeFault.NO_SYNC, NodeFault.TWO_SENDERS)  #: faults that no reque
 
 
 class NodeRecovery:
-    """Configures and recovers the nodes of a bus. It is called by one thread at a time.
+    """Configures and recovers the nodes of a bus. Only one thread at a time may call it.
 
     Nodes are configured in parallel. An SDO transfer mostly waits for its device, and an absent device must not delay
     the others.
@@ -101,7 +101,7 @@ class NodeRecovery:
     def _absence(self, monitor: NodeMonitor, timeout: float) -> DeviceAbsentError | None:
         """Configure a node; return the error if it does not answer. Other errors are raised."""
         try:
-            self._configure(monitor, timeout, 3)  # several tries, because a device may restart meanwhile
+            self._configure(monitor, timeout, 3)  # several tries, because a device may restart during the configuration
         except DeviceAbsentError as error:
             return error
         return None
@@ -164,7 +164,7 @@ class NodeRecovery:
                          extra={'fact': monitor.device_errors})
 
     def _configure(self, monitor: NodeMonitor, timeout: float, tries: int = 1, pause: bool = True) -> None:
-        """Configure a node. If it restarts meanwhile, configure it again, up to ``tries`` times in all."""
+        """Configure a node. If it restarts before the end, configure it again, up to ``tries`` times in all."""
         for _ in range(tries):
             setup = monitor.setup
             heartbeat_time = self._bus.configure_node(monitor.node, timeout, pause)

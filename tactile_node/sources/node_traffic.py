@@ -78,7 +78,7 @@ class SurplusTpdos(CountWindow):
     """
 
     def update(self, now: float, syncs: int, received: Sequence[int], delay: float) -> tuple[int, ...]:
-        """Return the indices of such TPDOs, from the numbers of SYNCs and of received TPDOs so far."""
+        """Return the indices of the surplus TPDOs, from the numbers of SYNCs and of received TPDOs so far."""
         self.look(now, (syncs, *received), delay / LOOKS_IN_WINDOW, 3 * delay)
         looks = self._looks
         _, (_, *then) = next(look for look in looks if now - look[0] <= 2 * delay or look is looks[-1])
@@ -115,7 +115,7 @@ class HeartbeatWatch(CountWindow):
 
 
 class BusSeen(NamedTuple):
-    """Counts of a bus so far, besides taxels."""
+    """Counts of a bus so far, other than those of its taxels."""
 
     syncs: int
     foreign_syncs: int = 0  #: SYNCs from other devices while this driver produces SYNC
@@ -145,7 +145,7 @@ class NodeTraffic:
         self._signs = 0  # number of heartbeats and TPDOs at the last look
         self._signs_at = 0.0  # time when this number last changed
         self._measured_from = 0.0  # time before which received frames may be a backlog
-        self.missing: tuple[SentTpdo, ...] = ()  #: TPDOs that bring no taxels while others do
+        self.missing: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while others do
         self.surplus: tuple[SentTpdo, ...] = ()  #: TPDOs that are received more often than SYNC
         self.order: TpdoOrder | None = None  #: order in which the node sends; None if it is that of the layout
 

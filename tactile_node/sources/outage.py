@@ -78,10 +78,10 @@ RECURRING = (NodeFault.RECONFIGURED, NodeFault.TPDO_MISSING, NodeFault.NO_HEARTB
 
 
 class Attempts(Backoff):
-    """Decides when to attend to a node's fault: to a new fault at once, to a lasting one ever more rarely.
+    """Decides when to attend to a node's fault: at once if it is new, then at growing intervals.
 
-    If a fault of RECURRING returns soon after an attempt, it counts as the same fault: two masters may write one object
-    in turn.
+    If a fault of RECURRING returns soon after an attempt, it counts as the same fault: two masters may write to one
+    object in turn.
 
     >>> attempts = Attempts()
     >>> for now in (0.0, 1.0, 2.0):

@@ -1,4 +1,4 @@
-"""Supervise a skin bus: detect the faults of bus and nodes, recover from them, and log what is waited for.
+"""Supervise a skin bus: detect the faults of bus and nodes, recover from them, and log what the driver is waiting for.
 
 There are two levels. If a bus fails (adapter gone, network down, bus-off), it is closed and opened again, with
 everything that belongs to it, until it works. If a node has restarted, is silent, is not OPERATIONAL or sends no
@@ -184,12 +184,12 @@ class Supervisor:
                 ended = time.monotonic() if self._closing.is_set() else self._attend(woken - ended - ROUND_PERIOD)
 
     def _attend(self, late: float) -> float:
-        """Do one round, which began ``late`` [s]. No exception ends the rounds.
+        """Do one round, which began ``late`` [s] after its due time. No exception ends the rounds.
 
         Returns
         -------
         float
-            Time of the look at the bus, or the end of longer work [s].
+            Time of the check of the bus, or of the end of a recovery [s].
         """
         try:
             self._watch.look_at_traffic(time.monotonic())
