@@ -100,7 +100,7 @@ class FrameSource(Protocol):
         """Release the bus or the log. This is allowed in every state and may be repeated."""
 
     def age(self, stamp: float) -> float:
-        """Return the time since a frame was acquired, or played from a log, by the steady clock [s].
+        """Return the time since a frame was acquired, or played from a log, on the steady clock [s].
 
         Parameters
         ----------

@@ -38,7 +38,7 @@ class NodeFault(Fault):
 
 @unique
 class BusFault(Fault):
-    """Reason why a bus or a log gives no taxels. The codes are those of SkinStatus.msg."""
+    """Reason why a bus or a log delivers no taxels. The codes are those of SkinStatus.msg."""
 
     NOT_KNOWN = 0, 'the fault is not known'
     NONE = 1, 'no fault'

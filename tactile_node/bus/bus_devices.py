@@ -226,7 +226,7 @@ class BusDevices:
         Raises
         ------
         DeviceError
-            If the node does not become OPERATIONAL in time. The message gives the errors that the device reports.
+            If the node does not become OPERATIONAL in time. The message lists the errors that the device reports.
         BusError
             If a command or request cannot be sent.
         """

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 DEFAULT_INTERFACE = 'socketcan'
 DEFAULT_CHANNEL = 'can0'
-DEFAULT_BITRATE = 1_000_000  #: Bit rate if the user gives none [bit/s].
+DEFAULT_BITRATE = 1_000_000  #: Bit rate unless the user sets one [bit/s].
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
     Raises
     ------
     DeviceError
-        If the object cannot be read or does not have the length that the layout gives.
+        If the object cannot be read or does not have the length that the layout specifies.
     """
     where = f'{label}, object 0x{domain.index:04X} sub {domain.subindex}'
     read, is_block = None, False

@@ -151,7 +151,7 @@ class Traffic:
         return after + lead, until + lead
 
     def _most_free(self, batch: Batch, is_gap: bool) -> float:
-        """Return an upper bound of the time for which the bus was free before this batch, by the steady clock [s].
+        """Return an upper bound of the time for which the bus was free before this batch, on the steady clock [s].
 
         The bound is 0 if frames before this batch may be missing (``is_gap``).
         """

@@ -71,7 +71,7 @@ def number(text: str, option: str, kind: type = float, *, least: float = 0, abov
     Raises
     ------
     ConfigurationError
-        If the text is not a number of this kind, or the number is out of its range.
+        If the text is not a number of this kind, or the number is out of range.
 
     Examples
     --------

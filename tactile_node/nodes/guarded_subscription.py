@@ -88,7 +88,7 @@ class GuardedSubscription(Generic[Message]):
         self._age = InputAge(lossless=is_lossless(qos), steady=steady)
         self._arrival: Arrival | None = None  # arrival of the newest message that was used
         self._sequence: int | None = None  # sequence number of that message
-        self._stamp = 0.0  # stamp of that message, by the sender's clock [s]
+        self._stamp = 0.0  # stamp of that message, on the sender's clock [s]
         self._publishers = 0  # number of publishers of the topic at the last message
         self._typed_publishers = 0  # number of publishers when their types were last read
         self._other_types: tuple[str, ...] = ()
@@ -169,7 +169,7 @@ class GuardedSubscription(Generic[Message]):
     def _is_usable(self, message: Any, acquired: float | None = None) -> bool:
         """Check a message and note it. Returns True if it can be used; otherwise it is counted as dropped.
 
-        If a result was handed over in this process, ``acquired`` is the time when its taxels were acquired, by the
+        If a result was handed over in this process, ``acquired`` is the time when its taxels were acquired, on the
         steady clock [s]. The content of such a result needs no check.
         """
         self._received += 1

@@ -219,7 +219,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.most_waiting)
         self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)  # messages that may come back
         self._is_fed = False
-        self._listened = -math.inf  # time of the last check for other publishers, by the steady clock [s]
+        self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
         self.sends_on: str | None = None  #: topic of the results of this stage; None for the last stage of a pad
         qos = settings.input_qos
         qos.depth = qos.depth if newest_only or settings.lossless else settings.most_waiting
@@ -245,7 +245,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         result : Result
             Result of the previous stage.
         acquired : float
-            Time when its taxels were acquired, by the steady clock [s]; -inf if not known.
+            Time when its taxels were acquired, on the steady clock [s]; -inf if not known.
         """
         self._slot.append((result, acquired))
         self._hand_over.wake()
@@ -343,7 +343,7 @@ class StageOutput(Generic[Result]):
         result : Result
             Result of this stage.
         acquired : float
-            Time when its taxels were acquired, by the steady clock [s].
+            Time when its taxels were acquired, on the steady clock [s].
         """
         reader = self._hand_over.input_of(self.topic)
         if reader is not None:

@@ -35,7 +35,7 @@ NANOSECONDS = 10**9
 
 
 def side_result(message: ContactShape, time: float) -> SideResult:
-    """Return the result of one pad; ``time`` is the acquisition time by this host's clock [s]."""
+    """Return the result of one pad; ``time`` is the acquisition time on this host's clock [s]."""
     is_hidden, centre, moves = _is_largely_hidden(message), _centre(message), is_moving(message.motion)
     if centre is None:
         return SideResult(time, _reported_state(message), message.class_name, hides_creep=is_hidden, moves=moves)

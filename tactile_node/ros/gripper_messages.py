@@ -143,7 +143,7 @@ def touch_of(grasp: Grasp, acquired: float) -> Touch:
     grasp
         Grasp message.
     acquired
-        Acquisition time of its taxels, by the steady clock [s].
+        Acquisition time of its taxels, on the steady clock [s].
     """
     pads = [PadForce(force, is_bound, bool(hidden or saturated or not seen or is_bound and not at_edge))
             for force, is_bound, hidden, saturated, seen, at_edge in zip(

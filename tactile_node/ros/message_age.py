@@ -78,9 +78,9 @@ class DelayEstimator:
         Parameters
         ----------
         arrival
-            Time of arrival, by this host's steady clock [s], finite.
+            Time of arrival, on this host's steady clock [s], finite.
         sent
-            Time of sending, by the sender's clock [s], finite. If a stage adds its own delay as ``age``, this is
+            Time of sending, on the sender's clock [s], finite. If a stage adds its own delay as ``age``, this is
             stamp + age.
         """
         gap = arrival - self._arrival
@@ -134,14 +134,14 @@ class MeasurementTime:
         self._measured = -math.inf
 
     def of(self, stamp: float, arrival: float) -> float:
-        """Return when the message was measured, by the steady clock [s]; -inf if this is not yet known.
+        """Return when the message was measured, on the steady clock [s]; -inf if this is not yet known.
 
         Parameters
         ----------
         stamp
-            Stamp of the measurement, by the sender's clock [s]; 0 for none. An equal stamp means the same measurement.
+            Stamp of the measurement, on the sender's clock [s]; 0 for none. An equal stamp means the same measurement.
         arrival
-            Time of arrival, by this host's steady clock [s].
+            Time of arrival, on this host's steady clock [s].
         """
         if not stamp:
             return arrival
@@ -175,12 +175,12 @@ class AgedMessage(Protocol):
 class Arrival(NamedTuple):
     """Time of arrival of a message, and its age at that time."""
 
-    steady: float          #: time of arrival by this host's steady clock [s]
+    steady: float          #: time of arrival on this host's steady clock [s]
     age_on_arrival: float  #: [s]; inf if not known
 
     @property
     def acquired(self) -> float:
-        """Acquisition time of its taxels by the same clock [s]; -inf if not known."""
+        """Acquisition time of its taxels on the same clock [s]; -inf if not known."""
         return self.steady - self.age_on_arrival
 
     def age(self, now: float) -> float:

@@ -15,7 +15,7 @@ class Source:
 
     def __init__(self, arrival: float, sequence: int, stamp: float):
         self.arrival, self.sequence, self.stamp = arrival, sequence, stamp
-        self.is_confirmed = False  #: True from the second message on, because a single message may be a false one
+        self.is_confirmed = False  #: True from the second message on, because a single message may be spurious
         self._period = math.inf  # time between two frames [s]
 
     def advance(self, sequence: int, stamp: float, left_out: int) -> int | None:
@@ -55,11 +55,11 @@ class SourceGuard:
         Parameters
         ----------
         arrival
-            Time of arrival, by this host's steady clock [s].
+            Time of arrival, on this host's steady clock [s].
         sequence
             Sequence number of the message.
         stamp
-            Stamp of the message, by the sender's clock [s].
+            Stamp of the message, on the sender's clock [s].
         left_out
             Number of frames before it that its sender left out on purpose.
         """

@@ -41,7 +41,7 @@ class TouchGoal:
 
     @property
     def ending(self) -> TouchEnding | None:
-        """End of the goal, from its result and its outcome in any order; None while the goal is under way."""
+        """End of the goal, from its result and its outcome in any order; None while the goal is in progress."""
         is_known = self.outcome is not None or self._steady() - self._result_at > OUTCOME_WAIT
         return TouchEnding(*self._result, self.outcome) if self._result is not None and is_known else None
 

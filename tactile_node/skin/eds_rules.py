@@ -48,7 +48,7 @@ class Identity(NamedTuple):
 
 
 def identity_of(dictionary: ObjectDictionary, eds: str) -> Identity:
-    """Return the identity (object 0x1018) in an EDS; a value that the EDS does not give is None.
+    """Return the identity (object 0x1018) in an EDS; a value that the EDS does not contain is None.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def identity_of(dictionary: ObjectDictionary, eds: str) -> Identity:
     Raises
     ------
     ConfigurationError
-        If the EDS gives a value that cannot be compared with the identity of a device.
+        If the EDS contains a value that cannot be compared with the identity of a device.
     """
     entry = dictionary[objects.IDENTITY] if objects.IDENTITY in dictionary else None
     if entry is None:

@@ -19,7 +19,7 @@ class EdsTpdo:
     """One TPDO of an EDS."""
 
     number: int
-    cob_id: objects.CobId | None  #: None if the EDS does not give it
+    cob_id: objects.CobId | None  #: None if the EDS does not contain it
     mapping: tuple[MappedObject, ...]
     unknown: int   #: number of mapped objects that the EDS counts but does not name
     is_mpdo: bool  #: True for source addressing mode, in which the TPDO itself maps nothing

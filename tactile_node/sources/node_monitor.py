@@ -205,7 +205,7 @@ class NodeMonitor:
                 self._since = ran_again
 
     def _is_silent(self, now: float) -> bool:
-        """Return True if the node is silent. It may be silent for three of its own periods if these are longer."""
+        """Return True if the node is silent for longer than the timeout and than three of its own periods."""
         own = self._heartbeat_time or max(self._heard.intervals or (0.0,))
         allowed = max(self._heartbeat_timeout, 3 * own) * (OVERLOAD_PATIENCE if self._is_overloaded else 1)
         return now - max(self._heard.heard or 0.0, self._since) > allowed

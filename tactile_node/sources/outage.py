@@ -15,14 +15,14 @@ class OutageClock(Generic[Cause]):
         self._seconds = 0.0  # duration of the outages that have ended
         self._begun: float | None = None
         self.cause: Cause | None = None  #: cause with which the last outage began
-        self.current: Cause | None = None  #: present cause of the outage under way
+        self.current: Cause | None = None  #: present cause of the ongoing outage
 
     @property
     def is_running(self) -> bool:
         return self._begun is not None
 
     def begin(self, now: float, cause: Cause) -> None:
-        """Begin an outage, or note a new cause of the outage under way."""
+        """Begin an outage, or note a new cause of the ongoing outage."""
         if self._begun is None:
             self._begun = now
             self._count += 1
@@ -30,7 +30,7 @@ class OutageClock(Generic[Cause]):
         self.current = cause
 
     def end(self, now: float) -> float:
-        """End the outage under way, if there is one; return how long it lasted [s]."""
+        """End the ongoing outage, if there is one; return how long it lasted [s]."""
         lasted = self.running_for(now)
         self._begun = None
         self.current = None
@@ -41,7 +41,7 @@ class OutageClock(Generic[Cause]):
         return Outages(self._count, self._seconds + self.running_for(now), self.cause, self.current)
 
     def running_for(self, now: float) -> float:
-        """Return how long the outage under way has lasted [s], or 0 if there is none."""
+        """Return how long the ongoing outage has lasted [s], or 0 if there is none."""
         begun = self._begun  # read once, because another thread may end the outage
         return 0.0 if begun is None else now - begun
 
