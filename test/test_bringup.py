@@ -204,7 +204,7 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
         assert (tmp_path / f'touches_{pad}.png').read_bytes().startswith(b'\x89PNG')
     assert b'#' in (tmp_path / 'can.log').read_bytes()
     printed = capsys.readouterr().out
-    assert 'touches recognised' in printed and 'as a planner in another process sees it: median' in printed
+    assert 'touches recognised' in printed and 'as seen by a planner in another process: median' in printed
     assert demo(['--output', str(tmp_path)]) == 2
     assert '--force' in capsys.readouterr().err, 'earlier results are kept'
     # The output is complete except for one touch, which may have ended before its frames were read.

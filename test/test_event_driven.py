@@ -354,7 +354,7 @@ BAD = {
     'synchronous type': (SWEEPS.replace('254', '1'), '254..255'),
     'no timer': (SWEEPS.replace('event_timer: 0.02, ', ''), 'key "event_driven.event_timer"'),
     'half a millisecond': (SWEEPS.replace('0.02', '0.0205'), 'steps of 0.001 s'),
-    'milliseconds': (SWEEPS.replace('0.02', '20000'), 'as 0.02'),
+    'milliseconds': (SWEEPS.replace('0.02', '20000'), '20 ms is 0.02'),
     'inhibit too fine': (SNAPSHOTS.replace('0.0005', '0.00005'), 'steps of 0.0001 s'),
     'inhibit beyond the timer': (SNAPSHOTS.replace('0.0005', '0.021'), 'at most the event timer'),
     'neither': (SWEEPS.replace('frames: sweeps', 'frames: both'), 'key "event_driven.frames"'),

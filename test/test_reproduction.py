@@ -75,4 +75,4 @@ def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
 @pytest.mark.parametrize('wrong', [['--patterns', '3'], ['--training', '10'], ['--jobs', '0'], ['--seed', '-1']])
 def test_arguments_out_of_range_are_refused(wrong, tmp_path, capsys):
     assert main(['-o', str(tmp_path), *wrong]) == 2
-    assert 'Ask for more' in capsys.readouterr().err
+    assert 'Give larger numbers' in capsys.readouterr().err
