@@ -46,7 +46,7 @@ class Observable(IntFlag):
 
 
 class Event(NamedTuple):
-    """A change in the state of a contact.
+    """A change of the state of a contact.
 
     A quantity is NaN if it is unknown or does not belong to this kind of event.
     """

@@ -23,7 +23,7 @@ class Problem(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """A point that an iteration has reached."""
+    """A point that the iteration has reached."""
 
     parameters: np.ndarray
     prediction: Prediction
