@@ -1,4 +1,4 @@
-"""The file of taught shapes: the arrays of the base unchanged, the heads, and the examples, so that more can be taught.
+"""The file of taught shapes: the unchanged arrays of the base, the heads, and the examples for teaching more shapes.
 
 The file is a .npz without pickled objects. `ShapeRecogniser.from_file` loads it in place of the base.
 """
