@@ -23,7 +23,8 @@ MAX_MISALIGNMENT = 3 * pi / 180  # largest angle of faces, or of the contacts' l
 TAUGHT = 8                   # ContactShape.OTHER
 STILL = 1                    # ContactMotion.STILL
 SLIDES = 3                   # ContactMotion.ALONG_X and ALONG_Y
-STIFFNESS = 25e6             # pressure per depth of the skin [Pa/m]; a value too high tilts too little, too low too far
+# pressure per depth of the skin [Pa/m]; if the value is too high, the tilt is too small, and vice versa
+STIFFNESS = 25e6
 FLUSH = 0.015                # smallest angle whose direction is known [rad]
 WATCHDOG_PERIOD = 0.02       # period of the watchdog [s]
 REPORT_PERIOD = 0.5          # period of reports while the action stays the same [s]

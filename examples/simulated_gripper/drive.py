@@ -49,7 +49,7 @@ class Drive:
         self.is_at_goal = False
 
     def put(self, now: float, command: Command | None) -> None:
-        """Execute ``command`` at the time ``now`` + DELAY; None means: stop, and keep place and force."""
+        """Execute ``command`` at ``now`` + DELAY; None stops the finger, which keeps its place and its force."""
         self._waiting.append((now + DELAY, command))
         self.is_stalled = self.is_at_goal = False
 

@@ -31,7 +31,7 @@ GRAVITY = 9.81            #: [m/s²]
 SHAKE_FREQUENCY = 6.0     #: [Hz]
 LOOP_PERIOD = 0.004       #: period of the thread [s]
 PULL_STIFFNESS = 2000.0   #: [N/m]
-MOST_BEHIND = 0.1         #: largest delay of the thread [s]; more is left out
+MOST_BEHIND = 0.1         #: largest delay of the thread [s]; a longer delay is skipped
 
 
 class Outcome(Enum):

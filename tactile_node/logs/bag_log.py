@@ -35,7 +35,7 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 '''
-#: Size of a chunk, uncompressed [bytes]: 0.5 s of a full bus with 1 Mbit/s, which is what a killed recording loses.
+#: Size of a chunk, uncompressed [bytes]: 0.5 s of a full bus with 1 Mbit/s. A killed recording loses at most one chunk.
 #: Damage to a larger chunk would cost more, and smaller chunks would make the file larger.
 CHUNK_BYTES = 1 << 18
 

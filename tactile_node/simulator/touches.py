@@ -134,7 +134,7 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
     slide
         Speed at which a held contact slides back and forth [m/s].
     noise
-        Standard deviation of each taxel [fraction of full scale]. None: TAXEL_NOISE, limited by MOST_NOISE.
+        Standard deviation of each taxel [fraction of full scale]; None for TAXEL_NOISE, limited by MOST_NOISE.
     """
     return {pad.name: _felt(pad, touch_program(pad.layout, shapes, areas, seed, hold, pause), -1 if i % 2 else 1, slide,
                             noise, np.random.default_rng((seed, i))) for i, pad in enumerate(pads)}

@@ -32,7 +32,7 @@ class ConfiguredTpdo(NamedTuple):
     """A TPDO as the master has configured it, or one frame of a multiplexed TPDO."""
 
     can_id: int
-    every: int  #: the TPDO is sent at every n-th SYNC; 0: at a SYNC, if its bytes have changed
+    every: int  #: n if the TPDO is sent at every n-th SYNC; 0 if it is sent at a SYNC after its bytes have changed
     length: int  #: number of bytes
     pieces: tuple[Piece, ...]
     whole: int | None  #: rank of the layout's TPDO with the same content, or None

@@ -30,8 +30,8 @@ class Sender:
     limit
         Largest number of frames in the queue.
     by_priority
-        False: first in, first out. True: the frame with the lowest identifier is sent first, as for a gateway to
-        several participants.
+        True to send the frame with the lowest identifier first, as for a gateway to several participants; False to send
+        the oldest frame first.
     """
 
     def __init__(self, bit: float, limit: int, by_priority: bool):

@@ -1,6 +1,6 @@
 """Sources for the views that need no ROS: a live bus and a recording.
 
-This process is the master of the live bus while somebody watches.
+While somebody watches a live bus, this process is its master.
 """
 
 import math

@@ -83,7 +83,7 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
 
 
 def _counted(name: str, text: str, recent: int, span: float | None) -> tuple[str, str, bool]:
-    """Return the row of a counter with ``recent`` counts within ``span`` [s]; a ``span`` of None means: since begin."""
+    """Return the row of a counter with ``recent`` counts within ``span`` [s]; None means since the start."""
     return name, text if span is None else f'{text} ({recent} in {span:.0f} s)', recent > 0
 
 

@@ -1,4 +1,4 @@
-"""Server of the page: viser on loopback behind a gate. Each browser has a page; the source runs while there is one."""
+"""Server of the page: viser on loopback behind a gate. The source runs while at least one browser shows a page."""
 
 import io
 import secrets

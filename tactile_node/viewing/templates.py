@@ -29,5 +29,5 @@ def printable(value: object) -> object:
 
 
 def printable_text(text: str, keep: str = '') -> str:
-    """Return ``text`` with U+FFFD for each unprintable character, since an escape would be a command to a terminal."""
+    """Return ``text`` with U+FFFD for each unprintable character, because a terminal would execute escape sequences."""
     return ''.join(each if each.isprintable() or each in keep else '\N{REPLACEMENT CHARACTER}' for each in text)
