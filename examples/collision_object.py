@@ -41,7 +41,7 @@ class NoObjectError(ValueError):
 
 
 def collision_object(shape, object_id: str, height: float | None = None) -> CollisionObject:
-    """Return the object that touches a pad. Its pose is that of the contact, on the skin.
+    """Return the object that touches a pad, with the pose of the contact on the skin.
 
     Parameters
     ----------

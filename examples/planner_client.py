@@ -82,7 +82,7 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
 
 
 def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
-    """Follow a contact that the edge of a pad cuts. The rest of the contact is farther out on the same side.
+    """Return the correction for a contact that is cut by the edge of a pad. The rest of the contact is farther out.
 
     A contact may still be cut at both pads when the centre of its visible part is at the aim. The object is then longer
     than the pads, like a bar or a bottle. It is lifted, whatever it is, once no slide is seen and a slide would be
@@ -103,7 +103,7 @@ def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
 def opposing(grasp) -> tuple[float, float, float]:
     """Return the rotation of the gripper about the midpoint [rad] after which the contacts oppose; NaN if not known.
 
-    The gripper turns onto the faces if they lean, else along the line of the contacts.
+    If the faces lean, the gripper turns onto the faces; otherwise it turns along the line of the contacts.
     """
     about_x, about_y = (lean / STIFFNESS for lean in grasp.lean)
     if hypot(about_x, about_y) <= FLUSH:  # else the line is a diagonal: friction holds such faces at opposite edges
@@ -133,7 +133,7 @@ class Planner:
         self._age_on_arrival = inf
 
     def receive(self, correction: Correction, arrival: float, age: float) -> None:
-        """Take the correction for a grasp that arrived at ``arrival`` with an ``age`` [s]; inf if not known."""
+        """Store the correction for a grasp that arrived at ``arrival`` with an ``age`` [s]; inf if not known."""
         self._correction = correction
         self._arrival = arrival
         self._age_on_arrival = age
@@ -159,7 +159,7 @@ def main() -> None:
         if reason is not None:
             node.get_logger().warning(f'grasp dropped: {reason.key}', throttle_duration_sec=10.0)
             return
-        arrival = ages.arrived(grasp)  # the age includes the delay on the way here
+        arrival = ages.arrived(grasp)  # the age includes the transport delay
         aim = tuple(node.get_parameter('aim').value)
         planner.receive(asked_for(grasp, aim), arrival.steady, arrival.age_on_arrival)
         act()

@@ -88,7 +88,7 @@ def line_of(path: Path, key: str) -> int | None:
     Returns
     -------
     int or None
-        None if there is no such line.
+        None if the file has no matching line.
     """
     try:
         node = yaml.compose(Path(path).read_text(encoding='utf-8'), yaml.SafeLoader)

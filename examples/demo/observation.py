@@ -123,7 +123,7 @@ class Verdict(NamedTuple):
 
 
 def verdicts_of(pad: str, touches: tuple[SimulatedTouch, ...], seen: list[Seen], pitch: float) -> list[Verdict]:
-    """Return a verdict for each touch that was seen in a frame; ``pitch`` is that of the pad [m]."""
+    """Return a verdict for each touch that was seen in a frame; ``pitch`` is the distance of the taxels [m]."""
     held = ((touch, [frame for frame in seen if touch.is_steady(frame.time)]) for touch in touches)
     return [_verdict(pad, touch, frames, pitch) for touch, frames in held if frames]
 

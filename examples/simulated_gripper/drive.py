@@ -36,8 +36,8 @@ class Command:
 class Drive:
     """A position loop with a limited force for two coupled fingers.
 
-    Positions are half of the gap [m]. Times are those of the physics [s]. The force is that of each finger, which at
-    rest is the force of each pad.
+    Positions are half of the gap [m]. Times are those of the physics [s]. The force is the force of one finger. At
+    rest, it equals the force of one pad.
     """
 
     def __init__(self, gap: float = MAX_GAP):

@@ -38,7 +38,7 @@ class Outcome(Enum):
     """State of the item."""
 
     FREE = 'free'          #: at most one pad touches the item, and it was not dropped
-    GRIPPED = 'gripped'    #: both pads touch the item, and so does the table or the stand
+    GRIPPED = 'gripped'    #: both pads and also the table or the stand touch the item
     HELD = 'held'          #: only the two pads touch the item
     DROPPED = 'dropped'    #: the item was held and then lost; it stays dropped until it is placed again
     BROKEN = 'broken'      #: a pad pressed more than its strength; the item stays broken until it is placed again

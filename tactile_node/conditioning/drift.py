@@ -5,7 +5,7 @@ import numpy as np
 from tactile_node.taxel_frame import read_only
 
 TIME_CONSTANT = 20.0  #: Time in which the zero follows a small step [s].
-DRIFT_RATE = 1 / 300  #: Largest drift per second, as a share of ``limit``; a faster change is no drift.
+DRIFT_RATE = 1 / 300  #: Largest drift per second, as a share of ``limit``; a faster change does not count as drift.
 PRESSED_SHARE = 0.5   #: Share of ``limit`` above the zero from which on a taxel may be under a contact.
 QUIET_TIME = 2.0      #: Time without such a taxel before the zero is followed [s].
 
@@ -46,7 +46,7 @@ class DriftFollower:
         is_faulty : np.ndarray or bool
             True for faulty taxels, bool (rows, cols). The zero does not wait until these taxels have values.
         is_contact : bool
-            True if something presses the pad, whatever its taxels read above zero.
+            True if something presses the pad, even if no taxel reads much above its zero.
         """
         passed, self._stamp = stamp - self._stamp, stamp
         above = np.where(np.isfinite(values), values - zero, 0)

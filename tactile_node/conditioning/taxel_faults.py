@@ -59,8 +59,8 @@ class FaultDetector:
 
     Evidence is counted by contacts, because time alone proves nothing: an untouched pad shows no dead taxels, and a
     grasp of an hour shows no stuck taxels. A contact is counted when MIN_TOUCHED taxels have risen above ``limit``,
-    nearly all of them have fallen again, and not many taxels are left pressed. If more taxels are stuck than any contact
-    presses, no fault is found.
+    nearly all of them have fallen again, and not many taxels are left pressed. If more taxels are stuck than any
+    contact presses, no fault is found.
 
     - Dead: the taxel was not ALIVE in CONTACTS contacts, although pressed taxels lay on both sides of it in two of four
       directions. The centres of these contacts must be APART. A ring that is pressed elsewhere then also presses the

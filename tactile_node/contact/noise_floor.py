@@ -230,7 +230,7 @@ class NoiseFloor:
             return self._last
         rise = np.inf if self._is_first else FOLLOWED_RISE * found.deviation
         self._is_first = False
-        # If the noise before the touch was below the resolution, it is not known, and there is no limit.
+        # There is no limit if the noise before the touch is not known, because it was below the resolution.
         most = LOUDER_RATIO * self._quiet if self._quiet > 0 else np.inf
         self._is_loud = found.deviation > most
         return Resting(min(found.level, level + rise), min(found.deviation, most))

@@ -1,7 +1,7 @@
 """How much a frame shows of a pad and of the surroundings of a contact.
 
-A hidden taxel belongs to the pad and has no valid value. Places beyond the pad's edge and places without a taxel are no
-part of the pad.
+A hidden taxel belongs to the pad and has no valid value. Places beyond the pad's edge and places without a taxel do
+not belong to the pad.
 """
 
 from math import ceil
@@ -20,7 +20,7 @@ CONTACT_PART = 0.1
 
 
 class Visibility(NamedTuple):
-    """How much of a pad and of its largest contact is seen. Counts are numbers of taxels.
+    """Visibility of a pad and of its largest contact. Counts are numbers of taxels.
 
     The ring of a contact is all taxels next to it, also by a corner. Without a contact, the counts of the contact and
     of its ring are 0.
@@ -84,9 +84,9 @@ def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONT
 
 
 def _around(pattern: ContactPattern, finger_ends: SkinSide) -> tuple[np.ndarray, bool, bool]:
-    """Return the ring of the contact, True if it reaches the end of the pad, and True if the finger goes on there.
+    """Return the ring of the contact, True if it reaches the end of the pad, and True if the finger continues there.
 
-    A place without a taxel is an end of the pad at which the finger goes on.
+    A place without a taxel is an end of the pad at which the finger continues.
     """
     mask = pattern.mask
     around = grown(mask) & ~mask

@@ -17,7 +17,8 @@ from tactile_node.grasp.tracker import GraspContact
 BLIND_TIME = 0.5  #: Time for which the gripper waits at rest for complete readings before the goal ends [s].
 #: Time without any contact after which a touched object counts as lost [s]; shorter times are bounces.
 LOST_AFTER = 0.1
-START_TIME = 1.0    #: Time allowed for the gripper to accept a command and to begin, in addition to its travel [s].
+#: Time allowed for the gripper to accept a command and to start moving, in addition to its travel time [s].
+START_TIME = 1.0
 REST_TIME = 0.3     #: Time without a change of the opening after which the gripper is at rest [s].
 #: Time allowed for the gripper to come to rest after a command in doubt, counted from its answer [s].
 REST_LIMIT = 2.0

@@ -87,7 +87,7 @@ class _Turn(NamedTuple):
 def held_object(left: Face, right: Face, gripper: Gripper) -> HeldObject:
     """Return the object that both faces belong to.
 
-    If neither face has a fit of the common class, there is no size and no yaw.
+    If neither face has a fit of the common class, size and yaw are not known.
 
     Parameters
     ----------

@@ -9,8 +9,8 @@ second part. A speed is therefore a range, and two limits decide:
 - A centre rests once the whole range is below ``max_creep``. A steady creep of ``max_creep`` therefore never rests.
 - A centre no longer rests once the whole range is above `KEPT_CREEP` x ``max_creep``. A creep of a tenth of
   ``max_creep`` therefore keeps resting.
-- A sudden move ends the rest at once. A move is sudden if it goes farther from the line than the tolerance and farther
-  than noise and resolution explain.
+- A sudden move ends the rest at once. A move is sudden if its distance from the line exceeds the tolerance and also
+  exceeds what noise and resolution explain.
 
 The decision takes time: at least 1.5 resolution / max_creep. A fit rests after 0.7 s on pads with a pitch of 2 mm and
 after 1.7 s with a pitch of 5 mm. With a noise of 0.05 pitch, it takes 1.4 s and 2.7 s. On/off taxels need 7 s and 17 s.
@@ -119,7 +119,7 @@ class Steadiness:
     def _has_slipped(self, centre: tuple[float, float]) -> bool:
         """Return True if ``centre`` has suddenly moved away from the others.
 
-        It must be farther away than the tolerance, and farther than noise and resolution explain.
+        Its distance must exceed the tolerance, and it must exceed what noise and resolution explain.
         """
         if self.speed is None:
             means = self._samples.mean(0)

@@ -128,7 +128,7 @@ class GraspTracker:
         Raises
         ------
         ConfigurationError
-            If there is no such side.
+            If ``side`` is neither "left" nor "right".
         InputError
             If a time or a centre is not finite.
         """

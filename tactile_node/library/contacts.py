@@ -47,7 +47,7 @@ def scale_by(unit: str | None, thresholds: object) -> tuple[PressThresholds | No
     Raises
     ------
     ConfigurationError
-        If there is no such unit.
+        If the unit is not known.
     InputError
         If ``thresholds`` has another type.
     """
@@ -177,7 +177,7 @@ def find_contact(values: ArrayLike, unit: str | None = '',
         If an array cannot be used, if integers have no unit, or if a contact is far too low for its unit, as counts
         would be.
     ConfigurationError
-        If there is no such unit.
+        If the unit is not known.
 
     Examples
     --------

@@ -210,8 +210,9 @@ class CanLogReader:
 def without_strays(messages: Iterable[can.Message], on_stray: Callable[[can.Message], None]) -> Iterator[can.Message]:
     """Drop each frame whose stamp alone is wrong.
 
-    The stamp of such a frame is more than FAR_AHEAD after, or more than SET_BACK before, those of its neighbours. If
-    the next frame follows the new time, the frame is kept: the clock was set, or the bus was at rest.
+    The stamp of such a frame is more than FAR_AHEAD later, or more than SET_BACK earlier, than the stamps of its
+    neighbours. If the next frame continues from the new time, the frame is kept, because the clock was set or the bus
+    was at rest.
 
     Parameters
     ----------

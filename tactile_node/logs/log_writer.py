@@ -250,7 +250,7 @@ def _new_file(path: Path, replaces: bool) -> Path:
     candidate, number = path, 2
     while True:
         try:
-            if not following(candidate):  # else a reader would take these files for parts of the new log
+            if not following(candidate):  # otherwise, a reader would treat these files as parts of the new log
                 candidate.open('xb').close()
                 return candidate
         except FileExistsError:

@@ -149,7 +149,7 @@ class _LoggedNode:
 
 
 def _object_of(data: bytes) -> tuple[int, int] | None:
-    """Return index and sub-index of an SDO frame if that object is watched, else None.
+    """Return index and sub-index of an SDO frame, or None if that object is not watched.
 
     Segment frames carry neither, but their bytes can look as if they do.
     """

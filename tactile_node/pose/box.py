@@ -1,4 +1,4 @@
-"""The smallest rectangle around a contact, whatever its shape, and whether the contact is hollow."""
+"""The smallest rectangle around a contact of any shape, and a check that finds hollow contacts."""
 
 from typing import Any, NamedTuple
 

@@ -16,7 +16,7 @@ def check_pitch(pitch: float) -> None:
     """Raise ConfigurationError unless ``pitch`` is a finite length above 0."""
     try:
         is_length = bool(0 < pitch < np.inf)
-    except (TypeError, ValueError):  # pitch is no number
+    except (TypeError, ValueError):  # pitch is not a number
         is_length = False
     if not is_length:
         raise ConfigurationError('pitch', expected='a length > 0 in metres', got=repr(pitch),

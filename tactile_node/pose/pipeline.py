@@ -120,7 +120,7 @@ class _Answer(NamedTuple):
     recognition: Recognition
 
     def holds_for(self, found: FoundContact, stamp: float, correlation_time: float) -> bool:
-        """Return True if a later frame comes too soon after this one, and is too much like it, to say anything new."""
+        """Return True if a later frame comes so soon after this one and is so similar that it adds no information."""
         pattern, before = found.pattern, self.found.pattern
         # A name that these taxels do not support lasts as long as a sure name.
         is_settled = self.recognition.confidence >= SURE or self.recognition.doubt is not UnknownReason.NOT_UNKNOWN

@@ -12,7 +12,7 @@ Hidden taxels stay hidden, no matter how many frames agree. Each way of reading 
 (`Recognition.alternatives`) is therefore fused on its own, and the result is the mean over these readings. A name that
 the taxels do not support is treated in the same way, because the next frame does not have more taxels.
 
-If nothing is seen in a frame, the frame is no evidence. It is reported as not seen, and the evidence of the frames
+If nothing is seen in a frame, the frame adds no evidence. It is reported as not seen, and the evidence of the frames
 before it is kept for the next frame.
 
 The classes are the classes of the frames: the shapes and the taught shapes.

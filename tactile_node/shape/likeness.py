@@ -1,4 +1,4 @@
-"""How well each of the five shapes covers a patch. An object of a foreign shape is covered well by none of them.
+"""How well each of the five shapes covers a patch. None of them covers an object of a foreign shape well.
 
 The moments of the patch determine how each figure is laid over it:
 

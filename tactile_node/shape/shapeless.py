@@ -181,7 +181,7 @@ def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
 
 
 def _is_hum(pattern: ContactPattern) -> bool:
-    """Return True if the contact is a band of whole rows or columns on a pad where other rows or columns move, too."""
+    """Return True if the contact is a band of whole rows or columns on a pad where other lines also fluctuate."""
     turned = (pattern.values, pattern.mask), (pattern.values.T, pattern.mask.T)
     return any(np.count_nonzero(mask.any(0)) >= BAND_WIDTH * mask.shape[1] and _is_band_of_hum(values, mask)
                for values, mask in turned)

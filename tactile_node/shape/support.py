@@ -1,4 +1,4 @@
-"""Limit the confidence of a name to what the taxels of the contact can support, whatever the network says."""
+"""Limit the confidence of a name to what the taxels of the contact support, whatever the network says."""
 
 import numpy as np
 

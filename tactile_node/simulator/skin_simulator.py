@@ -88,7 +88,7 @@ class WireNetwork(Network):
 
 
 class PeriodicFrame(PeriodicMessageTask):
-    """A cyclic task like that of python-can, in the time of the wire."""
+    """A cyclic task like a cyclic task of python-can, but in the time of the wire."""
 
     def __init__(self, network: WireNetwork, can_id: int, data: bytes, period: float, remote: bool):
         self._network = network

@@ -36,7 +36,7 @@ class SimulatedTouch:
 
 
 class TouchProgram:
-    """A sequence of touches that repeats for ever. Calling it with a time [s] returns the taxel values.
+    """A sequence of touches that repeats indefinitely. Calling it with a time [s] returns the taxel values.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASS
 
 
 def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Generator) -> np.ndarray:
-    """Return the values that the pad would measure: a pattern for on/off taxels, else values in the layout's unit."""
+    """Return the values that the pad would measure: a pattern for on/off taxels, or values in the layout's unit."""
     if layout.value.bits == 1:
         return contact.pattern(layout.rows, layout.cols)
     full = abs(float(layout.value.to_value(np.array(layout.value.saturated_count))))

@@ -12,7 +12,7 @@ from tactile_node.cia301 import objects
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import CanopenNode
 
-#: {index << 8 | sub: (rank, first bit, number of bits)} for every object that holds taxels
+#: for each object that holds taxels: {index << 8 | sub: (rank, first bit, number of bits)}
 Places = dict[int, tuple[int, int, int]]
 
 

@@ -33,7 +33,7 @@ class HealthHistory:
         Returns
         -------
         BusFacts
-            Facts from RECENT_TIME ago, or else the first ones.
+            Facts from RECENT_TIME ago, or the first facts if there are none that old.
         float
             Time from these facts to ``stamp`` [s].
         """

@@ -43,7 +43,7 @@ class Store:
         return tuple(self._forces)
 
     def put(self, state: PadState) -> None:
-        """Replace the state of its pad. If the stamp goes back or jumps, the history of the force starts anew."""
+        """Replace the state of its pad. If the stamp goes backwards or jumps, the history of the force starts again."""
         with self._changed:
             forces = self._forces[state.pad]
             if forces and not 0 <= state.stamp - forces[-1][0] < FORCE_HISTORY:

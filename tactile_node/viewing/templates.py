@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 @cache
 def environment() -> 'Environment':
     """Return the Jinja2 environment, which finds the templates in this folder."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # slow to import, and not for every command
+    # imported here because it is slow to import and not every command needs it
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     return Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
                        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
