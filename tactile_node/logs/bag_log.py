@@ -137,7 +137,7 @@ class _CanTypes:
         self._frame = self._store.types[CAN_TYPE]
 
     def message(self, recorded: Recorded) -> can.Message:
-        """Return the recorded message with the stamp of the CAN driver, or with the time of recording if it has none."""
+        """Return the recorded message, stamped by the CAN driver, or else with the time of recording as its stamp."""
         frame = self._store.deserialize_cdr(decompress(recorded.cdr), CAN_TYPE)
         stamp = frame.header.stamp
         time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND
