@@ -106,7 +106,8 @@ def opposing(grasp) -> tuple[float, float, float]:
     If the faces lean, the gripper turns onto the faces; otherwise it turns along the line of the contacts.
     """
     about_x, about_y = (lean / STIFFNESS for lean in grasp.lean)
-    if hypot(about_x, about_y) <= FLUSH:  # else the line is a diagonal: friction holds such faces at opposite edges
+    # If the faces lean, the line is only a diagonal, because friction holds such faces at opposite edges.
+    if hypot(about_x, about_y) <= FLUSH:
         sine = hypot(grasp.axis.x, grasp.axis.y) or 1.0
         about_x, about_y = -grasp.misalignment * grasp.axis.y / sine, grasp.misalignment * grasp.axis.x / sine
     return about_x, about_y, 0.0

@@ -22,7 +22,7 @@ class Performance(NamedTuple):
     """
 
     latency: Sequence[float]  #: time from SYNC to the arrival of each shape [s]
-    frames: int               #: number of frames that all pads acquired meanwhile
+    frames: int               #: number of frames that all pads acquired during this time
     skin_late: float          #: lateness that 99 % of the skin's CAN frames did not exceed [s]
     waited: float = 0.0       #: share of the time for which a thread of the nodes waited for a processor
 

@@ -98,7 +98,7 @@ class World:
         self.place(place)
 
     def place(self, place: Place = AIM) -> None:
-        """Put the item, intact again, on its stand at ``place``; the hand returns at once, open and down."""
+        """Put the item back on its stand at ``place``, intact; the hand returns at once, open and lowered."""
         with self.lock:
             now = self.now  # kept, because the time of the physics must continue
             mujoco.mj_resetData(self.model, self.data)

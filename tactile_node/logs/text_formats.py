@@ -1,4 +1,4 @@
-"""Log formats in text, from candump and for python-can: tell which lines hold a whole CAN frame."""
+"""Log formats in text, from candump and for python-can, and a filter for the lines that hold a whole CAN frame."""
 
 import re
 from collections.abc import Callable, Iterator

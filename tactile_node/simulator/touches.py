@@ -115,7 +115,7 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
                     seed: int = 0, areas: tuple[float, ...] = TOUCH_AREAS, *, hold: float = TOUCH_HOLD,
                     pause: float = TOUCH_PAUSE, slide: float = 0.0,
                     noise: float | None = None) -> dict[str, TaxelSource]:
-    """Return one source of taxel values for each pad name. Every second pad sees the touch from behind.
+    """Return one source of taxel values for each pad name. For every second pad, the touch is mirrored.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ class ConfiguredTpdo(NamedTuple):
     length: int  #: number of bytes
     pieces: tuple[Piece, ...]
     whole: int | None  #: rank of the layout's TPDO with the same content, or None
-    rank: int = 0  #: position in the layout; TPDOs that the layout lacks come last
+    rank: int = 0  #: position in the layout; TPDOs that are not in the layout come last
     head: bytes = b''  #: first bytes of this frame of a multiplexed TPDO
     event_timer: float = 0.0  #: if > 0, the TPDO ignores SYNC and is sent at least once in this time [s]
     inhibit_time: float = 0.0  #: shortest time between two transmissions [s]

@@ -85,7 +85,7 @@ class Sender:
         return waiting
 
     def clear(self) -> None:
-        """Empty the queue, as a loss of power does."""
+        """Empty the queue, as happens at a loss of power."""
         self._queue.clear()
         self.sweeps = 0
         self._look()

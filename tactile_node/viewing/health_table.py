@@ -9,13 +9,13 @@ from tactile_node.viewing.page_parts import macros
 from tactile_node.viewing.states import BusFacts, NodeFacts, PadFacts
 
 MOST_FAULTY_TAXELS = 8  #: number of faulty taxels that are listed
-OLD_STATUS_AGE = 3.0  #: age from which a status is marked as old [s]; one comes each second
+OLD_STATUS_AGE = 3.0  #: age above which a status is marked as old [s]; the driver publishes one each second
 RECENT_TIME = 60.0  #: age up to which losses are shown in red [s]
 NO_PAD = PadFacts('', 0, 0, 0, 0, {})
 
 
 class HealthHistory:
-    """Facts about a live bus over the last RECENT_TIME seconds, to tell present losses from earlier ones."""
+    """Facts about a live bus over the last RECENT_TIME seconds, so that recent losses can be told from earlier ones."""
 
     def __init__(self) -> None:
         self._facts: deque[tuple[float, int, BusFacts]] = deque()
@@ -40,7 +40,7 @@ class HealthHistory:
         expected = sum(pad.expected for pad in facts.pads)
         if self._facts and expected < self._facts[-1][1]:
             self._facts.clear()  # the driver was restarted, so its counters begin again
-        if not self._facts or stamp > self._facts[-1][0]:  # the stamp stands still if the driver has ended
+        if not self._facts or stamp > self._facts[-1][0]:  # the stamp no longer advances if the driver has ended
             self._facts.append((stamp, expected, facts))
         while len(self._facts) > 1 and stamp - self._facts[1][0] >= RECENT_TIME:
             self._facts.popleft()

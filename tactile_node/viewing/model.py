@@ -20,7 +20,7 @@ from tactile_node.logs.logged_set_up import Contradiction
 from tactile_node.viewing.taxel_record import TaxelHealth
 from tactile_node.viewing.touch import Sample, TouchList
 
-KEPT_ENTRIES = 100  #: number of entries kept at each end
+KEPT_ENTRIES = 100  #: number of entries kept from the start and from the end
 KEPT_GAPS = 50      #: number of gaps kept
 
 Entry = TypeVar('Entry')
