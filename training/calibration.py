@@ -92,7 +92,7 @@ def logits(model: Model, samples: Samples) -> np.ndarray:
 def calibrated(worlds: list[Validation]) -> Calibration:
     """Return the temperature with the smallest log-loss, and the biases that lose no more than LOSSES.
 
-    The biases hold for every clean source.
+    The biases are fitted to the first two sources: our generator and contact mechanics.
 
     The temperature is fitted to the hardest source, which is the last one: for pressures, the real arrays.
     """

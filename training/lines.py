@@ -59,7 +59,7 @@ def zigzag(rng, x, y):
 
 
 def grid(rng, x, y):
-    """Return one to three bars in one direction and one to three in the other; they end at each other or cross."""
+    """Return one to three bars in one direction and one to three in the other; they meet or cross."""
     found, lean = np.zeros(x.shape, bool), rng.choice((0.0, rng.uniform(-0.4, 0.4)))
     x = x + lean * y
     for across, count in ((False, rng.integers(1, 4)), (True, rng.integers(1, 4))):

@@ -35,7 +35,7 @@ class ContactPattern(NamedTuple):
 
     mask: np.ndarray  #: bool, the taxels of the largest contact
     #: float, the values of the frame; NaN where a taxel has no valid value or is left over. If the array has no unit,
-    #: the halo of the contacts has been subtracted, and so has a level at rest that differs from 0.
+    #: the halo of the contacts and the level at rest (unless it is about 0) have been subtracted.
     values: np.ndarray
     contacts: int  #: number of separate contacts on the pad; 0 if the pad is empty or not seen
     #: uint8, number of the contact that a taxel belongs to; 1 is the largest contact, 2 the next, ...; 0 is none

@@ -24,7 +24,7 @@ KEPT_SHARE = 0.85  #: Hysteresis: a pressed taxel stays pressed down to this sha
 #: A group of fewer than GROUP_TAXELS taxels is pressed only if one of them rises by this many standard deviations,
 #: because noise forms small groups, too.
 ALONE_SPREADS = 6.0
-#: Smallest number of connected taxels at NOISE_SPREADS that cannot be noise (once in 20,000 frames of 256 taxels).
+#: Number of connected taxels at NOISE_SPREADS that noise hardly ever forms (once in 20,000 frames of 256 taxels).
 GROUP_TAXELS = 4
 #: A reading below this share of the highest reading within HALO_REACH taxels is the skin's response beside a contact.
 HALO_SHARE = 0.25

@@ -34,8 +34,8 @@ OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Sh
 #: Smallest number of taxels of a pattern that is recognised; a smaller one is UNKNOWN. The limit stands for an area of
 #: nine taxels. Pressures need fewer pressed taxels because they also show the rim of the contact.
 FEWEST_TAXELS = {'on_off': 6, 'graded': 4}
-#: The pieces of a torn contact are recognised together. If this raises the probability of UNKNOWN by more than this
-#: value, compared with the largest piece alone, the largest piece is recognised alone.
+#: The pieces of a torn contact are recognised together. If joining the pieces raises the probability of UNKNOWN by more
+#: than this value, compared with the largest piece alone, the largest piece is recognised alone.
 DOUBT_GAIN = 0.2
 #: Smallest share of the taxels of all pieces that the largest piece must have to be recognised alone. Several pieces of
 #: similar size are one contact of several parts.
