@@ -6,8 +6,8 @@
                                              # height; needs the opening of the gripper
 
 The object is the visible part in the frame of the pad: the outline of the contact, extended along the pad's normal.
-Parts beyond the contact are not visible; let MoveIt add padding for them. No object is made from unknown facts, see
-Refusal.
+Parts beyond the contact are not visible; let MoveIt add padding for them. If a required fact is not known, no object is
+made (see Refusal).
 """
 
 from enum import IntEnum
@@ -28,7 +28,7 @@ class Refusal(IntEnum):
     NOT_HELD = 4        # the grasp is not fresh, not two-sided or not stable
     WIDTH_NOT_KNOWN = 5  # the gripper's opening is not known
     OTHER_SHAPES = 6    # the sides report different shapes, so the object is not a prism
-    HOLLOW = 7          # the contact is a ring or a frame, and its inside may be solid or not
+    HOLLOW = 7          # the contact is a ring or a frame, so its inside may be hollow or solid
     OTHER_TIME = 8      # the sides belong to another grasp
 
 
@@ -41,7 +41,7 @@ class NoObjectError(ValueError):
 
 
 def collision_object(shape, object_id: str, height: float | None = None) -> CollisionObject:
-    """Return the object that touches a pad. Its pose is that of the contact, on the skin.
+    """Return the object that touches a pad, with the pose of the contact on the skin.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ class GraspWatch:
 
 
 class IsGraspStable(py_trees.behaviour.Behaviour):
-    """SUCCESS while an object is held stably, else FAILURE.
+    """SUCCESS while an object is held stably, FAILURE otherwise.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ class GraspLoop:
         self.moves = 0
 
     def closed(self, now: float) -> None:
-        """Note that the gripper has closed with a light force."""
+        """Tell the loop that the gripper has closed with a light force."""
         self._closed_at = now
 
     def next(self, correction, now: float) -> Order:

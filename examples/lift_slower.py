@@ -25,7 +25,7 @@ SLOWS = (ContactEvent.SLIDING, ContactEvent.TURNING, ContactEvent.LIGHTER)
 
 
 class LiftSpeed:
-    """Halves the speed at each event, and doubles it after each time CALM without one."""
+    """Halves the speed at each event, and doubles it after each period CALM without an event."""
 
     def __init__(self, node, pads: tuple[str, str], steady: Callable[[], float] = time.monotonic):
         self._steady, self._speed, self._since = steady, FULL, steady()

@@ -23,7 +23,8 @@ MAX_MISALIGNMENT = 3 * pi / 180  # largest angle of faces, or of the contacts' l
 TAUGHT = 8                   # ContactShape.OTHER
 STILL = 1                    # ContactMotion.STILL
 SLIDES = 3                   # ContactMotion.ALONG_X and ALONG_Y
-STIFFNESS = 25e6             # pressure per depth of the skin [Pa/m]; a value too high tilts too little, too low too far
+# pressure per depth of the skin [Pa/m]; if the value is too high, the tilt is too small, and vice versa
+STIFFNESS = 25e6
 FLUSH = 0.015                # smallest angle whose direction is known [rad]
 WATCHDOG_PERIOD = 0.02       # period of the watchdog [s]
 REPORT_PERIOD = 0.5          # period of reports while the action stays the same [s]
@@ -81,7 +82,7 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
 
 
 def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
-    """Follow a contact that the edge of a pad cuts. The rest of the contact is farther out on the same side.
+    """Return the correction for a contact that is cut by the edge of a pad. The rest of the contact is farther out.
 
     A contact may still be cut at both pads when the centre of its visible part is at the aim. The object is then longer
     than the pads, like a bar or a bottle. It is lifted, whatever it is, once no slide is seen and a slide would be
@@ -102,10 +103,11 @@ def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
 def opposing(grasp) -> tuple[float, float, float]:
     """Return the rotation of the gripper about the midpoint [rad] after which the contacts oppose; NaN if not known.
 
-    The gripper turns onto the faces if they lean, else along the line of the contacts.
+    If the faces lean, the gripper turns onto the faces; otherwise it turns along the line of the contacts.
     """
     about_x, about_y = (lean / STIFFNESS for lean in grasp.lean)
-    if hypot(about_x, about_y) <= FLUSH:  # else the line is a diagonal: friction holds such faces at opposite edges
+    # If the faces lean, the line is only a diagonal, because friction holds such faces at opposite edges.
+    if hypot(about_x, about_y) <= FLUSH:
         sine = hypot(grasp.axis.x, grasp.axis.y) or 1.0
         about_x, about_y = -grasp.misalignment * grasp.axis.y / sine, grasp.misalignment * grasp.axis.x / sine
     return about_x, about_y, 0.0
@@ -132,7 +134,7 @@ class Planner:
         self._age_on_arrival = inf
 
     def receive(self, correction: Correction, arrival: float, age: float) -> None:
-        """Take the correction for a grasp that arrived at ``arrival`` with an ``age`` [s]; inf if not known."""
+        """Store the correction for a grasp that arrived at ``arrival`` with an ``age`` [s]; inf if not known."""
         self._correction = correction
         self._arrival = arrival
         self._age_on_arrival = age
@@ -158,7 +160,7 @@ def main() -> None:
         if reason is not None:
             node.get_logger().warning(f'grasp dropped: {reason.key}', throttle_duration_sec=10.0)
             return
-        arrival = ages.arrived(grasp)  # the age includes the delay on the way here
+        arrival = ages.arrived(grasp)  # the age includes the transport delay
         aim = tuple(node.get_parameter('aim').value)
         planner.receive(asked_for(grasp, aim), arrival.steady, arrival.age_on_arrival)
         act()

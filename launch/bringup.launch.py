@@ -89,7 +89,7 @@ def warnings_of_misspelt(names: Collection[str]) -> list[Action]:
 
 
 def end_launch(event: ProcessExited, context: LaunchContext) -> list[Action]:
-    """End the launch when its process has ended; with exit code 1 if the process failed, for systemd."""
+    """End the launch when its process has ended. If the process failed, the exit code is 1, for systemd."""
 
     if event.returncode and not context.is_shutdown:
         raise RuntimeError(f'{event.process_name} has failed, code {event.returncode}')

@@ -1,4 +1,4 @@
-"""The errors that this package raises. Every message says what was expected, what was found, and what to do."""
+"""The errors that this package raises. Every message states the expected value, the actual value and a remedy."""
 
 from enum import IntEnum
 

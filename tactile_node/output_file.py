@@ -54,7 +54,7 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
 
 
 def check_writable(path: str | Path, inputs: Iterable[str | Path] = (), *, force: bool) -> None:
-    """Raise InputError if an output file cannot be written; commands call this before their long work.
+    """Raise InputError if an output file cannot be written; commands call this before they begin a long computation.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ LONGEST_SHOWN = 128  #: Largest number of bits of a whole number in an error.
 
 
 class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]  # libyaml: ten times faster
-    """Refuses a key that is given twice; PyYAML would silently take the last one."""
+    """Refuses a key that is given twice, because PyYAML would silently use the last one."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[str] = set()
@@ -88,7 +88,7 @@ def line_of(path: Path, key: str) -> int | None:
     Returns
     -------
     int or None
-        None if there is no such line.
+        None if the file has no matching line.
     """
     try:
         node = yaml.compose(Path(path).read_text(encoding='utf-8'), yaml.SafeLoader)
@@ -242,6 +242,6 @@ class Section:
 
     @staticmethod
     def _close(key: str, among: Iterable[Any]) -> str:
-        """Return the name ``among`` these that is spelt most like ``key``, or '' if none is close."""
+        """Return the name in ``among`` that is spelt most like ``key``, or '' if none is close."""
         close = get_close_matches(key, map(str, among), n=1)
         return close[0] if close and close[0] != key else ''

@@ -1,7 +1,8 @@
-"""Samples in bulk: the contacts of synthetic.world and the pool of figures, hundreds at a time, straight to patches.
+"""Draw samples in bulk: hundreds of contacts of simulator.world and of the figure pool at a time, as patches.
 
-The same distributions as training.samples draws one by one, for those conditions that can be drawn in bulk (all but
-cut, second and rounded contacts), and what general position leaves out: sides along the lattice, frames without noise.
+The distributions are those from which training.samples draws single contacts. The conditions cut, second and rounded
+cannot be drawn in bulk and are left out. This module adds cases that contacts in general position never show: sides
+along the lattice, and frames without noise.
 """
 
 from typing import NamedTuple
@@ -17,26 +18,27 @@ from training.samples import LABELS, UNKNOWN, Samples
 
 CIRCLE = LABELS.index('circle')
 TRIANGLES = [LABELS.index(shape) for shape in ('right_triangle', 'isosceles_triangle')]
-STEPS = 5  #: coverage is counted on STEPS x STEPS points
-EXACT = 0.12      #: fraction of the contacts that lie exactly along the lattice, or at 45 degrees to it
-NOISELESS = 0.1   #: fraction of the nominal pressure frames without any noise, and without blur
-LIGHT = 0.3       #: fraction of the pressure frames pressed lightly, at 5 to 35 % of full scale
-NOISIEST = 0.25   #: standard deviation relative to the contact's level
-ABSOLUTE = 0.35   #: fraction of the pressure frames whose threshold does not follow the contact's level and tilt
-MEMORY = 400_000  #: taxels of the frames that are drawn at a time
+STEPS = 5  #: The coverage of a taxel is counted on STEPS x STEPS points.
+EXACT = 0.12      #: Fraction of the contacts that lie exactly along the lattice, or at 45 degrees to it.
+NOISELESS = 0.1   #: Fraction of the nominal pressure frames that have neither noise nor blur.
+LIGHT = 0.3       #: Fraction of the pressure frames with a light contact, at 5 to 35 % of full scale.
+NOISIEST = 0.25   #: Largest standard deviation of the noise, relative to the contact's level.
+#: Fraction of the pressure frames whose threshold does not follow the level and the tilt of the contact.
+ABSOLUTE = 0.35
+MEMORY = 400_000  #: Largest number of taxels of the frames that are drawn at a time.
 
 
 class Covered(NamedTuple):
-    """K contacts on a pad: covered fraction of every taxel and whether its centre is inside, (K, rows, cols)."""
+    """K contacts on a pad."""
 
-    covered: np.ndarray
-    inside: np.ndarray
-    areas: np.ndarray   #: [taxels], (K,)
+    covered: np.ndarray  #: covered fraction of each taxel, (K, rows, cols)
+    inside: np.ndarray   #: bool, True if the centre of a taxel is inside the contact, (K, rows, cols)
+    areas: np.ndarray   #: areas of the contacts [taxels], (K,)
     labels: np.ndarray  #: (K,)
 
 
 class Contacts:
-    """K convex contacts by their half-planes (circles: by one distance)."""
+    """K convex contacts, each given by half-planes, or by a centre and a radius for a circle."""
 
     def __init__(self, rng: np.random.Generator, areas: np.ndarray, pad: int):
         self.labels = rng.integers(UNKNOWN, size=len(areas))
@@ -45,7 +47,8 @@ class Contacts:
                   for label, area in zip(self.labels, areas))]
         self.areas = np.array([contact.area for contact in drawn])
         self.circle = np.array([(c.x, c.y, c.dimensions[0]) for c in drawn], np.float32)
-        corners = np.array([np.resize(c.outline(4), (4, 2)) for c in drawn])  # a triangle's first one twice
+        # the first corner of a triangle is repeated
+        corners = np.array([np.resize(c.outline(4), (4, 2)) for c in drawn])
         edge = np.roll(corners, -1, axis=1) - corners
         edge[(edge == 0).all(-1)] = edge[(edge == 0).all(-1).nonzero()[0], 0]
         long = np.hypot(edge[..., 0], edge[..., 1])
@@ -55,7 +58,7 @@ class Contacts:
         self.inner = np.where(self.labels == CIRCLE, self.circle[:, 2], 2 * self.areas / lengths)
 
     def depth(self, k, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Depth of points (n, m) in contacts ``k``, (n,)."""
+        """Return the depth of points, (n, m), in the contacts with the indices ``k``, (n,)."""
         depth = np.full(x.shape, np.inf, np.float32)
         for side in range(4):
             plane = self.planes[k, side, :, None]
@@ -66,14 +69,14 @@ class Contacts:
         return depth
 
     def on_pad(self, pad: int, wall: np.ndarray) -> Covered:
-        """``wall``: width of the rim that is left of each, (K,)."""
+        """Return the contacts on a square pad; only a rim of width ``wall``, (K,), is left of each contact."""
         count = len(self.labels)
         y, x = np.indices((pad, pad), np.float32).reshape(2, 1, -1)
         k = np.arange(count)
         x, y = (np.broadcast_to(a, (count, pad * pad)) for a in (x, y))
         depth = self.depth(k, x, y)
         depth = np.minimum(depth, wall[:, None] - depth)
-        covered = (depth >= -1e-4).astype(np.float32)  # a centre on the outline is inside
+        covered = (depth >= -1e-4).astype(np.float32)  # a centre on the outline counts as inside
         inside = covered.astype(bool).reshape(-1, pad, pad)
         k, at = np.nonzero(np.abs(depth) < 0.708)
         step = ((np.arange(STEPS) + 0.5) / STEPS - 0.5).astype(np.float32)
@@ -84,7 +87,11 @@ class Contacts:
 
 
 def aligned(rng, contact):
-    """``contact`` at a multiple of 45 degrees, its place at halves of a taxel, its sides at times whole taxels."""
+    """Return ``contact`` aligned with the lattice.
+
+    Its angle is a multiple of 45 degrees, and its centre is at a multiple of half a taxel. Often its sides are whole
+    numbers.
+    """
     half = [0.5 * rng.integers(-1, 2) for _ in range(2)]
     dimensions = contact.dimensions
     if rng.random() < 0.7:
@@ -95,7 +102,7 @@ def aligned(rng, contact):
             dimensions = (round(2 * contact.dimensions[0]) / 2,)
     angle = (np.pi / 4 if rng.random() < 0.3 else np.pi / 2) * rng.integers(8)
     middle = np.round((contact.x, contact.y))
-    if contact.shape in ('square', 'rectangle') and rng.random() < 0.6:  # sides on the borders of taxels
+    if contact.shape in ('square', 'rectangle') and rng.random() < 0.6:  # the sides then lie on the borders of taxels
         half = [(round(size) % 2 - 1) / 2 for size in np.resize(dimensions, 2)[::1 if round(angle / np.pi * 2) % 2 == 0
                                                                               else -1]]
     return type(contact)(contact.shape, dimensions, x=float(middle[0] + half[0]), y=float(middle[1] + half[1]),
@@ -104,7 +111,7 @@ def aligned(rng, contact):
 
 def draw_many(rng: np.random.Generator, count: int, on_off: bool, areas: tuple[float, float] = (7, 60),
               faulty: float = 0.15, pad: int = 30) -> Samples:
-    """Draw about ``count`` samples in bulk, the areas log-uniform, on a pad of ``pad`` rows and columns."""
+    """Draw about ``count`` samples in bulk on a square pad with ``pad`` rows; the areas are log-uniform."""
     contacts = Contacts(rng, np.exp(rng.uniform(*np.log(areas), count)), pad)
     hollow = rng.random(count) < faulty
     wall = np.where(hollow, np.maximum(rng.uniform(0.2, 0.7, count) * contacts.inner, 1.25), 1e3).astype(np.float32)
@@ -113,7 +120,7 @@ def draw_many(rng: np.random.Generator, count: int, on_off: bool, areas: tuple[f
 
 def draw_forms(rng: np.random.Generator, forms: Forms, areas: np.ndarray, on_off: bool, faulty: float = 0.15,
                pad: int = 36) -> Samples:
-    """Draw a sample of each of K figures, at ``areas`` (K,) [taxels], anywhere in the middle of a pad."""
+    """Draw a sample of each of K figures with the given ``areas``, (K,) [taxels], anywhere in the middle of a pad."""
     count = len(areas)
     x0, y0 = rng.uniform(-0.5, 0.5, (2, count)) + (pad - 1) / 2
     angle = rng.uniform(0, 2 * np.pi, count)
@@ -130,7 +137,7 @@ def draw_forms(rng: np.random.Generator, forms: Forms, areas: np.ndarray, on_off
 
 
 def _interpolated(images: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
-    """Linearly between the four cells around; far away beyond the rim."""
+    """Return linear interpolations between the four nearest cells; points beyond the raster are far outside."""
     last = images.shape[1] - 2
     outside = (row < 0) | (col < 0) | (row > last) | (col > last)
     row, col = np.clip(row, 0, last), np.clip(col, 0, last)
@@ -143,7 +150,7 @@ def _interpolated(images: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.nd
 
 
 def pressed(rng: np.random.Generator, contacts: Covered, on_off: bool, faulty: float) -> Samples:
-    """Samples of the contacts as a skin measures them, a fraction ``faulty`` of them with each fault."""
+    """Return samples of the contacts as a skin measures them; each fault affects a fraction ``faulty`` of them."""
     values, press = (_on_off if on_off else _graded)(rng, contacts, faulty)
     dead = _dead(rng, values.shape, on_off, faulty)
     return samples_of(rng, values, press, dead, labels=contacts.labels, graded=not on_off)
@@ -158,7 +165,7 @@ def _on_off(rng, contacts: Covered, faulty: float) -> tuple[np.ndarray, np.ndarr
 
 
 def _graded(rng, contacts: Covered, faulty: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pressures with level about 1 under the contact."""
+    """Return pressures, which are about 1 under the contact, and their thresholds."""
     count, shape = len(contacts.areas), contacts.covered.shape[1:]
     def either(low, high, worse):  # noqa: E306
         return np.where(rng.random(count) < faulty, rng.uniform(high, worse, count), rng.uniform(low, high, count))
@@ -178,7 +185,8 @@ def _graded(rng, contacts: Covered, faulty: float) -> tuple[np.ndarray, np.ndarr
     noise = np.where(silent, 0, np.minimum(either(0, 0.02, 0.08) / pressure, NOISIEST))
     values += noise[:, None, None].astype(np.float32) * rng.standard_normal(values.shape, np.float32)
     level = np.where(flat[:, None, None], 1, np.clip(1 + rise, 0.5, 1.5))
-    relative = np.maximum(rng.uniform(0.38, 0.62, count), 3 * noise)  # the library's rule: three deviations, too
+    # the library also requires three standard deviations
+    relative = np.maximum(rng.uniform(0.38, 0.62, count), 3 * noise)
     press = np.where(flat, either(0.35, 0.7, 0.85), np.minimum(relative, 0.75))
     return _with_specks(rng, values, faulty), press[:, None, None] * level
 

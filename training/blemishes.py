@@ -1,6 +1,7 @@
-"""Known shapes with a blemish: bump, notch, rough edge, wire, lost or rounded corner. Bool on a grid, as families.py.
+"""Known shapes with a blemish: a bump, a notch, a rough edge, a wire, a lost or a rounded corner.
 
-Small ones leave the shape what it is, large ones make it foreign: the overlap decides (forms.py).
+Like the figures in families.py, each is bool on a grid. A small blemish leaves the shape as it is. A large blemish
+makes the shape foreign. The overlap with the five shapes decides (forms.py).
 """
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy import ndimage
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.shapes import Figure, disc, inside, stroke
 
-AREA = 1.6  #: of the shapes before they get a blemish
+AREA = 1.6  #: Area of the shapes before they get a blemish.
 
 
 def _shape(rng: np.random.Generator) -> Contact:
@@ -17,7 +18,7 @@ def _shape(rng: np.random.Generator) -> Contact:
 
 
 def _rim(rng, contact: Contact) -> tuple[np.ndarray, np.ndarray]:
-    """A point of the outline and the direction outwards from the middle there."""
+    """Return a point of the outline, and the outward direction there, as seen from the centre."""
     outline = contact.outline()
     k, share = rng.integers(len(outline)), rng.random()
     point = (1 - share) * outline[k] + share * outline[(k + 1) % len(outline)]
@@ -26,7 +27,7 @@ def _rim(rng, contact: Contact) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _patch_at(rng, x, y, point: np.ndarray, size: float) -> np.ndarray:
-    """A disc, a box or a triangle of about ``size`` there, turned at random."""
+    """Return a disc, a box or a triangle of about ``size`` at a point, rotated at random."""
     angle = rng.uniform(0, 2 * np.pi)
     u, v = x - point[0], y - point[1]
     u, v = u * np.cos(angle) + v * np.sin(angle), v * np.cos(angle) - u * np.sin(angle)
@@ -51,14 +52,14 @@ def nicked(rng, x, y):
 
 
 def rough(rng, x, y):
-    """An uneven outline: moved by noise, fine or coarse."""
+    """Return a shape whose outline is distorted by fine or coarse noise."""
     contact, cell = _shape(rng), x[0, 1] - x[0, 0]
     noise = ndimage.gaussian_filter(rng.standard_normal(x.shape), rng.uniform(0.03, 0.15) / cell)
     return contact.depth(x, y) + rng.uniform(0.01, 0.16) * noise / noise.std() >= 0
 
 
 def wired(rng, x, y):
-    """A thin tail, straight or bent."""
+    """Return a shape with a thin tail, straight or bent."""
     contact = _shape(rng)
     point, away = _rim(rng, contact)
     turn = rng.uniform(-0.9, 0.9, 2).cumsum()
@@ -69,7 +70,7 @@ def wired(rng, x, y):
 
 
 def cornerless(rng, x, y):
-    """A corner cut off, or a piece of a circle; or all corners rounded."""
+    """Return a shape with a corner or a piece of a circle cut off, or with all corners rounded."""
     contact = _shape(rng)
     depth = contact.depth(x, y)
     if rng.random() < 0.5:
@@ -83,7 +84,7 @@ def cornerless(rng, x, y):
 
 
 def spotted(rng, x, y):
-    """Several small bumps and notches."""
+    """Return a shape with several small bumps and notches."""
     contact = _shape(rng)
     found = contact.depth(x, y) >= 0
     for _ in range(rng.integers(2, 6)):
@@ -100,7 +101,10 @@ def holed(rng, x, y):
 
 
 def _opened(figure: np.ndarray, size: float) -> np.ndarray:
-    """Without what a disc of ``size`` cells inside the figure does not reach: convex corners rounded."""
+    """Return ``figure`` with its convex corners rounded.
+
+    The result is the part of the figure that discs of ``size`` cells inside the figure cover.
+    """
     core = ndimage.distance_transform_edt(figure) > size
     return figure & (ndimage.distance_transform_edt(~core) <= size) if core.any() else figure
 

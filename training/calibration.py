@@ -1,4 +1,4 @@
-"""From logits to probabilities that mean something, on validation contacts alone."""
+"""Convert logits into calibrated probabilities. Only validation contacts are used."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -19,19 +19,24 @@ from training.real_arrays import draw_real
 from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, joined_samples, samples_from
 from training.segmentation import as_shipped
 
-#: of clean contacts of the five shapes, the fraction that may be called unknown, by size [taxels]
+#: Largest fraction of clean contacts of the five shapes that may be called unknown, by size [taxels].
 LOSSES = {12: 0.005, 25: 0.003, 50: 0.0012, 100: 0.0006}
-LEAST_BIAS = 0.5  #: large clean contacts would allow less, but the same contacts in the field need it
-CLEAN = ((9, 60, 30, 80), (60, 130, 36, 40), (130, 500, 56, 16))  #: areas, pad, batches of 250 or what memory holds
-NEAR = 0.3  #: contacts of sizes within this logarithm count alike
-SOLUTIONS, FRAMES, POSES = 150, 12_000, 3  #: of contact mechanics
+#: Smallest bias. Large clean contacts would allow a smaller one, but the same contacts in the field need this one.
+LEAST_BIAS = 0.5
+#: Range of areas [taxels], side of the pad [taxels], and number of batches, each of 250 contacts or fewer to save
+#: memory.
+CLEAN = ((9, 60, 30, 80), (60, 130, 36, 40), (130, 500, 56, 16))
+NEAR = 0.3  #: Contacts are evaluated together with contacts of similar size, up to this difference of the logarithms.
+#: Numbers of solutions, frames and poses for contacts computed by contact mechanics.
+SOLUTIONS, FRAMES, POSES = 150, 12_000, 3
 MECHANICS_SEED, MECHANICS_AREAS = 910_000, (9.0, 250.0)
-REAL, REAL_SEED = 6000, 920_000  #: of real arrays
-PRESSURE, NOISE, DEAD = (0.05, 0.8), 0.01, 0.03  #: of clean contacts by mechanics; tilt and depth as in training
+REAL, REAL_SEED = 6000, 920_000  #: Number of contacts on real arrays, and their seed.
+#: Pressure, noise and dead taxels of clean contacts by mechanics; tilt and depth are as in training.
+PRESSURE, NOISE, DEAD = (0.05, 0.8), 0.01, 0.03
 
 
 class Validation(NamedTuple):
-    """Logits, labels and sizes of clean contacts of the five classes, of each world in turn."""
+    """Logits, labels and sizes of clean contacts of the five classes, from one source."""
 
     known: np.ndarray
     labels: np.ndarray
@@ -39,9 +44,12 @@ class Validation(NamedTuple):
 
 
 def validation(model: Model, on_off: bool, seed: int, folder: Path) -> list[Validation]:
-    """Of our generator and, pressures, of contact mechanics and of real arrays; ``folder`` keeps the solved indenters.
+    """Return the validation contacts of each source.
 
-    Where an on/off taxel of a contact by mechanics is on depends on thresholds that are not known.
+    The sources are our generator and, for pressures, contact mechanics and real arrays.
+
+    Contact mechanics is not used for on/off taxels, because the thresholds at which such taxels switch are not known.
+    ``folder`` holds the solved indenters.
     """
     rng = generator(Purpose.VALIDATION, seed)
     own = joined_samples([draw_many(rng, min(250, 400_000 // pad ** 2), on_off, (low, high), faulty=0.0, pad=pad)
@@ -56,7 +64,7 @@ def validation_solutions(folder: Path) -> list[Solution]:
 
 
 def mechanics_samples(rng: np.random.Generator, folder: Path) -> Samples:
-    """Clean contacts by mechanics, as they are pressed in most grips; the areas log-uniform."""
+    """Draw clean contacts by mechanics, as most grips press them; the areas are log-uniform."""
     solutions = validation_solutions(folder)
     found = []
     while len(found) < FRAMES:
@@ -82,9 +90,11 @@ def logits(model: Model, samples: Samples) -> np.ndarray:
 
 
 def calibrated(worlds: list[Validation]) -> Calibration:
-    """The temperature of least log-loss; the bias by size at which no clean world loses more than LOSSES.
+    """Return the temperature with the smallest log-loss, and the biases that lose no more than LOSSES.
 
-    The temperature is that of the hardest world, the last: real arrays, where there are pressures.
+    The biases are fitted to the first two sources: our generator and contact mechanics.
+
+    The temperature is fitted to the hardest source, which is the last one: for pressures, the real arrays.
     """
     hardest = worlds[-1]
 
@@ -97,7 +107,7 @@ def calibrated(worlds: list[Validation]) -> Calibration:
 
 
 def _biases(world: Validation) -> np.ndarray:
-    """What a contact's evidence for UNKNOWN exceeds as rarely as LOSSES allow, at each of SIZES."""
+    """Return, for each of SIZES, the evidence for UNKNOWN that no more contacts exceed than LOSSES allow."""
     allowed = np.exp(np.interp(LOG_SIZES, np.log(list(LOSSES)), np.log(list(LOSSES.values()))))
     near = [np.abs(world.log_taxels - size) < NEAR for size in LOG_SIZES]
     return np.array([np.quantile(world.known[alike, UNKNOWN], 1 - loss) if alike.any() else -np.inf

@@ -1,4 +1,4 @@
-"""How the curves of the paper's planes are fitted: on synthetic patterns in general position."""
+"""Fit the curves of the paper's planes to synthetic patterns in general position."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -20,18 +20,20 @@ from tactile_node.shape.volf import (
 from tactile_node.simulator.world import CLASSES
 from training.ground_truth.seeds import random_pattern
 
-AREAS = (13.0, 300.0)  #: training areas, log-uniform [taxels]
+AREAS = (13.0, 300.0)  #: Range of the areas of training patterns, log-uniform [taxels].
 COLUMNS = (('value', 'N'), ('dif', 'alpha9'), ('min', 'P05'), ('min', 'info_norm5'),
            ('dif', 'P05'), ('dif', 'info_norm5'))
 PASSES = 6
 KNOTS = 9
-LEVELS = 41   #: heights tried at each knot, first over the whole plane, then about what was found
-STIFF = 5.0   #: patterns a curve must gain for a kink that misses the neighbours' middle by 1 in v
-READINGS = {'caption': ('min', 'P05'), 'text': ('dif', 'P05')}  #: the third plane's horizontal axis
+LEVELS = 41   #: Number of heights tried at each knot, first over the whole plane, then around the best heights found.
+#: Number of patterns that a curve must gain by a kink at a knot that is 1 in v away from the middle of its neighbours.
+STIFF = 5.0
+#: The two readings of the third plane's horizontal axis.
+READINGS = {'caption': ('min', 'P05'), 'text': ('dif', 'P05')}
 
 
 class Samples(NamedTuple):
-    """The planes' features of n patterns by name, each of shape (n,), and what the patterns are."""
+    """Features and labels of n patterns."""
 
     columns: Mapping[tuple[str, str], np.ndarray]
     labels: np.ndarray  #: index into volf.ANSWERS
@@ -42,7 +44,7 @@ class Samples(NamedTuple):
 
 def draw_samples(rng: np.random.Generator, patterns: int, areas: tuple[float, float] = AREAS,
                  progress: Callable[[int], None] = lambda done: None) -> Samples:
-    """Draw patterns, the classes in turn, areas log-uniform; those under SMALLEST taxels are drawn again."""
+    """Draw patterns with the classes in turn and log-uniform areas; a pattern below SMALLEST taxels is drawn again."""
     rows: list[list[float]] = []
     labels: list[int] = []
     names = [shape.value for shape in ANSWERS]
@@ -59,16 +61,16 @@ def draw_samples(rng: np.random.Generator, patterns: int, areas: tuple[float, fl
 
 
 def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
-    """Fit the four curves so that as many patterns as possible are recognised by them, as published.
+    """Fit the four curves so that they recognise as many patterns as possible, as in the published method.
 
-    One curve after the other is made the best one there is, given the others, from the last to the first,
-    until nothing is gained: a pattern counts for a curve where it gets so far and where the curve's decision
-    makes the difference between right and wrong.
+    The function optimises one curve after another while the other curves are fixed, from the last curve to the first,
+    until the number of recognised patterns no longer rises. A pattern counts for a curve if the earlier curves pass it
+    on and if the decision of this curve makes the answer right or wrong.
     """
     names = [COLUMNS[:2], COLUMNS[:2], COLUMNS[2:4], (third, COLUMNS[5])]
     features = [(samples.of(horizontal), samples.of(vertical)) for horizontal, vertical in names]
     curves: dict[int, Plane] = {}
-    # To begin with every pattern gets as far as it should, and no farther.
+    # At the start, each pattern passes exactly the curves before that of its own class.
     heights = np.where(samples.labels == np.arange(len(names))[:, None], 1.0, -1.0)
     most = -1
     for _ in range(PASSES):
@@ -84,7 +86,7 @@ def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
 
 
 def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:
-    """What it wins to have each pattern above curve ``index``: 1, -1, or 0 where that changes nothing."""
+    """Return the gain from each pattern that is above curve ``index``: 1, -1, or 0 if the side makes no difference."""
     gets_there = ~(heights[:index] > 0).any(0)
     otherwise = index + 1 + by_curves(heights[index + 1:])
     gain: np.ndarray = gets_there * ((labels == index).astype(float) - (labels == otherwise))
@@ -92,39 +94,39 @@ def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:
 
 
 def answers(planes: Mapping[str, Plane], samples: Samples) -> np.ndarray:
-    """Index into volf.ANSWERS of the curves' answer for each pattern, shape (n,)."""
+    """Return the answer of the curves for each pattern, as an index into volf.ANSWERS, (n,)."""
     return by_curves(np.array([plane.height(samples.of(plane.horizontal), samples.of(plane.vertical))
                                for plane in planes.values()]))
 
 
 def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
-    """Share of each true class where the curves give each answer, by TAXEL_BANDS; shape (bands, 5, 5)."""
-    counts = np.full((len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)), 0.1)  # no class is ever quite impossible
-    counts += np.eye(len(ANSWERS))  # and an answer never given in training stands for itself
+    """Return the share of each true class by TAXEL_BANDS and by answer of the curves, (bands, 5, 5)."""
+    counts = np.full((len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)), 0.1)  # because no class is ever quite impossible
+    counts += np.eye(len(ANSWERS))  # an answer that never occurred in training stands for its own class
     np.add.at(counts, (band_of(samples.of(COLUMNS[0])), answer, samples.labels), 1)
     shares: np.ndarray = counts / counts.sum(2, keepdims=True)
     return shares
 
 
 def recognised(classifier: VolfClassifier, samples: Samples) -> dict[str, np.ndarray]:
-    """Which patterns are recognised rightly, bool, shape (n,): by the curves alone, by probability."""
+    """Return the correctly recognised patterns, bool (n,), by the curves alone and by the probabilities."""
     answer = answers(classifier.planes, samples)
     probable = classifier.shares[band_of(samples.of(COLUMNS[0])), answer].argmax(1)
     return {'by_curves': answer == samples.labels, 'most_probable': probable == samples.labels}
 
 
 def fit_classifier(samples: Samples, third: tuple[str, str]) -> VolfClassifier:
-    """Fit the curves and count how far they can be trusted."""
+    """Fit the curves, and count how often each of their answers is right."""
     planes = fit_planes(samples, third)
     return VolfClassifier(planes, count_shares(answers(planes, samples), samples))
 
 
 def fit_curve(u: np.ndarray, v: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return knots and levels of the chain of lines with the greatest sum of ``gain`` above it.
+    """Return the knots and the levels of the chain of lines that has the greatest sum of ``gain`` above it.
 
-    ``gain``, shape (n,): what is won by having a point above the curve instead of below, negative where it
-    is lost. Found by dynamic programming over the heights at the knots: nothing better exists on its grid,
-    wherever one starts; a second, finer grid lies about the first one's answer.
+    ``gain``, (n,), is the number won if a point lies above the curve instead of below it; it is negative for a loss.
+    The heights at the knots are found by dynamic programming, so no other chain on the grid is better. A second, finer
+    grid lies around the result on the first grid.
     """
     some = gain != 0
     u, v, gain = u[some], v[some], gain[some]
@@ -138,14 +140,14 @@ def fit_curve(u: np.ndarray, v: np.ndarray, gain: np.ndarray) -> tuple[np.ndarra
 
 
 def _best_chain(u: np.ndarray, v: np.ndarray, gain: np.ndarray, knots: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Best heights at ``knots``, one of each row of ``grid``, shape (knots, levels)."""
+    """Return the best heights at ``knots``, one from each row of ``grid``, (knots, levels)."""
     segment = np.clip(np.searchsorted(knots, u, 'right') - 1, 0, len(knots) - 2)
     won = []
     for k, (left, right) in enumerate(zip(knots, knots[1:])):
         inside = segment == k
         share = (u[inside] - left) / (right - left)
         won.append(_gain_of_lines(share, v[inside], gain[inside], left=grid[k], right=grid[k + 1]))
-    best, choices = won[0], []  # best[a, b]: of all chains that end in the heights a, b
+    best, choices = won[0], []  # best[a, b] is the best sum of all chains that end in the heights a, b
     for k in range(1, len(won)):
         kink = np.abs(grid[k - 1][:, None, None] - 2 * grid[k][:, None] + grid[k + 1])
         total = best[:, :, None] - STIFF * kink
@@ -159,6 +161,6 @@ def _best_chain(u: np.ndarray, v: np.ndarray, gain: np.ndarray, knots: np.ndarra
 
 def _gain_of_lines(share: np.ndarray, v: np.ndarray, gain: np.ndarray, left: np.ndarray,
                    right: np.ndarray) -> np.ndarray:
-    """Sum of gains above each line from a height ``left`` to a height ``right``, shape (left, right)."""
+    """Return the sum of gains above each line from a height ``left`` to a height ``right``, (left, right)."""
     rising = right * share[:, None]
     return np.array([gain @ (v[:, None] > rising + (height * (1 - share))[:, None]) for height in left])

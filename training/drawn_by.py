@@ -1,4 +1,4 @@
-"""Which code has drawn the samples in a folder."""
+"""Record which version of the code has drawn the samples in a folder."""
 
 from hashlib import sha256
 from pathlib import Path
@@ -11,9 +11,9 @@ DRAWING = ('training', 'training/ground_truth',
 
 
 def claim(folder: Path) -> None:
-    """Mark ``folder`` as of this code. Raises ConfigurationError for one of another code.
+    """Mark a folder as drawn by this version of the code, or raise ConfigurationError if another version has drawn it.
 
-    Samples, and networks half trained, that another code has drawn would carry this one's name.
+    Otherwise the weights would name this version, although another one had drawn their samples or begun their training.
     """
     mark, now = folder / 'drawn_by', _digest()
     before = mark.read_text() if mark.exists() else '' if any(folder.glob('*')) else now
@@ -26,6 +26,6 @@ def claim(folder: Path) -> None:
 
 
 def _digest() -> str:
-    """Short name of all code that samples and networks depend on."""
+    """Return a short digest of all code that samples and networks depend on."""
     paths = sorted(path for folder in DRAWING for path in (ROOT / folder).glob('*.py'))
     return sha256(b''.join(path.read_bytes() for path in paths)).hexdigest()[:12]

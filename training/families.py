@@ -1,7 +1,8 @@
-"""Foreign figures to train on, by family: bool on a grid. The families that are reported are in none of these modules.
+"""Foreign figures for training, by family. The families of the reported figures are in none of these modules.
 
-A figure has about unit size about the origin; its place, angle and size are drawn later. How familiar a figure is says
-its overlap with the five shapes (forms.py), not its family: a hexagon is nearly a circle.
+A figure is bool on a grid. It has about unit size and lies around the origin; its place, angle and size are drawn
+later. The overlap with the five shapes (forms.py) says how familiar a figure is, not its family: a hexagon is nearly a
+circle.
 """
 
 import numpy as np
@@ -13,7 +14,7 @@ from training.shapes import Figure, box, disc, inside, polar, stroke
 
 
 def comb(rng, x, y):
-    """A back with two to five teeth."""
+    """Return a comb: a back with two to five teeth."""
     teeth, back = rng.integers(2, 6), rng.uniform(0.2, 0.5)
     share, height = rng.uniform(0.35, 0.7), rng.uniform(0.5, 1.1)
     pitch = 1.4 / (teeth - 1 + share)
@@ -24,7 +25,7 @@ def comb(rng, x, y):
 
 
 def ring_sector(rng, x, y):
-    """A part of a ring, from an eighth to nearly all of it."""
+    """Return a part of a ring, from an eighth of it to nearly all of it."""
     hole, opening = rng.uniform(0.35, 0.8), rng.uniform(0.25, 1.75) * np.pi
     return disc(x, y, 1) & ~disc(x, y, hole) & (np.arctan2(y, x) % (2 * np.pi) <= opening)
 
@@ -37,13 +38,13 @@ def arrow(rng, x, y):
 
 
 def kite(rng, x, y):
-    """Kites, rhombs and darts."""
+    """Return a kite, a rhomb or a dart."""
     wide, at = rng.uniform(0.3, 0.9), rng.uniform(-0.9, 0.8)
     return inside(x, y, np.array([(1, 0), (at, wide), (-1 if rng.random() < 0.7 else at + 0.35, 0), (at, -wide)]))
 
 
 def regular(rng, x, y):
-    """Five to eight corners, some a little pulled or stretched."""
+    """Return a regular polygon with five to eight corners, sometimes with moved corners or stretched."""
     corners = rng.integers(5, 9)
     angle = np.arange(corners) * 2 * np.pi / corners
     points = polar(np.column_stack((angle, np.ones(corners))))
@@ -63,21 +64,21 @@ def trapezium(rng, x, y):
 
 
 def scalene(rng, x, y):
-    """Triangles and quadrangles of any corners."""
+    """Return a triangle or a quadrangle with random corners."""
     corners = rng.integers(3, 5)
     angle = np.sort(rng.uniform(0, 2 * np.pi, corners))
     return inside(x, y, polar(np.column_stack((angle, rng.uniform(0.7, 1.2, corners)))))
 
 
 def sector(rng, x, y):
-    """Quarter, half and other parts of a disc, from the middle or cut straight."""
+    """Return a quarter, a half or another part of a disc, cut from the centre or along a straight line."""
     if rng.random() < 0.5:
         return disc(x, y, 1) & (np.arctan2(y, x) % (2 * np.pi) <= rng.uniform(0.2, 1.7) * np.pi)
     return disc(x, y, 1) & (x >= rng.uniform(-0.7, 0.5))
 
 
 def teardrop(rng, x, y):
-    """A disc with a point."""
+    """Return a disc with a point."""
     tip, radius = rng.uniform(1.15, 2.4), rng.uniform(0.4, 0.6)
     tip *= radius
     touch = radius * radius / tip
@@ -87,7 +88,7 @@ def teardrop(rng, x, y):
 
 
 def pair(rng, x, y):
-    """Two simple figures that touch or overlap a little: the same or different ones, of any relative size."""
+    """Return two simple figures that touch or overlap a little, alike or different and of any relative size."""
     parts, sizes = [], (0.5, rng.uniform(0.2, 0.5))
     away = rng.uniform(0, 2 * np.pi)
     for k, size in enumerate(sizes):
@@ -102,7 +103,7 @@ def pair(rng, x, y):
 
 
 def curve(rng, x, y):
-    """Radius of random harmonics about the middle: from a slightly uneven disc to lobes of any kind."""
+    """Return an outline whose radius is a sum of random harmonics, from a slightly uneven disc to any kind of lobes."""
     order = np.arange(2, rng.integers(4, 12))
     weight = rng.standard_normal(len(order)) / order ** rng.uniform(0.2, 1.5)
     weight *= rng.uniform(0.05, 0.45) * np.sqrt(2) / np.linalg.norm(weight)
@@ -112,7 +113,7 @@ def curve(rng, x, y):
 
 
 def polyomino(rng, x, y):
-    """Three to seven squares side by side, at random."""
+    """Return three to seven squares joined side by side at random."""
     cells, count = {(0, 0)}, rng.integers(3, 8)
     while len(cells) < count:
         row, col = list(cells)[rng.integers(len(cells))]
@@ -124,7 +125,7 @@ def polyomino(rng, x, y):
 
 
 def strokes(rng, x, y):
-    """A random line with one to four bends, thick or thin, and sometimes a second one across it."""
+    """Return a random line with one to four bends, thick or thin, and sometimes with a second line across it."""
     width, found = rng.uniform(0.15, 0.45), np.zeros(x.shape, bool)
     for _ in range(rng.integers(1, 3)):
         found |= stroke(x, y, rng.uniform(-0.9, 0.9, (rng.integers(2, 6), 2)), width)
@@ -132,7 +133,10 @@ def strokes(rng, x, y):
 
 
 def stadium(rng, x, y):
-    """Rounded boxes, from nearly a rectangle to two half discs with a box between; cut corners."""
+    """Return a rounded box or a box with cut corners.
+
+    Rounded boxes range from nearly a rectangle to two half discs with a box between them.
+    """
     long, high = 1.0, rng.uniform(0.3, 1.0)
     by = rng.uniform(0.2, 1) * high
     if rng.random() < 0.3:
@@ -143,13 +147,13 @@ def stadium(rng, x, y):
 
 
 def oval(rng, x, y):
-    """Ellipses of ratio 1.15 to 3.5 and eggs."""
+    """Return an ellipse with a ratio of 1.15 to 3.5, or an egg."""
     ratio, egg = rng.uniform(1.15, 3.5), rng.choice((0.0, rng.uniform(0, 0.5)))
     return (x / 1.1) ** 2 + (y * ratio / 1.1) ** 2 * (1 + egg * x) <= 1
 
 
 def ragged(rng, x, y):
-    """Filtered noise above a level, its largest piece: no outline of any design."""
+    """Return the largest piece of filtered noise above a level, whose outline follows no design."""
     noise = ndimage.gaussian_filter(rng.standard_normal(x.shape), len(x) * rng.uniform(0.03, 0.12))
     noise = noise / noise.std() - rng.uniform(0.8, 2.5) * (x * x + y * y)
     labels, _ = ndimage.label(noise > rng.uniform(-0.6, 0.3))
@@ -159,7 +163,7 @@ def ragged(rng, x, y):
 
 
 def perforated(rng, x, y):
-    """A disc, box or triangle with one to five holes or bites anywhere."""
+    """Return a disc, a box or a triangle with one to five holes or bites at random places."""
     whole = (disc(x, y, 0.9), box(x, y, -0.9, 0.9, -0.6, 0.6), inside(x, y, polar([(a, 1.1) for a in (0, 2.1, 4.2)])))
     found = whole[rng.integers(3)]
     for _ in range(rng.integers(1, 6)):

@@ -1,6 +1,6 @@
-"""Field conditions: what a skin on a robot makes of a contact, as frames and with the contact's truth.
+"""Field conditions: frames of contacts as a skin on a robot measures them, together with the true shape.
 
-Pressures are fractions of full scale; nominal conditions are those the benchmark's clean figures are of.
+Pressures are fractions of full scale. The benchmark's clean figures are measured under the nominal conditions.
 """
 
 from dataclasses import dataclass, replace
@@ -14,33 +14,36 @@ from training.ground_truth.indenters import inscribed_radius
 from training.outliers import random_outlier
 from training.variants import Hollow, Rounded
 
-THINNEST_WALL = 1.25  #: [pitches]: a thinner rim falls to pieces
+THINNEST_WALL = 1.25  #: Smallest width of a rim [pitches]; a thinner rim falls to pieces.
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What may be wrong with a contact and a skin, each absent at its default.
+    """Faults of a contact and of a skin. At its default, each fault is absent.
 
-    The frame of an on/off skin is thresholded at ``threshold`` (fraction of the contact's pressure); with
-    neither blur, noise, tilt nor another threshold a taxel is on when its centre is inside.
+    The frame of an on/off skin is compared with ``threshold`` (a fraction of the contact's pressure). Without blur,
+    noise and tilt, and with the default threshold, a taxel is on if its centre is inside the contact.
     """
 
     on_off: bool = False
-    pressure: float = 0.5         #: mean under the contact [fraction of full scale]
+    pressure: float = 0.5         #: mean pressure under the contact [fraction of full scale]
     tilt: float = 0.0             #: relative rise of the pressure over the contact's mean radius
-    blur: float = 0.0             #: standard deviation of the elastomer's spread [pitches]
-    noise: float = 0.0            #: standard deviation [fraction of full scale]
-    dead: float = 0.0             #: fraction of taxels known to be dead, NaN
-    stuck: float = 0.0            #: fraction of taxels stuck at nothing or at the contact's pressure, unknown
-    silent_lines: int = 0         #: rows or columns next to each other that answer nothing, unknown
-    silent_places: int = 1        #: where on the contact such rows or columns are, all one way
-    poor_lines: float = 0.0       #: fraction of rows and columns that answer poorly, unknown: some of their taxels not
+    blur: float = 0.0             #: standard deviation with which the elastomer spreads the pressure [pitches]
+    noise: float = 0.0            #: standard deviation of the noise [fraction of full scale]
+    dead: float = 0.0             #: fraction of taxels that are known to be dead (NaN)
+    #: fraction of taxels that are stuck at 0 or at the contact's pressure without being known to be stuck
+    stuck: float = 0.0
+    silent_lines: int = 0         #: number of adjacent rows or columns that are silent without being known to be silent
+    silent_places: int = 1        #: number of places on the contact with such rows, or with such columns
+    #: fraction of rows and columns in which some taxels are silent without being known to be silent
+    poor_lines: float = 0.0
     threshold: float = 0.5
-    cut: float = 0.0              #: at most this fraction of the contact is beyond the pad's edge
-    second: float = 0.0           #: area of a second contact apart from the first [fraction of the first]
-    gap: float = 4.0              #: at least so far from the first [pitches]
-    wall: float = 0.0             #: rim of a hollow contact [fraction of its inscribed radius], 0: solid
-    rounding: float = 0.0         #: corners' radius [fraction of its inscribed radius]
+    cut: float = 0.0              #: largest fraction of the contact that lies beyond the pad's edge
+    second: float = 0.0           #: area of a second contact, as a fraction of the area of the first contact
+    gap: float = 4.0              #: smallest distance of the second contact from the first [pitches]
+    #: width of the rim of a hollow contact [fraction of its inscribed radius]; 0 for a solid contact
+    wall: float = 0.0
+    rounding: float = 0.0         #: radius of the corners [fraction of the inscribed radius]
 
 
 NOMINAL_PRESSURE = Conditions(tilt=0.2, blur=0.5, noise=0.01, dead=0.03)
@@ -49,7 +52,10 @@ NOMINAL_ON_OFF = Conditions(on_off=True)
 
 def random_touching(rng: np.random.Generator, kind: str, area: float, conditions: Conditions,
                     rows: int = PAD, cols: int = PAD) -> Touching:
-    """Draw a contact of ``kind`` (a class, or an outlier's) and ``area`` [taxels], hollow or rounded."""
+    """Draw a contact of a ``kind`` and an ``area`` [taxels], hollow or rounded if the conditions say so.
+
+    ``kind`` is a class or a kind of outlier.
+    """
     if kind not in CLASSES:
         return random_outlier(rng, kind, area, rows=rows, cols=cols)
     contact = touching = random_contact(rng, kind, area, rows=rows, cols=cols)
@@ -62,9 +68,9 @@ def random_touching(rng: np.random.Generator, kind: str, area: float, conditions
 
 def field_frame(rng: np.random.Generator, kind: str, area: float, conditions: Conditions,
                 least_side: int = PAD) -> np.ndarray:
-    """Draw a frame of one contact of ``kind``: float, NaN where dead, pressures or 0 and 1.
+    """Draw a frame with one contact of a ``kind``. The frame is float: pressures, or 0 and 1; NaN for a dead taxel.
 
-    The pad is square, ``least_side`` or more taxels wide, so that the contact has room on it.
+    The pad is square and has at least ``least_side`` rows, so that the contact has room on it.
     """
     side = max(least_side, int(np.ceil(3.2 * np.sqrt(area))) + 8)
     touching = random_touching(rng, kind, area, conditions, rows=side, cols=side)
@@ -100,7 +106,7 @@ def _pressures(rng, touching: Touching, area: float, conditions: Conditions, sha
 
 
 def _cut(rng, covered: np.ndarray, values: np.ndarray, most: float) -> np.ndarray:
-    """Drop rows or columns of the pad from one side, with up to ``most`` of the contact."""
+    """Remove rows or columns at one side of the pad, with up to a fraction ``most`` of the contact."""
     side = rng.integers(4)
     turned = np.rot90(covered, side)
     lost = np.cumsum(turned.sum(1)) / turned.sum()
@@ -108,7 +114,7 @@ def _cut(rng, covered: np.ndarray, values: np.ndarray, most: float) -> np.ndarra
 
 
 def _with_second(rng, values: np.ndarray, area: float, conditions: Conditions, analog: bool) -> np.ndarray:
-    """Add another contact of any class, ``gap`` or more away from the first; none where it has no room."""
+    """Add another contact of any class, at least ``gap`` away from the first, if the pad has room for it."""
     wide = np.pad(values, PAD // 2)
     room = ndimage.distance_transform_edt(wide == 0)
     other = random_contact(rng, CLASSES[rng.integers(len(CLASSES))], area * conditions.second, rows=4, cols=4)

@@ -1,6 +1,7 @@
-"""Fits the curves of the paper's planes and writes them with where they come from: python -m training.fit_curves.
+"""Fit the curves of the paper's planes, and write them with their provenance: python -m training.fit_curves.
 
-`method: volf` reads the file by `--curves` of `tactile classify`, or parameter model of the classifier node.
+The option `--curves` of `tactile classify` and the parameter model of the classifier node name this file for `method:
+volf`.
 """
 
 import argparse
@@ -40,7 +41,7 @@ def main() -> int:
     training = _draw(Purpose.TRAINING, args.seed, args.patterns)
     validation = _draw(Purpose.VALIDATION, args.seed, args.validation)
     readings = {name: fit_classifier(training, third) for name, third in READINGS.items()}
-    # Chosen on the training patterns, so that the validation figure stays unbiased.
+    # the choice uses the training patterns, so that the validation figure stays unbiased
     kept = max(readings, key=lambda name: recognised(readings[name], training)['by_curves'].mean())
     _write(args, kept, readings, training=training, validation=validation)
     rate = recognised(readings[kept], validation)['most_probable'].mean()
@@ -75,7 +76,7 @@ def _write(args, kept: str, readings: dict, training: Samples, validation: Sampl
 
 
 def _by_band(classifier: VolfClassifier, samples: Samples) -> dict[str, float]:
-    """Share recognised by the curves in each band of N."""
+    """Return the share of patterns that the curves recognise in each band of N."""
     right, count = recognised(classifier, samples)['by_curves'], samples.of(COLUMNS[0])
     bands = zip(TAXEL_BANDS, (*TAXEL_BANDS[1:], np.inf))
     return {f'from {low}': _mean(right[(count >= low) & (count < high)]) for low, high in bands}

@@ -1,7 +1,7 @@
-"""A pool of figures with the shape each is most like: drawn once, then pressed at many places, angles and sizes.
+"""A pool of figures with their labels. A figure is drawn once and then pressed at many places, angles and sizes.
 
-A figure is kept as its distance from the outline on a square raster, in units of the root of its area, so that its
-coverage of a taxel is found without counting points.
+A figure is stored as the signed distance from its outline on a square raster, in units of the root of its area. The
+coverage of a taxel then follows without counting points.
 """
 
 from pathlib import Path
@@ -17,33 +17,36 @@ from training.ground_truth.seeds import Purpose, generator
 from training.samples import LABELS, UNKNOWN
 from training.shapes import Figure
 
-SIDE = 144           #: cells along the raster
-EXTENT = 1.55        #: figures are drawn from -EXTENT to EXTENT
-FOREIGN, KNOWN = 0.85, 0.92  #: below, above these overlaps with the best of the five shapes
-BESIDE = 0.02        #: of two shapes whose overlaps differ by less neither is the truth
-TIE = 0.005          #: overlaps are found so exactly
-LONGER = 0.15        #: by so much less a square than a rectangle is a rectangle: from about 5:4 on
+SIDE = 144           #: Number of cells along each side of the raster.
+EXTENT = 1.55        #: Figures are drawn from -EXTENT to EXTENT.
+#: A figure is foreign if its best overlap with the five shapes is below the first value, and known from the second on.
+FOREIGN, KNOWN = 0.85, 0.92
+BESIDE = 0.02        #: If the overlaps of two shapes differ by less than this, neither shape is the label.
+TIE = 0.005          #: Error of the overlaps.
+#: A figure is a rectangle only if a square overlaps it by this much less, which is the case from about 5:4 on.
+LONGER = 0.15
 SQUARE, RECTANGLE = (LABELS.index(shape) for shape in ('square', 'rectangle'))
-STEPS = 250.0        #: distances are kept in whole numbers of a fraction of the area's root
-THINNEST = 0.02      #: least area of a figure that is worth its raster [of the raster]
+STEPS = 250.0        #: Distances are stored as whole multiples of this fraction of the root of the area: 1 / STEPS.
+THINNEST = 0.02      #: Smallest area of a figure, as a share of the raster.
 
 
 class Forms(NamedTuple):
     """F figures."""
 
-    distance: np.ndarray  #: int8, (F, SIDE, SIDE), positive inside, STEPS to a root of the area
-    cell: np.ndarray      #: of the raster [roots of the area], (F,)
-    middle: np.ndarray    #: centre of area [cells], x and y, (F, 2)
-    overlaps: np.ndarray  #: best with each of the five shapes, in the order of LABELS, (F, 5)
-    family: np.ndarray    #: str, (F,)
-    labels: np.ndarray    #: index into LABELS, or -1: neither foreign nor a shape, (F,)
+    #: int8 (F, SIDE, SIDE), distance from the outline in units of root of the area / STEPS, positive inside
+    distance: np.ndarray
+    cell: np.ndarray      #: (F,), width of a cell [roots of the area]
+    middle: np.ndarray    #: (F, 2), x and y of the centre of area [cells]
+    overlaps: np.ndarray  #: (F, 5), best overlap with each of the five shapes, in the order of LABELS
+    family: np.ndarray    #: str (F,), name of the family
+    labels: np.ndarray    #: (F,), index into LABELS; -1 if the figure is neither foreign nor one of the shapes
 
     def chosen(self, which: np.ndarray) -> 'Forms':
         return Forms(*(array[which] for array in self))
 
 
 def make_forms(rng: np.random.Generator, families: dict[str, Figure], count: int) -> Forms:
-    """Draw ``count`` figures, the families in turn."""
+    """Draw ``count`` figures from the families in turn."""
     step = 2 * EXTENT / SIDE
     y, x = np.mgrid[:SIDE, :SIDE] * step - EXTENT + step / 2
     names, drawn = list(families), []
@@ -57,7 +60,7 @@ def make_forms(rng: np.random.Generator, families: dict[str, Figure], count: int
 
 
 def stored_forms(folder: Path, name: str, families: dict[str, Figure], count: int, seed: int) -> Forms:
-    """Read the pool, or draw and store it where ``folder`` does not hold it."""
+    """Return the pool stored in ``folder``; if there is none, draw it and store it."""
     path = folder / f'forms_{name}.npz'
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
@@ -70,9 +73,9 @@ def stored_forms(folder: Path, name: str, families: dict[str, Figure], count: in
 
 
 def labels_of(overlaps: np.ndarray) -> np.ndarray:
-    """The labels of figures, (F,), by their best overlaps with the five shapes, (F, 5).
+    """Return the labels of figures, (F,), from their best overlaps with the five shapes, (F, 5).
 
-    A square is a rectangle, too: a rectangle is only what is much less of a square.
+    Every square is also a rectangle. A figure is therefore labelled a rectangle only if it is much less like a square.
     """
     best, first = overlaps.max(1), overlaps.argmax(1)
     square = (overlaps[:, SQUARE] > best - TIE) & (first == RECTANGLE)
@@ -89,9 +92,10 @@ def labels_of(overlaps: np.ndarray) -> np.ndarray:
 def _form(figure: np.ndarray, step: float, family: str) -> tuple:
     root = step * np.sqrt(figure.sum())
     distance = (ndimage.distance_transform_edt(figure) - ndimage.distance_transform_edt(~figure)) * (step / root)
-    distance -= np.sign(distance) * step / root / 2  # from the cells' border, not from the next cell's middle
+    # measured from the border of the cells, not from the centre of the next cell
+    distance -= np.sign(distance) * step / root / 2
     rows, cols = figure.nonzero()
-    found = overlaps(ndimage.binary_fill_holes(figure))  # a ring is a circle that is pressed with its rim
+    found = overlaps(ndimage.binary_fill_holes(figure))  # a ring counts as a circle that is pressed with its rim
     return (np.clip(np.round(distance * STEPS), -127, 127).astype(np.int8), step / root, (cols.mean(), rows.mean()),
             [found[name] for name in LABELS[:UNKNOWN]], family)
 

@@ -1,4 +1,4 @@
-"""Foreign figures that are only validated on: what rejection does with families that were not trained."""
+"""Foreign figures for validation only: they show how well the recogniser rejects families it was not trained on."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def keyhole(rng, x, y):
 
 
 def bolt(rng, x, y):
-    """A zigzag of constant height."""
+    """Return a zigzag of constant height."""
     by, wide = rng.uniform(0.2, 0.6), rng.uniform(0.25, 0.6)
     left = np.array([(0, -1), (by, -0.3), (-by / 2, 0.3), (by / 3, 1)])
     return inside(x, y, np.concatenate((left - (wide, 0), (left + (wide, 0))[::-1])) * 0.9)
@@ -30,7 +30,7 @@ def spoon(rng, x, y):
 
 
 def house(rng, x, y):
-    """A box with a roof, not in its middle."""
+    """Return a box with a roof that is off centre."""
     top = rng.uniform(-0.5, 0.5)
     roof = np.array([(-1.1, 0.1), (1.1, 0.1), (top, rng.uniform(0.7, 1.2))])
     return box(x, y, -0.6, 0.6, -0.9, 0.2) | inside(x, y, roof)

@@ -1,6 +1,6 @@
-"""Contacts that are seen in part: what lost TPDOs, silent rows and columns leave of them, marked as not seen.
+"""Contacts that are seen only in part, because TPDOs are lost or rows and columns are silent; these taxels are hidden.
 
-Through the library's own segmentation, which decides what is one contact across hidden taxels.
+The library's own segmentation decides which pressed taxels form one contact across hidden taxels.
 """
 
 import numpy as np
@@ -11,17 +11,17 @@ from training.outliers import TRAINED
 from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, random_conditions, samples_from
 from training.segmentation import as_shipped
 
-AREAS = (20.0, 160.0)     #: log-uniform
-SIDE = 16                 #: least of the pads
-FOREIGN = 0.15            #: fraction of figures that are none of the five
-FAULTY = 0.15             #: and of frames with another fault
-WIDTHS = (2, 4, 8)        #: taxels of a TPDO, in a row of the pad: of 32, 16 and 8 bits
-MOST = 0.5                #: of the pad's TPDOs that are lost
-LINES = 6                 #: adjacent rows or columns at most
+AREAS = (20.0, 160.0)     #: Range of the areas of contacts, log-uniform [taxels].
+SIDE = 16                 #: Smallest number of rows and columns of a pad.
+FOREIGN = 0.15            #: Fraction of the contacts that have none of the five shapes.
+FAULTY = 0.15             #: Fraction of the frames with another fault.
+WIDTHS = (2, 4, 8)        #: Number of taxels in a TPDO, along a row of the pad: taxels of 32, 16 and 8 bits.
+MOST = 0.5                #: Largest share of the pad's TPDOs that are lost.
+LINES = 6                 #: Largest number of adjacent hidden rows or columns.
 
 
 def draw_hidden(rng: np.random.Generator, count: int, on_off: bool) -> Samples:
-    """Draw ``count`` samples with the labels of the whole contacts."""
+    """Draw ``count`` samples; the label of a sample is that of the whole contact."""
     found: list[tuple] = []
     while len(found) < count:
         label = UNKNOWN if rng.random() < FOREIGN else int(rng.integers(UNKNOWN))
@@ -39,7 +39,7 @@ def draw_hidden(rng: np.random.Generator, count: int, on_off: bool) -> Samples:
 
 
 def hidden_taxels(rng: np.random.Generator, rows: int, cols: int) -> np.ndarray:
-    """Draw what is hidden, bool: TPDOs at random, TPDOs that follow each other, or adjacent rows or columns."""
+    """Draw hidden taxels, bool (rows, cols): random TPDOs, successive TPDOs, or adjacent rows or columns."""
     kind = rng.integers(3)
     if kind == 2:
         return _adjacent_lines(rng, rows, cols)
@@ -52,7 +52,7 @@ def hidden_taxels(rng: np.random.Generator, rows: int, cols: int) -> np.ndarray:
 
 
 def _tpdos(rng: np.random.Generator, rows: int, cols: int) -> np.ndarray:
-    """The TPDO of each taxel, along rows or, on half of the pads, along columns."""
+    """Return the number of each taxel's TPDO. The TPDOs run along rows or, on half of the pads, along columns."""
     if rng.random() < 0.5:
         return _tpdos_along_rows(int(rng.choice(WIDTHS)), rows, cols)
     return _tpdos_along_rows(int(rng.choice(WIDTHS)), cols, rows).T

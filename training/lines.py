@@ -1,7 +1,7 @@
-"""Foreign figures made of lines: what a network takes for the torn rim of a hollow object unless it has seen many.
+"""Foreign figures made of lines. Without many of them, a network takes lines for the torn rim of a hollow object.
 
-As families.py: bool on a grid, of about unit size about the origin. Outlines with a gap are left to the hollow objects:
-the rim of a real ring with silent columns has gaps, too.
+Like the figures in families.py, each is bool on a grid and has about unit size around the origin. Outlines with a gap
+are not among them, because the rim of a real ring under silent columns also has gaps.
 """
 
 import numpy as np
@@ -9,11 +9,11 @@ from scipy.interpolate import CubicSpline
 
 from training.shapes import box, disc, polar, stroke
 
-POINTS = 40  #: of a smooth line
+POINTS = 40  #: Number of points of a smooth line.
 
 
 def _smooth(points: np.ndarray, closed: bool = False) -> np.ndarray:
-    """A line through ``points``, (POINTS, 2)."""
+    """Return a smooth line through ``points``, (POINTS, 2)."""
     if closed:
         points = np.concatenate((points, points[:1]))
     spline = CubicSpline(np.arange(len(points)), points, bc_type='periodic' if closed else 'natural')
@@ -22,13 +22,13 @@ def _smooth(points: np.ndarray, closed: bool = False) -> np.ndarray:
 
 
 def scrawl(rng, x, y):
-    """A smooth line that may cross itself."""
+    """Return a smooth line that may cross itself."""
     points = rng.uniform(-0.8, 0.8, (rng.integers(3, 8), 2))
     return stroke(x, y, _smooth(points), rng.uniform(0.12, 0.35))
 
 
 def loop_with_tail(rng, x, y):
-    """A closed line of any form, filled or not, and one that leaves it."""
+    """Return a closed line of any form, filled or not, and a second line that leaves it."""
     angle = np.sort(rng.uniform(0, 2 * np.pi, 5)) + np.arange(5) * 0.2
     loop, width = _smooth(0.5 * polar(np.column_stack((angle, rng.uniform(0.5, 1, 5)))), closed=True), \
         rng.uniform(0.12, 0.3)
@@ -38,7 +38,7 @@ def loop_with_tail(rng, x, y):
 
 
 def branches(rng, x, y):
-    """A trunk and two to five branches, straight, of any place and direction."""
+    """Return a trunk with two to five straight branches at random places and in random directions."""
     width, turn = rng.uniform(0.12, 0.35), rng.uniform(-0.5, 0.5)
     found = stroke(x, y, np.array([(-0.9, 0), (0.9, 0)]), width)
     for _ in range(rng.integers(2, 6)):
@@ -50,7 +50,7 @@ def branches(rng, x, y):
 
 
 def zigzag(rng, x, y):
-    """One and a half to five half waves, sharp or round."""
+    """Return one and a half to five half-waves, sharp or round."""
     along = np.linspace(-1, 1, POINTS)
     phase = along * rng.uniform(1.5, 5) * np.pi / 2 + rng.uniform(0, np.pi)
     wave = np.sin(phase) if rng.random() < 0.5 else 2 / np.pi * np.arcsin(np.sin(phase))
@@ -59,7 +59,7 @@ def zigzag(rng, x, y):
 
 
 def grid(rng, x, y):
-    """One to three bars one way and one to three the other; they end at each other or beyond."""
+    """Return one to three bars in one direction and one to three in the other; they meet or cross."""
     found, lean = np.zeros(x.shape, bool), rng.choice((0.0, rng.uniform(-0.4, 0.4)))
     x = x + lean * y
     for across, count in ((False, rng.integers(1, 4)), (True, rng.integers(1, 4))):
@@ -72,7 +72,7 @@ def grid(rng, x, y):
 
 
 def beads(rng, x, y):
-    """Discs along a smooth line, touching: a chain of one width or swelling."""
+    """Return touching discs along a smooth line, as a chain of constant or growing width."""
     line, size = _smooth(rng.uniform(-0.75, 0.75, (rng.integers(3, 6), 2))), rng.uniform(0.1, 0.25)
     swell = rng.uniform(0, 0.6) * np.sin(np.linspace(0, rng.uniform(2, 12), POINTS))
     found = np.zeros(x.shape, bool)

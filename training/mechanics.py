@@ -1,7 +1,7 @@
 """Contacts computed by contact mechanics, for training: a pool of solved indenters, sampled at many sizes and poses.
 
-Lengths are in taxel pitches, pressures fractions of full scale. Ranges and seeds are those of the training; the
-reported figures have others (bench/recognition/mechanics.py).
+Lengths are in taxel pitches, and pressures are fractions of full scale. The ranges and seeds here are for training
+only; the reported figures use others (bench/recognition/mechanics.py).
 """
 
 from dataclasses import replace
@@ -19,39 +19,44 @@ from training.samples import LABELS
 from training.solutions import read_solutions, source_digest, write_solutions
 
 SOLUTIONS = 1000
-SEED = 900_000      #: of the pool; no other part of the training draws from it
-POSES = 4           #: frames in a row of one solution, size and depth
-LEAST_SIDE = 12     #: of a pad
-MOST_SHIFT = 0.10   #: of the contact by its tilt [square root of its area]: farther, too much of it has lifted off
+SEED = 900_000      #: Seed of the pool; no other part of the training uses it.
+POSES = 4           #: Number of successive frames with the same solution, size and depth.
+LEAST_SIDE = 12     #: Smallest number of rows and columns of a pad.
+#: Largest shift of the contact by its tilt [square root of its area]; beyond it, too much of the contact has lifted
+#: off.
+MOST_SHIFT = 0.10
 
-COMPRESSION = (0.005, 0.15)  #: mean pressure over contact modulus
-ROUNDING = (0.0, 0.3)        #: of a punch's edges [inscribed radius]
+COMPRESSION = (0.005, 0.15)  #: Range of mean pressure / contact modulus.
+ROUNDING = (0.0, 0.3)        #: Radius of a punch's edges [inscribed radius].
 TILT = (0.0, 0.8)
-DEPTH = (0.15, 1.3)          #: of the taxels
-PRESSURE = (0.04, 0.9)       #: mean over the contact
-ON_OFF_PRESSURE = 0.5        #: of a skin whose threshold follows the pressure, so that only the noise's share matters
+DEPTH = (0.15, 1.3)          #: Depth of the taxels [pitches].
+PRESSURE = (0.04, 0.9)       #: Mean pressure over the contact.
+#: Pressure for an on/off skin. Its threshold follows the pressure, so the pressure only sets the share of the noise.
+ON_OFF_PRESSURE = 0.5
 NOISE = (0.0, 0.02)
 DEAD = (0.0, 0.06)
-APERTURE = (0.7, 1.0)        #: side of a taxel's sensitive square
-THRESHOLD = (0.15, 0.6)      #: of an on/off skin [mean pressure]; the middle of a flat punch carries about half of it
-RATIO = (1.5, 3.0)           #: of a rectangle's sides, of a lying cylinder's contact
-#: How often a circle is a ball or a cone, a rectangle a lying cylinder; the rest are flat punches.
+APERTURE = (0.7, 1.0)        #: Side of a taxel's sensitive square [pitches].
+#: Threshold of an on/off skin [mean pressure]; the middle of a flat punch carries about half of the mean pressure.
+THRESHOLD = (0.15, 0.6)
+RATIO = (1.5, 3.0)           #: Ratio of a rectangle's sides, and of the sides of a lying cylinder's contact.
+#: Share of balls and of cones among circles, and of lying cylinders among rectangles; all other contacts are flat
+#: punches.
 BALLS, CONES, CYLINDERS = 0.25, 0.2, 0.3
 
 
 class Frames(NamedTuple):
-    """K frames and what they show."""
+    """K frames with their labels and conditions."""
 
-    frames: list[np.ndarray]  #: (rows, cols) each, fractions of full scale or 0 and 1; NaN where dead
-    labels: np.ndarray        #: (K,), index LABELS
-    areas: np.ndarray         #: (K,), of the contact [taxels]
-    depths: np.ndarray        #: (K,), of the taxels [pitches]
-    pressures: np.ndarray     #: (K,), mean over the contact
+    frames: list[np.ndarray]  #: (rows, cols) each, fractions of full scale, or 0 and 1; NaN for a dead taxel
+    labels: np.ndarray        #: (K,), index into LABELS
+    areas: np.ndarray         #: (K,), area of the contact [taxels]
+    depths: np.ndarray        #: (K,), depth of the taxels [pitches]
+    pressures: np.ndarray     #: (K,), mean pressure over the contact
 
 
 def solution_pool(folder: Path, count: int = SOLUTIONS, seed: int = SEED, purpose: Purpose = Purpose.TRAINING,
                   ) -> list[Solution]:
-    """Return ``count`` solutions, the classes in turn; solved once, then read from ``folder`` (build/mechanics)."""
+    """Return ``count`` solutions with the classes in turn. They are solved once and then read from ``folder``."""
     path = folder / f'{purpose.name.lower()}_{seed}_{count}_{source_digest()}.npz'
     if not path.exists():
         rng = generator(purpose, seed)
@@ -61,10 +66,10 @@ def solution_pool(folder: Path, count: int = SOLUTIONS, seed: int = SEED, purpos
 
 def draw_mechanics(rng: np.random.Generator, count: int, on_off: bool, solutions: list[Solution],
                    areas: tuple[float, float] = (8.0, 200.0), least_side: int = LEAST_SIDE) -> Frames:
-    """Draw ``count`` frames; ``areas``: range of contact areas [taxels], small ones more often.
+    """Draw ``count`` frames; ``areas`` is the range of contact areas [taxels], which are log-uniform.
 
-    Frames in a row share solution, size and depth, POSES at a time: shuffle them. The area is that of the contact set,
-    not of the punch. Pads are square and leave room around the contact.
+    POSES successive frames share solution, size and depth, so shuffle the frames. An area is that of the cells in
+    contact, not that of the punch. Pads are square and leave room around the contact.
     """
     frames, facts = [], []
     while len(frames) < count:
@@ -83,7 +88,7 @@ def draw_mechanics(rng: np.random.Generator, count: int, on_off: bool, solutions
 
 
 def random_solution(rng: np.random.Generator, label: str) -> Solution:
-    """Draw an indenter of one class and its tilt, and solve it."""
+    """Draw an indenter for one class and its tilt, and solve it."""
     while True:
         indenter = random_indenter(rng, label)
         solution = solve(indenter, _random_tilt(rng, indenter.kind))
@@ -92,7 +97,7 @@ def random_solution(rng: np.random.Generator, label: str) -> Solution:
 
 
 def random_indenter(rng: np.random.Generator, label: str) -> Indenter:
-    """Draw an indenter whose contact is a ``label``, one of world.CLASSES."""
+    """Draw an indenter whose contact has the shape ``label``, one of world.CLASSES."""
     compression, kind = _log_uniform(rng, COMPRESSION), rng.random()
     if label == 'circle' and kind < BALLS:
         return ball(compression)
@@ -105,14 +110,14 @@ def random_indenter(rng: np.random.Generator, label: str) -> Indenter:
 
 
 def contact_shift(solution: Solution) -> float:
-    """Distance of the contact's centre of area from the indenter's [square root of the contact's area]."""
+    """Return the distance between the centres of area of contact and indenter [square root of the contact's area]."""
     rows, cols = np.nonzero(solution.contact)
     x, y = solution.origin
     return float(np.hypot(x + cols.mean() * solution.cell, y + rows.mean() * solution.cell))
 
 
 def _random_tilt(rng: np.random.Generator, kind: str) -> tuple[float, float]:
-    """A tilted ball touches as an upright one does; a cylinder tilts along its axis, around it it rolls."""
+    """Draw a tilt. A ball or a cone gets none. A cylinder tilts only along its axis; around it, it would roll."""
     tilt, angle = rng.uniform(*TILT), rng.uniform(0, 2 * np.pi)
     if kind == 'flat_punch':
         return float(tilt * np.cos(angle)), float(tilt * np.sin(angle))

@@ -1,5 +1,7 @@
-"""Frames that nothing presses: salt, hum, lines, ragged clusters, idle counts. What the threshold lets through of them
-is no shape."""
+"""Frames of a pad that nothing presses: salt, hum, lines, ragged clusters and idle counts.
+
+The groups of taxels in which these frames exceed the threshold have no shape.
+"""
 
 import numpy as np
 from scipy import ndimage
@@ -8,11 +10,11 @@ from training.patches import samples_of
 from training.samples import UNKNOWN, Samples
 
 PAD = 36
-LEAST = 9  #: taxels: fewer in a ragged group are often what a small contact leaves
+LEAST = 9  #: Smallest number of taxels of a sample; a smaller ragged group often comes from a small contact.
 
 
 def draw_noise(rng: np.random.Generator, count: int, on_off: bool) -> Samples:
-    """Draw about ``count`` samples of the label UNKNOWN, of each kind of noise as many."""
+    """Draw about ``count`` samples with the label UNKNOWN, with the kinds of noise in turn."""
     kinds = (salt, lines, clusters, checks) if on_off else (salt, lines, clusters, checks, hum, idle, grain)
     drawn = [kinds[k % len(kinds)](rng) for k in range(count)]
     values = np.array(drawn, np.float32)
@@ -26,7 +28,7 @@ def draw_noise(rng: np.random.Generator, count: int, on_off: bool) -> Samples:
 
 
 def _window(rng) -> np.ndarray:
-    """A part of the pad, bool: the rest is quiet."""
+    """Return a part of the pad as a bool array; the rest of the pad is quiet."""
     window = np.zeros((PAD, PAD), bool)
     low = rng.integers(1, PAD // 2, 2)
     high = low + rng.integers(5, PAD // 2, 2)
@@ -35,12 +37,12 @@ def _window(rng) -> np.ndarray:
 
 
 def salt(rng) -> np.ndarray:
-    """Taxels on at random, 5 to 70 % of them."""
+    """Return random taxels that are on, 5 to 70 % of all."""
     return (rng.random((PAD, PAD)) < rng.uniform(0.05, 0.7)) & _window(rng)
 
 
 def lines(rng) -> np.ndarray:
-    """One to four rows and columns, one taxel wide, whole or broken."""
+    """Return one to four rows and columns, one taxel wide, whole or broken."""
     frame = np.zeros((PAD, PAD))
     for _ in range(rng.integers(1, 5)):
         line = frame if rng.random() < 0.5 else frame.T
@@ -53,14 +55,14 @@ def lines(rng) -> np.ndarray:
 
 
 def clusters(rng) -> np.ndarray:
-    """Filtered noise above a level, thinned."""
+    """Return the part of filtered noise above a level, thinned out."""
     noise = ndimage.gaussian_filter(rng.standard_normal((PAD, PAD)), rng.uniform(0.5, 1.5))
     return (noise > rng.uniform(0.3, 1.5) * noise.std()) & (rng.random((PAD, PAD)) < rng.uniform(0.6, 1.1)) \
         & _window(rng)
 
 
 def checks(rng) -> np.ndarray:
-    """Regular: checkerboards, stripes, every second taxel."""
+    """Return a regular pattern: a checkerboard, stripes, or every second taxel."""
     y, x = np.indices((PAD, PAD))
     by, step = rng.integers(1, 4), rng.integers(2, 4)
     pattern = ((x // by + y // by) % 2 == 0, (x // by) % step == 0, (x % step == 0) & (y % 2 == 0))[rng.integers(3)]
@@ -70,7 +72,7 @@ def checks(rng) -> np.ndarray:
 
 
 def hum(rng) -> np.ndarray:
-    """Rows or columns that swing together, and noise."""
+    """Return rows or columns that swing together, with noise."""
     wave = rng.standard_normal(PAD) if rng.random() < 0.5 else \
         np.sin(np.arange(PAD) * rng.uniform(0.3, 3) + rng.uniform(0, 6))
     frame = np.broadcast_to(np.abs(wave) / np.abs(wave).max(), (PAD, PAD)) \
@@ -84,7 +86,7 @@ def idle(rng) -> np.ndarray:
 
 
 def grain(rng) -> np.ndarray:
-    """Noise of the sensor, white or smooth, relative to its largest values."""
+    """Return white or smooth noise of the sensor, relative to its largest values."""
     noise = rng.standard_normal((PAD, PAD))
     if rng.random() < 0.6:
         noise = ndimage.gaussian_filter(noise, rng.uniform(0.4, 1.5))

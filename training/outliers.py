@@ -1,7 +1,8 @@
-"""Contacts outside the five shapes, in general position: what a recogniser must call unknown.
+"""Contacts outside the five shapes, in general position. A recogniser must call them unknown.
 
-They are for training and for choosing thresholds; rejection is reported on families with other code and parameters
-(bench/recognition/foreign.py). Sizes are found by counting area, so that all have the required area.
+They serve for training and for choosing thresholds. Rejection is reported for families with other code and other
+parameters (bench/recognition/foreign.py). The size of a figure is found by counting its area, so that each figure has
+the required area.
 """
 
 from collections.abc import Callable
@@ -11,12 +12,12 @@ import numpy as np
 
 from tactile_node.pose.outlines import depth_inside
 
-Depth = Callable[[np.ndarray, np.ndarray], np.ndarray]  #: of points about the origin, about unit size
+Depth = Callable[[np.ndarray, np.ndarray], np.ndarray]  #: Depth of points in a figure of about unit size at the origin.
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """One contact of a kind that is none of the five [pitches, radians]."""
+    """One contact with a shape that is none of the five [pitches, radians]."""
 
     kind: str
     form: Depth
@@ -27,14 +28,14 @@ class Outlier:
     reach: float
 
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Positive inside; a lower bound of the distance from the outline."""
+        """Return a lower bound of the distance from the outline, positive inside."""
         cos, sin = np.cos(self.angle) / self.scale, np.sin(self.angle) / self.scale
         u, v = x - self.x, y - self.y
         return self.scale * self.form(u * cos + v * sin, v * cos - u * sin)
 
 
 def random_outlier(rng: np.random.Generator, kind: str, area: float, rows: int, cols: int) -> Outlier:
-    """Draw a contact of ``kind`` and ``area`` [taxels] in general position in the middle of a pad."""
+    """Draw a contact of a ``kind`` and an ``area`` [taxels] in general position, in the middle of a pad."""
     form = FORMS[kind](rng)
     y, x = GRID
     inside = form(x, y) >= 0
@@ -76,7 +77,7 @@ def _ellipse(a: float, b: float, power: float = 2.0) -> Depth:
 
 
 def _radial(radius: Callable[[np.ndarray], np.ndarray]) -> Depth:
-    """Outline given as radius over the angle, its slope below about 3."""
+    """Return a figure whose outline is a radius over the angle; the slope of the radius must stay below about 3."""
     return lambda x, y: 0.3 * (radius(np.arctan2(y, x)) - np.hypot(x, y))
 
 
@@ -85,7 +86,7 @@ def _convex(corners: np.ndarray) -> Depth:
 
 
 def bars(rng: np.random.Generator) -> Depth:
-    """Two or three bars that meet: T, U, Z, H, and among them L and cross."""
+    """Return two or three bars that meet: T, U, Z, H, L or a cross."""
     w, at = rng.uniform(0.22, 0.5, 3), rng.uniform(0, 1, 2)
     long = rng.uniform(0.6, 1.0, 2)
     parts = [_box(0, 1, 0, w[0])]
@@ -97,14 +98,14 @@ def bars(rng: np.random.Generator) -> Depth:
 
 
 def star(rng: np.random.Generator) -> Depth:
-    """Three to six rays, wavy or sharp."""
+    """Return three to six rays, wavy or sharp."""
     rays, depth, phase = rng.integers(3, 7), rng.uniform(0.2, 0.45), rng.uniform(0, 2 * np.pi)
     wave = (lambda a: np.cos(a)) if rng.random() < 0.5 else (lambda a: 1 - 2 * np.abs((a / np.pi) % 2 - 1))
     return _radial(lambda a: 1 + depth * wave(rays * a + phase))
 
 
 def lens(rng: np.random.Generator) -> Depth:
-    """A disc cut by another disc: moons, bitten discs, half discs; or the part common to two."""
+    """Return a disc cut by another disc, such as a moon, a bitten disc or a half disc, or the common part of two."""
     a, b = _disc(0, 0, 1), _disc(rng.uniform(0.3, 1.1), 0, rng.uniform(0.5, 1.2))
     if rng.random() < 0.75:
         return _without(a, b)
@@ -117,7 +118,7 @@ def ellipses(rng: np.random.Generator) -> Depth:
 
 
 def superellipse(rng: np.random.Generator) -> Depth:
-    """Stadium-like (power 2 to 2.6, ratio over 1.4) or pinched (power below 1)."""
+    """Return a superellipse: like a stadium (power 2 to 2.6, ratio above 1.4), or pinched (power below 1)."""
     if rng.random() < 0.5:
         ratio = rng.uniform(1.4, 2.6)
         return _ellipse(ratio ** 0.5, ratio ** -0.5, rng.uniform(2.0, 2.6))
@@ -126,7 +127,7 @@ def superellipse(rng: np.random.Generator) -> Depth:
 
 
 def discs(rng: np.random.Generator) -> Depth:
-    """Two to five discs of random size, each touching the one before."""
+    """Return two to five discs of random size, each touching the previous one."""
     x, y, radius = 0.0, 0.0, 0.45
     parts = [_disc(x, y, radius)]
     for _ in range(rng.integers(1, 5)):
@@ -137,7 +138,7 @@ def discs(rng: np.random.Generator) -> Depth:
 
 
 def polygon(rng: np.random.Generator) -> Depth:
-    """Five to eight corners at random radii about a middle, not convex."""
+    """Return a polygon that is not convex, with five to eight corners at random radii."""
     corners = rng.integers(5, 9)
     angle = (np.arange(corners + 1) + np.append(rng.uniform(-0.3, 0.3, corners), 0)) * 2 * np.pi / corners
     radius = rng.uniform(0.45, 1.2, corners + 1)
@@ -153,7 +154,7 @@ def polygon(rng: np.random.Generator) -> Depth:
 
 
 def notched(rng: np.random.Generator) -> Depth:
-    """A rectangle or a triangle with a large notch cut into it; trapezia and parallelograms."""
+    """Return a rectangle or a triangle with a large notch, a trapezium or a parallelogram."""
     if rng.random() < 0.4:
         top, lean = rng.uniform(0.3, 0.65), rng.uniform(-0.3, 0.6)
         height = rng.uniform(0.5, 0.9)

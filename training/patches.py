@@ -1,6 +1,6 @@
-"""Frames in bulk -> samples: what `patch.make_patch` does, for hundreds of contacts at a time.
+"""Make samples from frames in bulk: like `patch.make_patch`, but for hundreds of contacts at a time.
 
-Contacts wider than a patch are scaled down one by one, by `make_patch`.
+Contacts wider than a patch are scaled down one by one with `make_patch`.
 """
 
 import numpy as np
@@ -14,15 +14,15 @@ CELLS = np.arange(SIDE)
 FLAT = np.pad(np.ones((1, 3, 3), bool), ((1, 1), (0, 0), (0, 0)))
 NOTHING = Samples(*(np.empty((0, SIDE, SIDE), np.uint8) for _ in range(2)), np.empty((0, COUNT), np.float32),
                   np.empty(0, int))
-CROPPED = 0.15  #: of the sides of wide contacts, the fraction beside which the pad ends
+CROPPED = 0.15  #: Share of the sides of wide contacts at which the pad ends.
 
 
 def samples_of(rng: np.random.Generator, values: np.ndarray, press: np.ndarray, dead: np.ndarray, labels: np.ndarray,
                graded: bool) -> Samples:
-    """The largest contact of each of K frames (K, rows, cols), with what is joined to it.
+    """Return samples of the largest contact, with the pieces joined to it, of each of K frames, (K, rows, cols).
 
-    ``press``: the threshold of a frame or of each of its taxels, (K, 1, 1) or (K, rows, cols).
-    Left out are frames whose contact is too small, or touches the frame's edge.
+    ``press`` is the threshold of each frame, (K, 1, 1), or of each of its taxels, (K, rows, cols). Frames are left out
+    if their contact is too small or touches the edge of the frame.
     """
     pressed = (values >= press) & ~dead
     parts, found = ndimage.label(pressed, FLAT)
@@ -53,7 +53,7 @@ def _scaled(rng, values, mask, labels) -> Samples:
 
 
 def _cropped(rng, values, mask) -> tuple[np.ndarray, np.ndarray]:
-    """Some sides end at the contact, or a taxel beside it."""
+    """Crop the frame so that some sides of the pad end at the contact, or one taxel beside it."""
     box = []
     for axis in (1, 0):
         used = np.flatnonzero(mask.any(axis))
@@ -86,7 +86,7 @@ def _placed(values, mask, dead, low, extent, labels, graded) -> Samples:
     row, col = (start[:, axis, None] + np.arange(SIDE) for axis in (0, 1))
     at = np.arange(len(labels))[:, None, None], row[:, :, None] + SIDE, col[:, None, :] + SIDE
     room = ((0, 0), (SIDE, SIDE), (SIDE, SIDE))
-    # A patch shows RIM_REACH taxels around the contact's box, as make_patch crops it; the rest is a free pad.
+    # A patch shows RIM_REACH taxels around the contact's box, as in make_patch. The rest is an unpressed pad.
     around = [(a >= first[:, None] - RIM_REACH) & (a < first[:, None] + size[:, None] + RIM_REACH)
               for a, first, size in ((row, low[:, 0], extent[:, 0]), (col, low[:, 1], extent[:, 1]))]
     shown = around[0][:, :, None] & around[1][:, None, :]
@@ -97,9 +97,10 @@ def _placed(values, mask, dead, low, extent, labels, graded) -> Samples:
 
 
 def _standing(levels: np.ndarray, unseen: np.ndarray, odd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of each of K patches' eight rotations and reflections: longer along x, more spread to greater x and y.
+    """Return the standard orientation of each of K patches: longer along x, and skewed towards greater x and y.
 
-    ``odd``: (K, 2), 1 where the contact is an odd number of cells high, wide: half a cell off the middle.
+    It is one of the eight rotations and reflections. ``odd``, (K, 2), is 1 if the height or the width of the contact is
+    an odd number of cells, so that its centre is half a cell off the middle.
     """
     (xx, xxx), (yy, yyy) = _spread(levels.sum(1)), _spread(levels.sum(2))
     rows, cols = (np.where(skew[:, None] < 0, (SIDE - 1 - off[:, None] - CELLS) % SIDE, CELLS)
@@ -112,7 +113,7 @@ def _standing(levels: np.ndarray, unseen: np.ndarray, odd: np.ndarray) -> tuple[
 
 
 def _spread(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Second and third central moments of K distributions (K, SIDE) along one axis."""
+    """Return the second and third central moments of K distributions, (K, SIDE), along one axis."""
     place = CELLS - (weight @ CELLS / weight.sum(1))[:, None]
     square = weight * place * place
     return square.sum(1), (square * place).sum(1)

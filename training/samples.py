@@ -1,4 +1,4 @@
-"""Labelled contacts under nominal and field conditions: the training data of recogniser and anchors."""
+"""Labelled contacts under nominal and field conditions: the training data of the recogniser and of the anchors."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -13,11 +13,11 @@ from training.field import Conditions, field_frame
 from training.outliers import TRAINED
 from training.segmentation import ON_OFF, pattern_at, pattern_beside
 
-LABELS = tuple(shape.value for shape in OUTPUTS)  #: a label is an index into these
+LABELS = tuple(shape.value for shape in OUTPUTS)  #: A label is an index into these names.
 UNKNOWN = LABELS.index('unknown')
-SMALLEST = 5           #: taxels of a pattern worth a sample
-ABSOLUTE = 0.4         #: of the pressure frames, the fraction with an absolute threshold
-LEVEL_STEPS = 255 / HIGHEST_LEVEL  #: levels are kept as whole numbers of this fraction
+SMALLEST = 5           #: Smallest number of taxels of a pattern that becomes a sample.
+ABSOLUTE = 0.4         #: Fraction of the pressure frames with an absolute threshold.
+LEVEL_STEPS = 255 / HIGHEST_LEVEL  #: Levels are stored as whole multiples of 1 / LEVEL_STEPS.
 
 FAULTS: dict[str, Callable[[np.random.Generator], dict]] = {
     'dead': lambda rng: {'dead': rng.uniform(0.03, 0.15)},
@@ -41,7 +41,7 @@ FAULTS: dict[str, Callable[[np.random.Generator], dict]] = {
 
 
 class Samples(NamedTuple):
-    """``levels``, ``unseen``: uint8, (K, SIDE, SIDE); ``geometry``: float32, (K, COUNT); ``labels``: (K,)."""
+    """K labelled patches: ``levels`` and ``unseen`` are uint8 (K, SIDE, SIDE), ``geometry`` is float32 (K, COUNT)."""
 
     levels: np.ndarray
     unseen: np.ndarray
@@ -49,7 +49,7 @@ class Samples(NamedTuple):
     labels: np.ndarray
 
     def inputs(self, chosen) -> tuple[np.ndarray, np.ndarray]:
-        """Images, float32, (K, 2, SIDE, SIDE), and geometry of the ``chosen`` samples."""
+        """Return images, float32 (K, 2, SIDE, SIDE), and geometry of the ``chosen`` samples."""
         images = np.stack((self.levels[chosen] / np.float32(LEVEL_STEPS),
                            self.unseen[chosen] / np.float32(255)), 1)
         return images.astype(np.float32), self.geometry[chosen]
@@ -60,26 +60,27 @@ def joined_samples(several) -> Samples:
 
 
 def random_area(rng: np.random.Generator, hollow: bool) -> float:
-    """Small contacts more often than large ones: they are harder; hollow ones are of larger objects."""
+    """Draw an area [taxels]. Small contacts are more frequent, because they are harder; hollow contacts are large."""
     low, high = (7, 60) if rng.random() < 0.8 and not hollow else (40, 300)
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def random_conditions(rng: np.random.Generator, on_off: bool, faulty: float = 0.45) -> Conditions:
-    """Nominal conditions, or in a fraction ``faulty`` with one or two faults."""
+    """Draw nominal conditions. In a fraction ``faulty`` of the draws, add one or two faults."""
     known = {'on_off': True} if on_off else {
         'pressure': rng.uniform(0.35, 0.8), 'tilt': rng.uniform(0, 0.4), 'blur': rng.uniform(0.3, 0.7),
         'noise': rng.uniform(0, 0.02), 'dead': rng.uniform(0, 0.06), 'threshold': rng.uniform(0.35, 0.7)}
     if rng.random() < faulty:
         for name in rng.choice(list(FAULTS), rng.integers(1, 3), replace=False):
             known |= FAULTS[name](rng)
-    if known.get('second'):  # what is left of the first must be the larger, and in one piece
+    # after further losses, the first contact might no longer be the larger one, or might be torn
+    if known.get('second'):
         known |= {'silent_lines': 0, 'poor_lines': 0.0}
     return Conditions(**known)
 
 
 def pattern_of(rng: np.random.Generator, frame: np.ndarray, conditions: Conditions) -> ContactPattern:
-    """The contact pattern of a frame, at an absolute threshold or one relative to the contact."""
+    """Return the contact pattern of a frame, with an absolute threshold or with a threshold relative to the contact."""
     if conditions.on_off or rng.random() < ABSOLUTE:
         return pattern_at(frame, ON_OFF if conditions.on_off else conditions.threshold * conditions.pressure)
     return pattern_beside(rng, frame, conditions.on_off)
@@ -101,18 +102,18 @@ def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,
         mask = joined(pattern)
         if conditions.second and mask.sum() > 1.15 * pattern.mask.sum():
             if rng.random() < 0.5:
-                return pattern, mask, UNKNOWN  # two contacts taken for one
+                return pattern, mask, UNKNOWN  # two contacts that were joined into one
             mask = pattern.mask
         return pattern, mask, label
 
 
 def draw(rng: np.random.Generator, count: int, on_off: bool, **options) -> Samples:
-    """Draw ``count`` samples; options as of `random_sample`."""
+    """Draw ``count`` samples; the options are those of `random_sample`."""
     return samples_from(random_sample(rng, on_off, **options) for _ in range(count))
 
 
 def samples_from(contacts) -> Samples:
-    """Samples of (pattern, mask of the contact, label)."""
+    """Return the samples for tuples (pattern, mask of the contact, label)."""
     patches, labels = [], []
     for pattern, mask, label in contacts:
         patches.append(make_patch(pattern.values, mask))
@@ -122,8 +123,8 @@ def samples_from(contacts) -> Samples:
 
 
 def packed(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray, labels: np.ndarray) -> Samples:
-    """Samples of K patches, (K, SIDE, SIDE) each."""
-    at_a_time = [slice(first, first + 256) for first in range(0, len(labels), 256)]  # describe_all takes much memory
+    """Return the samples for K patches, (K, SIDE, SIDE) each."""
+    at_a_time = [slice(first, first + 256) for first in range(0, len(labels), 256)]  # describe_all needs much memory
     geometry = [describe_all(levels[part], unseen[part], scales[part]) for part in at_a_time]
     return Samples(np.clip(levels * LEVEL_STEPS + 0.5, 0, 255).astype(np.uint8),
                    (unseen * 255 + 0.5).astype(np.uint8), np.concatenate(geometry), labels)

@@ -1,10 +1,11 @@
-"""What figures are made of: parts of a grid of points, bool."""
+"""Building blocks of figures: parts of a grid of points, as bool arrays."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-Figure = Callable[[np.random.Generator, np.ndarray, np.ndarray], np.ndarray]  #: of x, y: bool, of their shape
+#: Function that draws a figure: from a generator, x and y to a bool array of their shape.
+Figure = Callable[[np.random.Generator, np.ndarray, np.ndarray], np.ndarray]
 
 
 def disc(x, y, radius, x0=0.0, y0=0.0):
@@ -16,7 +17,7 @@ def box(x, y, x0, x1, y0, y1):
 
 
 def inside(x, y, corners):
-    """Within a polygon that need not be convex, by the parity of the edges crossed."""
+    """Return the points inside a polygon, which need not be convex, by the parity of the crossed edges."""
     found = np.zeros(x.shape, bool)
     for (xa, ya), (xb, yb) in zip(corners, np.roll(corners, -1, axis=0)):
         if ya != yb:
@@ -25,7 +26,7 @@ def inside(x, y, corners):
 
 
 def stroke(x, y, points, width):
-    """Within half a ``width`` of a line through ``points``."""
+    """Return the points within half a ``width`` of a line through ``points``."""
     found = np.zeros(x.shape, bool)
     for (xa, ya), (xb, yb) in zip(points, points[1:]):
         dx, dy = xb - xa, yb - ya

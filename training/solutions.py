@@ -1,4 +1,4 @@
-"""Solved indenters on disk: a pool takes a minute to solve, and every training reads the same one."""
+"""Solved indenters on disk. Solving a pool takes a minute, so all trainings read the same file."""
 
 from hashlib import sha256
 from pathlib import Path
@@ -14,14 +14,14 @@ SCALARS = ('kind', 'label', 'cell', 'origin', 'filled', 'compression', 'tilt')
 
 
 def source_digest() -> str:
-    """Short name of the code that solves: a pool of another code is not read."""
+    """Return a short digest of the code that solves; a pool of another version is not read."""
     own = Path(__file__).with_name('mechanics.py')
     paths = [own, *(Path(module.__file__) for module in (contact_solver, half_space, indenters, mechanics, world))]
     return sha256(b''.join(path.read_bytes() for path in paths)).hexdigest()[:12]
 
 
 def write_solutions(path: Path, solutions: list[Solution]) -> None:
-    """Write them into one file; pressures as float32."""
+    """Write the solutions into one file, with the pressures as float32."""
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_suffix('.part.npz')
     arrays = {name: np.array([getattr(solution, name) for solution in solutions]) for name in SCALARS}
@@ -33,7 +33,7 @@ def write_solutions(path: Path, solutions: list[Solution]) -> None:
 
 
 def read_solutions(path: Path) -> list[Solution]:
-    """Return what `write_solutions` wrote."""
+    """Return the solutions that `write_solutions` has written."""
     with np.load(path) as data:
         shapes, columns = data['shapes'], [data[name].tolist() for name in SCALARS]
         pressures = np.split(data['pressures'], np.cumsum(shapes.prod(1))[:-1])

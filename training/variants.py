@@ -1,8 +1,8 @@
-"""Contacts that are not quite the five shapes: rounded corners, hollow ones.
+"""Contacts that differ slightly from the five shapes: with rounded corners, or hollow.
 
-Everything here, as `world.Contact` does, has a centre ``x``, ``y``, a ``reach`` (no point of it lies
-farther from the centre) and ``depth(x, y)``: positive inside, changing by no more than 1 a pitch, so
-that a taxel whose centre is deeper than half its diagonal is covered whole.
+Like `world.Contact`, each object here has a centre ``x``, ``y``, a ``reach`` and a function ``depth(x, y)``. No point
+of the object is farther from the centre than ``reach``. The depth is positive inside and changes by at most 1 per
+pitch. A taxel whose centre is deeper than half of its diagonal is therefore covered completely.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from tactile_node.simulator.world import Contact
 
 @dataclass(frozen=True)
 class Rounded:
-    """``contact``, not a circle, with corners rounded to ``radius`` [pitches], below its inscribed circle's."""
+    """A ``contact`` (not a circle) with corners rounded to ``radius`` [pitches], which is below the inscribed one."""
 
     contact: Contact
     radius: float
@@ -33,7 +33,10 @@ class Rounded:
         return self.contact.reach
 
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Exact: the points within ``radius`` of the outline shrunk by ``radius``."""
+        """Return the exact depth.
+
+        The object consists of all points within ``radius`` of the outline shrunk by ``radius``.
+        """
         corners = _shrunk(self.contact.outline(), self.radius)
         following = np.roll(corners, -1, axis=0) - corners
         across = np.stack((x, y), -1)[..., np.newaxis, :] - corners
@@ -45,7 +48,7 @@ class Rounded:
 
 @dataclass(frozen=True)
 class Hollow:
-    """Only the rim of ``solid``, ``wall`` pitches wide."""
+    """The rim of ``solid``, ``wall`` pitches wide."""
 
     solid: Touching
     wall: float

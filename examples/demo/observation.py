@@ -22,7 +22,7 @@ class Performance(NamedTuple):
     """
 
     latency: Sequence[float]  #: time from SYNC to the arrival of each shape [s]
-    frames: int               #: number of frames that all pads acquired meanwhile
+    frames: int               #: number of frames that all pads acquired during this time
     skin_late: float          #: lateness that 99 % of the skin's CAN frames did not exceed [s]
     waited: float = 0.0       #: share of the time for which a thread of the nodes waited for a processor
 
@@ -123,7 +123,7 @@ class Verdict(NamedTuple):
 
 
 def verdicts_of(pad: str, touches: tuple[SimulatedTouch, ...], seen: list[Seen], pitch: float) -> list[Verdict]:
-    """Return a verdict for each touch that was seen in a frame; ``pitch`` is that of the pad [m]."""
+    """Return a verdict for each touch that was seen in a frame; ``pitch`` is the distance of the taxels [m]."""
     held = ((touch, [frame for frame in seen if touch.is_steady(frame.time)]) for touch in touches)
     return [_verdict(pad, touch, frames, pitch) for touch, frames in held if frames]
 

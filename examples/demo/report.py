@@ -69,7 +69,7 @@ def _touched(v: Verdict) -> tuple:
 
 
 def _found(fit: SeenFit | None) -> list[str]:
-    """Empty where there is none: a circle has one length and no angle."""
+    """Return the cells of a fit as text. A cell without a value is empty: a circle has one length and no angle."""
     if fit is None:
         return len(FOUND) * ['']
     first, second = (*fit.dimensions.values(), None)[:2]

@@ -121,7 +121,7 @@ class DemoSession:
         self._stack.close()
 
     def play(self) -> None:
-        """Run the script of touches until both pads have answered its end; draw their views meanwhile."""
+        """Run the script of touches until both pads have answered its end, and draw their views in the meantime."""
         self._wait_until_ready()
         self._begin = time.time() + LEAD
         self._skin.write_line(repr(self._begin))

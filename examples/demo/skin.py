@@ -18,7 +18,7 @@ from tactile_node.simulator.slcan_pty import SlcanPty
 
 
 class Script:
-    """The clock of the touches. It stands before the first touch until ``begin`` is known [s, Unix epoch].
+    """The clock of the touches. It stays before the first touch until ``begin`` is known [s, Unix epoch].
 
     The script continues when the driver restarts a device. With the clock of the device, the script would start again.
     """

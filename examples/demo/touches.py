@@ -14,7 +14,7 @@ from tactile_node.skin.pads import LivePad, make_pad
 PADS = 'left', 'right'
 NODE_IDS = 32, 64
 LAYOUT = 'sim16x16.yaml'
-LARGEST = 60.0  #: largest area that has room on 16 x 16 taxels for every shape [taxels]
+LARGEST = 60.0  #: largest area for which every shape fits on 16 x 16 taxels [taxels]
 TOUCH = 0.8     #: duration of a touch [s]
 GAP = 0.3       #: time between two touches [s]
 PRESSURE = 0.6  #: [fraction of full scale]
@@ -35,7 +35,7 @@ def scripts_of(seed: int, areas: Sequence[float]) -> dict[str, tuple[SimulatedTo
 def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) -> tuple[SimulatedTouch, ...]:
     """Return touches with every shape and every area, in random order, at random places and angles.
 
-    Raises ConfigurationError for an area that has no room on the pad for every shape.
+    Raises ConfigurationError for an area with which not every shape fits on the pad.
     """
     if not all(0 < area <= LARGEST for area in areas):
         raise ConfigurationError('--areas', expected=f'areas > 0 and up to {LARGEST:.0f} taxels', got=str(areas),

@@ -1,4 +1,4 @@
-"""Orders that a person types, one per line: see ORDERS."""
+"""Orders that a user types, one per line (see ORDERS)."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType

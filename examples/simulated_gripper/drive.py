@@ -36,8 +36,8 @@ class Command:
 class Drive:
     """A position loop with a limited force for two coupled fingers.
 
-    Positions are half of the gap [m]. Times are those of the physics [s]. The force is that of each finger, which at
-    rest is the force of each pad.
+    Positions are half of the gap [m]. Times are those of the physics [s]. The force is the force of one finger. At
+    rest, it equals the force of one pad.
     """
 
     def __init__(self, gap: float = MAX_GAP):
@@ -49,7 +49,7 @@ class Drive:
         self.is_at_goal = False
 
     def put(self, now: float, command: Command | None) -> None:
-        """Execute ``command`` at the time ``now`` + DELAY; None means: stop, and keep place and force."""
+        """Execute ``command`` at ``now`` + DELAY; None stops the finger, which keeps its place and its force."""
         self._waiting.append((now + DELAY, command))
         self.is_stalled = self.is_at_goal = False
 

@@ -103,7 +103,7 @@ def model_of(item: Item, has_sensors: bool = False) -> str:
 def _finger(name: str, way: int, skin: str, has_sensors: bool) -> str:
     """Return one finger; ``way`` is its direction from the item along y.
 
-    The rows of the left pad go down, those of the right pad go up.
+    The rows of the left pad run downwards, and the rows of the right pad run upwards.
     """
     pad = {'name': name, 'edge': HALF_PAD - PITCH / 2, 'top': -way * (HALF_PAD - PITCH / 2), 'down': way}
     return _FINGER.format(way=way, range=MAX_GAP / 2, half=HALF_PAD, behind=0.009 * way, surface=0.002 * way,

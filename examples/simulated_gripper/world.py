@@ -31,14 +31,14 @@ GRAVITY = 9.81            #: [m/s²]
 SHAKE_FREQUENCY = 6.0     #: [Hz]
 LOOP_PERIOD = 0.004       #: period of the thread [s]
 PULL_STIFFNESS = 2000.0   #: [N/m]
-MOST_BEHIND = 0.1         #: largest delay of the thread [s]; more is left out
+MOST_BEHIND = 0.1         #: largest delay of the thread [s]; a longer delay is skipped
 
 
 class Outcome(Enum):
     """State of the item."""
 
     FREE = 'free'          #: at most one pad touches the item, and it was not dropped
-    GRIPPED = 'gripped'    #: both pads touch the item, and so does the table or the stand
+    GRIPPED = 'gripped'    #: both pads and also the table or the stand touch the item
     HELD = 'held'          #: only the two pads touch the item
     DROPPED = 'dropped'    #: the item was held and then lost; it stays dropped until it is placed again
     BROKEN = 'broken'      #: a pad pressed more than its strength; the item stays broken until it is placed again
@@ -98,7 +98,7 @@ class World:
         self.place(place)
 
     def place(self, place: Place = AIM) -> None:
-        """Put the item, intact again, on its stand at ``place``; the hand returns at once, open and down."""
+        """Put the item back on its stand at ``place``, intact; the hand returns at once, open and lowered."""
         with self.lock:
             now = self.now  # kept, because the time of the physics must continue
             mujoco.mj_resetData(self.model, self.data)

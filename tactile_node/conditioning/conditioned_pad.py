@@ -40,8 +40,8 @@ class ConditionedPad:
 
     value = curve(gain x (reading - zero)); NaN for a faulty taxel.
 
-    If the readings of a pad do not change by a single count for ``frozen_after`` [s], the pad has stopped sampling.
-    Then no value is valid, and all taxels are STALE. Use this only for skins that are never quite still; 0 turns it
+    If no reading of a pad changes by a single count for ``frozen_after`` [s], the pad has stopped sampling. Then no
+    value is valid, and all taxels are STALE. Use this check only for skins whose readings always fluctuate; 0 turns it
     off.
 
     Parameters
@@ -103,7 +103,7 @@ class ConditionedPad:
         return frame
 
     def _count_unchanged(self, frame: TaxelFrame) -> None:
-        """Add the time since the frame before if readings arrived in it; a stamp that goes backwards starts again."""
+        """Add the time since the frame before if the frame has readings; start again if the stamp goes backwards."""
         step, self._stamp = frame.stamp - self._stamp, frame.stamp
         if self.detector.has_changed or step < 0:
             self.unchanged = 0.0

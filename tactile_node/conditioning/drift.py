@@ -5,20 +5,20 @@ import numpy as np
 from tactile_node.taxel_frame import read_only
 
 TIME_CONSTANT = 20.0  #: Time in which the zero follows a small step [s].
-DRIFT_RATE = 1 / 300  #: Largest drift per second, as a share of ``limit``; a faster change is no drift.
+DRIFT_RATE = 1 / 300  #: Largest drift per second, as a share of ``limit``; a faster change does not count as drift.
 PRESSED_SHARE = 0.5   #: Share of ``limit`` above the zero from which on a taxel may be under a contact.
 QUIET_TIME = 2.0      #: Time without such a taxel before the zero is followed [s].
 
 
 class DriftFollower:
-    """The zero of one pad, followed frame by frame.
+    """The zero of one pad, updated frame by frame.
 
     The zero of the whole pad stands still while any taxel reads PRESSED_SHARE x limit above its zero, and for
-    QUIET_TIME after that. A grasp is therefore never taken for drift, even if it is present from the start, and neither
-    are the taxels around it. The zero also stands still while a taxel has no value but had one before.
+    QUIET_TIME after that. A grasp is therefore never mistaken for drift, even if it is present from the start. The same
+    holds for the taxels around the grasp. The zero also stands still while a taxel that had a value before has none.
 
-    This has two drawbacks. A drift of more than PRESSED_SHARE x limit during one grasp needs a tare. A lighter touch is
-    taken for drift, at no more than DRIFT_RATE x limit per second.
+    This has two drawbacks. After a drift of more than PRESSED_SHARE x limit during one grasp, a tare is needed. A
+    lighter touch is mistaken for drift, at no more than DRIFT_RATE x limit per second.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ class DriftFollower:
         zero : np.ndarray
             Zero before this frame, (rows, cols).
         is_faulty : np.ndarray or bool
-            True for faulty taxels, bool (rows, cols). The zero does not wait for their values.
+            True for faulty taxels, bool (rows, cols). The zero does not wait until these taxels have values.
         is_contact : bool
-            True if something presses the pad, whatever its taxels read above zero.
+            True if something presses the pad, even if no taxel reads much above its zero.
         """
         passed, self._stamp = stamp - self._stamp, stamp
         above = np.where(np.isfinite(values), values - zero, 0)

@@ -298,7 +298,7 @@ class TaredPad:
                    timeout: float) -> tuple[int, Tare]:
         """Let the device zero itself, then subtract the remaining offset.
 
-        The request is refused under load before the device receives it, because the device would take the load for its
+        The request is refused under load before the device receives it, because the device would store the load as its
         zero. Until the new tare is known, no value is valid, even if the tare fails.
 
         From then on, ``boots`` shows whether the device still has its zero. According to CiA 404, a device loses its

@@ -58,18 +58,18 @@ class FaultDetector:
     """Detects the faulty taxels of one pad, frame by frame.
 
     Evidence is counted by contacts, because time alone proves nothing: an untouched pad shows no dead taxels, and a
-    grasp of an hour shows no stuck ones. A contact is counted when MIN_TOUCHED taxels have risen above ``limit``,
+    grasp of an hour shows no stuck taxels. A contact is counted when MIN_TOUCHED taxels have risen above ``limit``,
     nearly all of them have fallen again, and not many taxels are left pressed. If more taxels are stuck than any
-    contact presses, none is found.
+    contact presses, no fault is found.
 
     - Dead: the taxel was not ALIVE in CONTACTS contacts, although pressed taxels lay on both sides of it in two of four
-      directions. The centres of these contacts must be APART, because a ring presses elsewhere the taxels that it
-      leaves out in one place. A taxel in the corner of a pad does not have two sides, so it is never found dead. Blocks
-      of dead taxels are not found either, because a hole of more than two taxels contains taxels without pressed ones
-      on both sides.
-    - Stuck: the taxel was pressed at the end of CONTACTS contacts, and its value has been the same to the bit since
-      before the first of them. It is alone or has fewer stuck neighbours than a contact has taxels; an object that is
-      still held presses more. A stuck taxel at the end of its range is saturated.
+      directions. The centres of these contacts must be APART. A ring that is pressed elsewhere then also presses the
+      taxels that lay in its hole. A taxel in the corner of a pad does not have two sides, so it is never found dead.
+      Blocks of dead taxels are not found either, because a hole of more than two taxels contains taxels without pressed
+      taxels on both sides.
+    - Stuck: the taxel was pressed at the end of CONTACTS contacts, and its value has been identical to the bit since
+      before the first of them. It is alone or has fewer stuck neighbours than a contact has taxels. An object that is
+      still held presses more taxels. A stuck taxel at the end of its range is saturated.
     - Flickering: the taxel made FLICKER_JUMPS jumps within FLICKER_TIME, and jumped in FLICKER_SHARE of the frames. A
       jump counts if no neighbour took part, was pressed or was unknown; faulty neighbours are ignored. Two flickering
       taxels side by side are not found.
@@ -138,7 +138,7 @@ class FaultDetector:
         return self.faults
 
     def _count_jumps(self, stamp: float, change: np.ndarray, unknown: np.ndarray) -> bool:
-        """Count the jumps in which no neighbour takes part, and return True if a fault may appear or clear."""
+        """Count the jumps in which no neighbour takes part, and return True if a fault may have appeared or cleared."""
         passed, self._stamp = stamp - self._stamp, stamp
         was_flickering, fading = self._is_flickering(), np.exp(-max(passed, 0.0) / FLICKER_TIME)
         self._jumps *= fading
@@ -224,7 +224,7 @@ FAULT_KINDS = tuple(kind for kind in TaxelFault if kind)
 
 
 def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[str, FaultyTaxels]:
-    """Return the faulty taxels of some pads from a file. If there is no file, or a pad is not in it, it has none.
+    """Return the faulty taxels of some pads from a file. A pad that the file does not list has none.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
     Raises
     ------
     ConfigurationError
-        If anything else is wrong; the error names file and key.
+        If the file cannot be used; the error names the file and the key.
     """
     kinds, path = {name: np.zeros(shape, np.uint8) for name, shape in pads.items()}, _usable(path)
     if path.exists():

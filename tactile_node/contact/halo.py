@@ -9,8 +9,8 @@ LEAST_SKIRT = 8  #: Smallest number of taxels that can show a halo.
 #: Quantile of the readings around a contact that represents the halo. A halo surrounds its contact, while around a
 #: tilted or uneven contact the lowest quarter of the readings is at rest.
 ALL_ROUND = 0.25
-#: Smallest halo, as a share of the contact's mean reading. Computed contacts of elastic layers show less, and so do
-#: contacts on arrays that read 0 at rest.
+#: Smallest halo, as a share of the contact's mean reading. Computed contacts of elastic layers and
+#: contacts on arrays that read 0 at rest show less.
 LEAST_HALO = 0.02
 #: Distance over which a halo falls to about a third (1/e) [taxels]; chosen on computed halos of five profiles.
 HALO_LENGTH = 4.0

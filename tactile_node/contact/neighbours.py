@@ -1,4 +1,4 @@
-"""Neighbourhoods of taxels, and whether a pad is seen, as a few whole-array operations."""
+"""Array operations on neighbouring taxels, and the check that a frame shows enough of the pad."""
 
 import numpy as np
 from scipy import ndimage
@@ -44,7 +44,7 @@ def pad_seen(hidden: np.ndarray, unmapped: np.ndarray, smallest_contact: int = S
 def largest_group(taxels: np.ndarray, reaching: np.ndarray | None = None) -> int:
     """Return the size of the largest 8-connected group of ``taxels`` that shares a taxel with ``reaching``, or 0.
 
-    With ``reaching`` None, every group counts.
+    If ``reaching`` is None, every group counts.
     """
     if not taxels.any():
         return 0
@@ -147,7 +147,7 @@ def sides_reached(mask: np.ndarray) -> SkinSide:
 def sum_around(values: np.ndarray) -> np.ndarray:
     """Return for each taxel the sum of its value and the values of its 8 neighbours, float (rows, cols).
 
-    ``values`` are numbers or bool. There is nothing to add beyond the edge of the pad.
+    ``values`` are numbers or bool. Places beyond the edge of the pad add nothing.
 
     >>> sum_around(np.array([[1.0, 2.0, 4.0]])).tolist()
     [[3.0, 7.0, 6.0]]

@@ -43,7 +43,7 @@ UNKNOWN_REST = Resting(float('nan'), float('nan'))
 
 
 def resting_of(values: np.ndarray) -> Resting:
-    """Return level and noise of those taxels that rest.
+    """Return the level and the noise of the taxels at rest.
 
     The function clips outliers from above (one-sided sigma clipping). It begins with the lowest quarter of the values.
     It then adds all values up to 2.5 standard deviations above the mean of the values taken so far, until nothing
@@ -62,9 +62,9 @@ def resting_of(values: np.ndarray) -> Resting:
 
     Notes
     -----
-    Among 64 values or more, up to an eighth may lie far below the others, as when taxels have lost their offset. These
-    values are left out. If the values come in whole steps, the limit is one step higher, because there are no values in
-    between.
+    Among 64 values or more, up to an eighth may lie far below the others, for example because taxels have lost their
+    offset. These values are left out. If the values come in whole steps, the limit is one step higher, because there
+    are no values in between.
 
     Examples
     --------
@@ -97,7 +97,7 @@ def resting_of(values: np.ndarray) -> Resting:
 def _far_below(ordered: np.ndarray) -> int:
     """Return how many of the sorted values lie far below all others.
 
-    If the first octile and the first quartile are equal, the distance to the next larger value replaces theirs.
+    If the first octile and the first quartile are equal, the distance to the next larger value is used instead.
     """
     if ordered.size < MANY_VALUES:
         return 0
@@ -143,7 +143,8 @@ class NoiseFloor:
     The noise of a taxel is the root mean square of its readings about the level at rest. It includes the taxel's own
     offset and is at least the noise over the resting taxels of the frame. The noise is not learned where taxels rise
     together, because a slowly growing contact must not become noise. Until a taxel has rested for LEARNED_FRAMES
-    frames, the noise of the frame replaces its own. This is the case for an object that is held from the start.
+    frames, the noise of the frame is used instead of its own. Taxels under an object that is held from the start
+    therefore use the noise of the frame.
 
     The level at rest rises slowly and falls at once. When an object comes to cover the whole pad, even the lowest
     taxels are pressed, and the level must not rise to their readings. While something presses the pad, the noise is
@@ -152,7 +153,7 @@ class NoiseFloor:
     Parameters
     ----------
     highest : float
-        Level that no pad at rest reaches, for values that were tared; infinite for other values.
+        Upper limit of the level at rest for tared values; infinite for values that were not tared.
     """
 
     def __init__(self, highest: float = np.inf):
@@ -229,7 +230,7 @@ class NoiseFloor:
             return self._last
         rise = np.inf if self._is_first else FOLLOWED_RISE * found.deviation
         self._is_first = False
-        # Without a limit if the noise before the touch was below the resolution and is therefore not known.
+        # There is no limit if the noise before the touch is not known, because it was below the resolution.
         most = LOUDER_RATIO * self._quiet if self._quiet > 0 else np.inf
         self._is_loud = found.deviation > most
         return Resting(min(found.level, level + rise), min(found.deviation, most))

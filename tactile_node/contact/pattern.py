@@ -18,13 +18,14 @@ from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, PRESS_BY_UNIT, 
 #: contact.
 BASELINE_SHARE = 0.1
 LEAST_COUNTS = 3.0     #: Smallest rise of a contact in whole counts; idle readings differ by up to two counts.
-HIGHEST_VALUE = 1e150  #: A number of this magnitude or more is no valid value, like infinity: its square has no float.
-SMALL_ARRAY = 64       #: Largest number of taxels of an array that one object may cover, so that too few taxels rest.
-#: Smallest correlation of neighbouring taxels on a pad with a contact. Without a contact, 20,000 frames had 0.4 at
-#: most.
+HIGHEST_VALUE = 1e150  #: Values of this magnitude or more are invalid, like infinity, because their squares overflow.
+#: Largest number of taxels of an array that one object may cover almost completely, so that too few taxels rest.
+SMALL_ARRAY = 64
+#: Smallest correlation of neighbouring taxels on a pad with a contact. In 20,000 frames without a contact, the
+#: correlation was 0.4 at most.
 ALIKE_CORRELATION = 0.45
-#: Smallest spread of the readings of an evenly pressed pad, as a share of their mean. The gains of taxels differ by
-#: more.
+#: Smallest spread of the readings of an evenly pressed pad, as a share of their mean. The gains of the taxels differ by
+#: at least this much.
 EVEN_SHARE = 0.05
 MOST_LABELS = 255  #: Largest number of contacts with a label of their own.
 
@@ -33,8 +34,8 @@ class ContactPattern(NamedTuple):
     """The contacts that one frame shows. Arrays are read-only, of shape (rows, cols)."""
 
     mask: np.ndarray  #: bool, the taxels of the largest contact
-    #: float, the values of the frame; NaN where a taxel has no valid value or is left over. In an array without a unit,
-    #: the level at rest is subtracted unless it is about 0, and so is the halo of the contacts.
+    #: float, the values of the frame; NaN where a taxel has no valid value or is left over. If the array has no unit,
+    #: the halo of the contacts and the level at rest (unless it is about 0) have been subtracted.
     values: np.ndarray
     contacts: int  #: number of separate contacts on the pad; 0 if the pad is empty or not seen
     #: uint8, number of the contact that a taxel belongs to; 1 is the largest contact, 2 the next, ...; 0 is none
@@ -42,13 +43,14 @@ class ContactPattern(NamedTuple):
     sizes: tuple[int, ...]  #: number of taxels of each label, beginning with label 1
     hidden: np.ndarray  #: bool, taxels of the pad without a valid value, and left-over taxels
     saturated: np.ndarray  #: bool, taxels at the end of their range, whose value is a lower bound
-    unmapped: np.ndarray  #: bool, places without a taxel; like the places beyond the edge, they are no part of the pad
+    #: bool, places without a taxel; like the places beyond the edge, they do not belong to the pad
+    unmapped: np.ndarray
     noise: np.ndarray  #: float, standard deviation of each taxel at rest [unit of the values]; NaN if it is not known
     #: True if an object may cover most of a small array, so that no contact stands out. This is assumed if neighbouring
     #: taxels read alike. It is also assumed if all taxels read above 0 and no earlier frame shows what they read at
     #: rest.
     is_covered: bool = False
-    #: True if all pressed taxels are left over. The rest of a contact may still be held, however small it is.
+    #: True if all pressed taxels are left over. Even if they are few, something may still press them.
     is_left_over: bool = False
 
     @property
@@ -91,17 +93,18 @@ class PatternExtractor:
     """Extracts the contact pattern of successive frames of one pad.
 
     By default a taxel is pressed if it stands out of the noise. A contact ends where its taxels read less than half of
-    its own level (`standing_out`). With ``thresholds``, fixed values decide: a taxel becomes pressed at the press
-    threshold or above and is released below the release threshold. A frame of bool already gives the pressed taxels.
+    the contact's own level (`standing_out`). With ``thresholds``, fixed values decide: a taxel becomes pressed at the
+    press threshold or above and is released below the release threshold. In a frame of bool, True marks a pressed
+    taxel.
 
     An array without a unit is on/off if its values are 0 and at most one other number.
 
     If a taxel has no valid value (NaN, infinite), it is not in the pattern. It keeps its hysteresis state until it is
     valid again. There is one exception: the contact also gets the invalid taxels that it fully encloses, because a dead
-    taxel under an object is no hole in the object.
+    taxel under an object is not a hole in the object.
 
-    Taxels that stay pressed after their contact is gone are hidden (`LeftOver`). They are no contact, and whether
-    something presses there is not known.
+    Taxels that stay pressed after their contact is gone are hidden (`LeftOver`). They are not reported as a contact,
+    although something may still press them.
 
     If pressed taxels face each other across hidden taxels, along a row or a column, they belong to one contact. A row
     that was not seen does not tear a contact apart.
@@ -139,21 +142,21 @@ class PatternExtractor:
                 unmapped: ArrayLike | None = None) -> ContactPattern:
         """Return the contact pattern of a frame.
 
-        If the frame has another shape than the one before, the extractor starts again without a pressed taxel.
+        If the shape of the frame changes, the extractor starts again with no taxel pressed.
 
         Parameters
         ----------
         values : array_like
             Taxel values, real numbers or bool, (rows, cols).
         saturated : array_like or None
-            Taxels at the end of their range, bool (rows, cols); None for no such taxel.
+            Taxels at the end of their range, bool (rows, cols); None if there are none.
         unmapped : array_like or None
-            Places without a taxel, bool (rows, cols); None for no such place.
+            Places without a taxel, bool (rows, cols); None if there are none.
 
         Raises
         ------
         InputError
-            If an argument has another type or shape.
+            If an argument has the wrong type or shape.
         """
         frame = as_frame(values)
         numbers = frame.astype(float, copy=False)
@@ -324,7 +327,7 @@ def between(pressed: np.ndarray, hidden: np.ndarray) -> np.ndarray:
 
 
 def in_line(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the hidden taxels that follow a pressed taxel, or other hidden taxels that do, in one of four directions.
+    """Return the hidden taxels whose nearest visible taxel is pressed, for each of four directions.
 
     Parameters
     ----------
@@ -336,8 +339,7 @@ def in_line(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.nda
     Returns
     -------
     tuple of np.ndarray
-        Four arrays, bool (rows, cols): hidden taxels whose next taxel that is not hidden is pressed, looking towards
-        lower columns, higher columns, lower rows and higher rows.
+        Four arrays, bool (rows, cols), for looking towards lower columns, higher columns, lower rows and higher rows.
     """
     below, above = _in_line_along_rows(pressed.T, hidden.T)
     return *_in_line_along_rows(pressed, hidden), below.T, above.T

@@ -46,7 +46,7 @@ class PressThresholds:
     def __post_init__(self) -> None:
         try:
             is_usable = bool(0 < self.release <= self.press < np.inf)
-        except (TypeError, ValueError):  # press or release is no number
+        except (TypeError, ValueError):  # press or release is not a number
             is_usable = False
         if not is_usable:
             raise ConfigurationError(

@@ -7,10 +7,10 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT
 
-#: A contact below this share of the smallest contact of its unit (LEAST_BY_UNIT) is suspect. No skin shows a contact
-#: there in steps of 1 Pa.
+#: A contact below this share of the smallest contact of its unit (LEAST_BY_UNIT) is suspect. No skin with steps of 1 Pa
+#: shows a contact that low.
 LOW_SHARE = 0.2
-#: Below this share of the smallest contact of its unit, no skin shows a contact, whatever its steps.
+#: Below this share of the smallest contact of its unit, no skin shows a contact, whatever its resolution.
 NO_SKIN_SHARE = 1e-3
 
 
@@ -20,7 +20,7 @@ class UnitScale:
     Parameters
     ----------
     unit : str or None
-        Unit of the readings; None for none, then nothing is checked.
+        Unit of the readings. With None, nothing is checked.
     most : float
         Share of the smallest contact of the unit below which a contact is an error.
     """
@@ -60,6 +60,6 @@ class UnitScale:
 
 
 def _have_step_1(readings: np.ndarray) -> bool:
-    """Return True if ``readings`` are on/off, or whole numbers with no common step but 1."""
+    """Return True if ``readings`` are on/off, or whole numbers whose only common step is 1."""
     whole = np.rint(readings).clip(-1e6, 1e6)
     return bool((whole == readings).all() and (np.gcd.reduce(whole.astype(int)) == 1 or are_on_off(readings)))

@@ -5,8 +5,8 @@ and with the level of its own contact. Under a flat indenter, the normal stress 
 half of the indenter's pressure, at any depth (Boussinesq, a loaded half-plane). The outline of a contact is therefore
 where its taxels read half of what they read inside.
 
-Taxels differ in gain, and real objects press unevenly. A taxel between pressed taxels is therefore pressed, too, if it
-reads less than half but more than the skin's response beside a contact.
+Taxels differ in gain, and real objects press unevenly. A taxel between pressed taxels therefore also counts as pressed
+if it reads less than half but more than the skin's response beside a contact.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ KEPT_SHARE = 0.85  #: Hysteresis: a pressed taxel stays pressed down to this sha
 #: A group of fewer than GROUP_TAXELS taxels is pressed only if one of them rises by this many standard deviations,
 #: because noise forms small groups, too.
 ALONE_SPREADS = 6.0
-#: Number of connected taxels at NOISE_SPREADS that noise does not form (once in 20,000 frames of 256 taxels).
+#: Number of connected taxels at NOISE_SPREADS that noise hardly ever forms (once in 20,000 frames of 256 taxels).
 GROUP_TAXELS = 4
 #: A reading below this share of the highest reading within HALO_REACH taxels is the skin's response beside a contact.
 HALO_SHARE = 0.25

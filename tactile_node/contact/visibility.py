@@ -1,7 +1,7 @@
 """How much a frame shows of a pad and of the surroundings of a contact.
 
-A hidden taxel belongs to the pad and has no valid value. Places beyond the pad's edge and places without a taxel are no
-part of the pad.
+A hidden taxel belongs to the pad and has no valid value. Places beyond the pad's edge and places without a taxel do
+not belong to the pad.
 """
 
 from math import ceil
@@ -14,13 +14,13 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.taxel_frame import NO_SIDE, SkinSide
 
-#: Share of a contact's taxels. This many connected hidden taxels beside a contact may change its size by the same
-#: share.
+#: Share of a contact's taxels. If this many connected taxels beside the contact are hidden, the size of the contact may
+#: be wrong by the same share.
 CONTACT_PART = 0.1
 
 
 class Visibility(NamedTuple):
-    """How much of a pad and of its largest contact is seen. Counts are numbers of taxels.
+    """Visibility of a pad and of its largest contact. Counts are numbers of taxels.
 
     The ring of a contact is all taxels next to it, also by a corner. Without a contact, the counts of the contact and
     of its ring are 0.
@@ -36,15 +36,15 @@ class Visibility(NamedTuple):
     saturated_in_contact: int
     saturated_in_ring: int
     at_edge: bool  #: True if the contact reaches the pad's edge or a place without a taxel
-    goes_on: bool  #: True if the finger goes on there beyond the skin, where its load is not measured
+    goes_on: bool  #: True if the finger continues beyond the skin there, so that a part of the load may not be measured
     #: True if the contact may continue in hidden taxels of the ring: a group of them has room for the smallest contact,
     #: or for CONTACT_PART of this contact. Fewer hidden taxels (scattered dead ones) only make its outline uncertain.
     outline_hidden: bool
-    inside_hidden: bool  #: True if the contact encloses such a group, whose load is not known
+    inside_hidden: bool  #: True if the contact encloses a group of hidden taxels of that size, whose load is not known
 
     @property
     def is_part(self) -> bool:
-        """True if a part of the load is not measured, under hidden or saturated taxels or beyond the skin."""
+        """True if a part of the load lies under hidden or saturated taxels or beyond the skin and is not measured."""
         return self.outline_hidden or self.inside_hidden or self.goes_on or self.saturated_in_contact > 0
 
 
@@ -84,9 +84,9 @@ def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONT
 
 
 def _around(pattern: ContactPattern, finger_ends: SkinSide) -> tuple[np.ndarray, bool, bool]:
-    """Return the ring of the contact, True if it reaches the end of the pad, and True if the finger goes on there.
+    """Return the ring of the contact, True if it reaches the end of the pad, and True if the finger continues there.
 
-    A place without a taxel is an end of the pad at which the finger goes on.
+    A place without a taxel is an end of the pad at which the finger continues.
     """
     mask = pattern.mask
     around = grown(mask) & ~mask

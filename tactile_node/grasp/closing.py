@@ -1,8 +1,8 @@
-"""Close a gripper until its pads are touched or a force is reached: how fast to go on, and when and why to stop.
+"""Close a gripper until its pads are touched or a force is reached: control the speed, and decide when and why to stop.
 
-The module is pure: its callers pass the time. It is not a safety function (ISO 13849, ISO 10218): it limits only the
-force that it sees, and only when it sees it. Rule: closing goes on only if the current readings are complete. If the
-true force may be higher than the reading, the highest possible force counts.
+The module is pure: its callers pass the time. It is not a safety function (ISO 13849, ISO 10218). It limits only the
+force that the pads measure, and only after they have measured it. Rule: closing continues only if the current readings
+are complete. If the true force may be higher than the reading, the highest possible force counts.
 """
 
 import math
@@ -14,14 +14,16 @@ from tactile_node.errors import ConfigurationError, RefusedGoalError
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.grasp.tracker import GraspContact
 
-BLIND_TIME = 0.5  #: Time for which the gripper stops and waits to see again before the goal ends [s].
+BLIND_TIME = 0.5  #: Time for which the gripper waits at rest for complete readings before the goal ends [s].
 #: Time without any contact after which a touched object counts as lost [s]; shorter times are bounces.
 LOST_AFTER = 0.1
-START_TIME = 1.0    #: Time allowed for the gripper to accept a command and to begin, in addition to its travel [s].
+#: Time allowed for the gripper to accept a command and to start moving, in addition to its travel time [s].
+START_TIME = 1.0
 REST_TIME = 0.3     #: Time without a change of the opening after which the gripper is at rest [s].
-REST_LIMIT = 2.0    #: Time in which the gripper must come to rest after a command in doubt, once it has answered [s].
+#: Time allowed for the gripper to come to rest after a command in doubt, counted from its answer [s].
+REST_LIMIT = 2.0
 REST_CHANGE = 2e-4  #: Largest change of the opening at rest [m].
-#: A gripper is too slow if it needs more than this many times the time that the commanded speed requires.
+#: A gripper is too slow if it needs more than this many times the duration at the commanded speed.
 SLOWNESS = 3.0
 BEYOND = 1e-3  #: Amount by which a commanded opening may be below 0 [m]; controllers close slightly more than fully.
 
@@ -61,7 +63,7 @@ class PadForce(NamedTuple):
     """The force that one pad reads."""
 
     force: float = math.nan  #: force of all contacts of the pad [N]; NaN if it is not known
-    is_bound: bool = False   #: True if the contact goes on beyond the pad, so that the force is a lower bound
+    is_bound: bool = False   #: True if the contact continues beyond the pad, so that the force is a lower bound
     #: True if taxels at the contact are saturated or hidden, so that the force may have any value
     is_hidden: bool = False
 
@@ -101,7 +103,7 @@ class Touch(NamedTuple):
     def most(self, edge_share: float) -> float:
         """Return the highest force that the stronger pad may have [N].
 
-        If the contact goes on beyond a pad, the pad may read only ``edge_share`` of the force.
+        If the contact continues beyond a pad, the pad may read only ``edge_share`` of the force.
         """
         return max(pad.force / (edge_share if pad.is_bound else 1.0) for pad in self.pads)
 
@@ -114,10 +116,10 @@ class Touch(NamedTuple):
         return self.is_seen and now - self.acquired <= max_age
 
     def after(self, before: 'Touch') -> 'Touch':
-        """Return these readings if both pads are seen, or else the readings ``before``.
+        """Return these readings if both pads are seen, and the readings ``before`` otherwise.
 
-        A single frame with a lost CAN frame must not make the gripper blind. The result is then as old as ``before``,
-        but a force that one pad reads now replaces its old force.
+        A single frame with a lost CAN frame must not make the gripper blind. The readings ``before`` then keep their
+        own time, but a force that one pad reads now replaces its old force.
         """
         if self.is_seen:
             return self
@@ -142,10 +144,10 @@ class TouchLimits:
     fast_speed: float = 0.02     #: speed of the opening until the first touch [m/s]
     slow_speed: float = 0.005    #: speed after the first touch, or below the opening slow_from [m/s]
     slow_from: float = 0.0       #: opening below which the gripper closes slowly [m]; 0 for none
-    touch_force: float = 2.0     #: force of the stronger pad for a goal that gives none [N]
-    highest_force: float = 20.0  #: highest force that a goal may give [N]
-    edge_share: float = 0.5      #: share of the force that a pad reads if the contact goes on beyond the pad
-    #: travel for which the gripper goes on with only one pad touched [m]; 0 to stop at once
+    touch_force: float = 2.0     #: force of the stronger pad for a goal without a force [N]
+    highest_force: float = 20.0  #: highest force that a goal may request [N]
+    edge_share: float = 0.5      #: share of the force that a pad reads if the contact continues beyond the pad
+    #: largest travel for which the gripper continues with only one pad touched [m]; 0 to stop at once
     one_sided_travel: float = 0.02
     max_age: float = 0.15      #: largest age of the readings [s]
     latency: float = 0.06      #: time from a touch until the gripper stops [s]
@@ -239,7 +241,7 @@ def check_number(name: str, value: float, low: float, high: float, unit: str) ->
 
 
 class Closing:
-    """One goal to close, from its start on.
+    """One goal to close, from its start.
 
     Parameters
     ----------
@@ -268,13 +270,13 @@ class Closing:
 
     @property
     def speed(self) -> float:
-        """Speed at which the gripper goes on [m/s]; 0 while it stops and waits."""
+        """Speed at which the gripper continues [m/s]; 0 while it waits at rest."""
         return 0.0 if self._waits else self._pace
 
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
-        """Return the outcome that ends the goal, or None to go on at ``speed``.
+        """Return the outcome that ends the goal, or None to continue at ``speed``.
 
-        A late or incomplete frame does not end a goal. The gripper waits at rest.
+        A late or incomplete frame does not end a goal. The gripper waits at rest instead.
 
         Parameters
         ----------
@@ -338,7 +340,7 @@ class Closing:
     def _travel(self, now: float, opening: float) -> float:
         """Return how far the gripper has closed since the last look [m].
 
-        If the opening is not known, the travel is the commanded one.
+        If the opening is not known, the commanded speed gives the travel.
         """
         is_known = math.isfinite(opening) and math.isfinite(self._opening)
         travel = self._opening - opening if is_known else self.speed * (now - self._looked)
@@ -355,7 +357,7 @@ class Closing:
 
 
 class Widening:
-    """One goal to open, whatever the pads read.
+    """One goal to open, regardless of the readings of the pads.
 
     Parameters
     ----------
@@ -380,7 +382,7 @@ class Widening:
         return self._limits.fast_speed
 
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
-        """Return the outcome that ends the goal, or None to go on; the parameters are those of `Closing.look`."""
+        """Return the outcome that ends the goal, or None to continue; the parameters are those of `Closing.look`."""
         if touch.is_current(now, self._limits.max_age):
             self._force = touch.strongest if math.isnan(self._force) else self._force
             if touch.strongest > self._force + self._limits.touch_force:
@@ -389,7 +391,7 @@ class Widening:
 
 
 class Rest:
-    """Checks whether an opening has not changed for REST_TIME, from ``now`` [s] on."""
+    """Checks that an opening has not changed for REST_TIME, starting at ``now`` [s]."""
 
     def __init__(self, now: float):
         self._since, self._opening = now, math.nan
@@ -402,9 +404,9 @@ class Rest:
 
 
 class Clearing:
-    """Waits until the gripper has answered and is at rest, before a goal closes after a command in doubt.
+    """Waits until the gripper has answered and is at rest, before a goal closes it after a command in doubt.
 
-    If a gripper refuses a cancel and never ends the command, it counts as at rest only if its opening is measured.
+    If a gripper refuses a cancel and never ends the command, it can count as at rest only if its opening is measured.
 
     Parameters
     ----------
@@ -420,7 +422,7 @@ class Clearing:
         self.is_over = False
 
     def look(self, now: float, opening: float, *, is_answered: bool, is_ended: bool) -> Outcome | None:
-        """Return the reason why the goal cannot close, or None to go on.
+        """Return the reason why the goal cannot close, or None to continue.
 
         Parameters
         ----------
@@ -447,7 +449,7 @@ def deadline(now: float, travel: float, speed: float) -> float:
 
     Parameters
     ----------
-    now : float
+    Time at which the gripper starts to move [s].
         Time at which the gripper sets out [s].
     travel : float
         Travel [m].

@@ -29,7 +29,7 @@ IDENTITY_TRANSFORM = Transform(np.eye(3), np.zeros(3))
 
 
 class Placement(NamedTuple):
-    """Pose of a frame in another frame, and the age of this knowledge."""
+    """Pose of a frame in another frame, with the time of its measurement."""
 
     transform: Transform
     #: steady time at which the oldest transform between the frames was measured [s]; inf if all are static
@@ -50,7 +50,7 @@ class FrameTree:
         return len(self._edges)
 
     def find(self, frame: str, reference: str) -> Placement | None:
-        """Return the pose of ``frame`` in ``reference``, or None while no chain of transforms joins them."""
+        """Return the pose of ``frame`` in ``reference``, or None if no chain of transforms joins them."""
         of_frame, of_reference = self._ancestors(frame), self._ancestors(reference)
         common = next((name for name in of_frame if name in of_reference), None)
         if common is None:
@@ -61,7 +61,7 @@ class FrameTree:
     def _ancestors(self, frame: str) -> dict[str, Placement]:
         """Return the pose of the frame in itself and in each ancestor up to the root.
 
-        The result is empty if the transforms form a circle.
+        The result is empty if the transforms form a loop.
         """
         found: dict[str, Placement] = {}
         name, place = frame, Placement(IDENTITY_TRANSFORM, math.inf)

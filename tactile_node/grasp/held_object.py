@@ -1,6 +1,6 @@
 """The object between two pads, from the reports of both pads about its faces.
 
-Both faces of a held object usually have the same shape, seen from two sides. The right pad sees the shape mirrored.
+Both faces of a held object usually have the same shape, seen from opposite sides. The right pad sees it mirrored.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,16 +13,16 @@ from tactile_node.grasp.gripper import Gripper, PadPose, Point
 from tactile_node.shape.recognition import Shape
 
 #: Prior probability that both faces have the same class. A parallel gripper usually closes on opposite faces of prisms,
-#: bars, rods and plates, whose faces are alike. The rest leaves room for wedges, handles and lids. The value is
-#: assumed, not measured. If both sides are sure (0.99) of one class, or of two different ones, the answer is the same
-#: with 0.5 and with 0.99.
+#: bars, rods and plates, whose faces are alike. The remaining probability allows for wedges, handles and lids. The
+#: value is assumed, not measured. If both sides are sure (0.99) of one class, or of two different classes, the answer
+#: is the same with 0.5 and with 0.99.
 SAME_FACES = 0.9
 #: Probability above which a class is reported, because it is then more probable than all others together.
 LEAST_PROBABILITY = 0.5
 #: Largest difference of two angles of one object [standard deviations]; the errors are not quite normal.
 MOST_DEVIATIONS = 5.0
-#: Angles that differ by less do not contradict each other [rad]. Such a difference comes from errors in the poses of
-#: the pads, which the standard deviations do not contain.
+#: Angles that differ by less than this do not contradict each other [rad]. Such a difference comes from errors in the
+#: poses of the pads, which the standard deviations do not contain.
 LEAST_CONTRADICTION = radians(5)
 NO_CLASSES = (Shape.NONE.value, Shape.UNKNOWN.value)
 
@@ -87,7 +87,7 @@ class _Turn(NamedTuple):
 def held_object(left: Face, right: Face, gripper: Gripper) -> HeldObject:
     """Return the object that both faces belong to.
 
-    If neither face has a fit of the common class, there is no size and no yaw.
+    If neither face has a fit of the common class, size and yaw are not known.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple
     """Return the most probable class of both faces, and the probability that both faces have it.
 
     If both faces have known classes, they have the same class with the probability SAME_FACES, and all classes are
-    equally likely. If a side reports none or unknown with some probability, at most the rest remains for a class.
+    equally likely. If a side gives some probability to none or unknown, only the rest remains for a class.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple
 
 
 def _centre(left: Point, right: Point, gripper: Gripper) -> Point:
-    """Return the midpoint as in `HeldObject.centre`; the opening moves it only along the closing direction."""
+    """Return the midpoint, as in `HeldObject.centre`; the opening moves it only along the closing direction."""
     middle = (gripper.left.place(left, 0.0) + gripper.right.place(right, 0.0)) / 2
     x, y = gripper.across @ (middle - gripper.left.origin)
     return float(x), float(y)
@@ -156,7 +156,7 @@ def _centre(left: Point, right: Point, gripper: Gripper) -> Point:
 def _lean(left: Face, right: Face, gripper: Gripper) -> Point:
     """Return `HeldObject.lean`.
 
-    A slope that both pads feel in the same way does not come from a rotation of the gripper. It cancels.
+    A slope that both pads feel in the same way does not come from a rotation of the gripper, so it cancels out.
     """
     rise = gripper.left.rotation[:, :2] @ left.slope - gripper.right.rotation[:, :2] @ right.slope
     x, y = gripper.across @ rise / 2
@@ -173,9 +173,9 @@ def _sized(held: HeldObject, fits: Sequence[FaceFit]) -> HeldObject:
 
 
 def _size(seen: Sequence[tuple[float, float, bool]]) -> tuple[float, float, bool]:
-    """Return one size, its deviation, and True if it is a bound, from the same values of each side.
+    """Return one size, its deviation, and True if it is a bound, from the sizes that each side reports.
 
-    A size that is a bound is used only if both sides give bounds; the larger one then counts.
+    A bound is used only if both sides report bounds; the larger one then counts.
     """
     whole = [(size, sd) for size, sd, is_bound in seen if not is_bound]
     return (*_mean(whole), False) if whole else max(seen)
@@ -195,7 +195,7 @@ def _turn(fit: FaceFit, pad: PadPose, side: int, gripper: Gripper) -> _Turn:
 def _turned(held: HeldObject, turns: Sequence[_Turn]) -> HeldObject:
     """Return the object with its yaw, unless the sides contradict each other.
 
-    A side that knows the apex decides which rotation is meant.
+    If a side knows the apex, its rotation decides which of the equivalent rotations is meant.
     """
     base = min(turns)
     held = held._replace(symmetry=base.symmetry)

@@ -1,8 +1,8 @@
 """Hold an object with a force after closing: when to press harder, when to ease off, and when to end.
 
 The module is pure: its callers pass the time. The rules of trust are those of closing.py. The decision to press harder
-uses the highest force that the readings allow, and the decision to ease off uses the lowest one. The gripper rests
-while the force is not known.
+uses the highest force that the readings allow, and the decision to ease off uses the lowest one. The gripper rests as
+long as the force is not known.
 
 A correction begins if both pads read more than a deadband D away from the force, and ends at the force. It overshoots
 by the travel until the gripper stops, and by one step of the gripper: at most stiffness x (latency x speed +
@@ -88,7 +88,7 @@ class Holding:
         return step + self._limits.overshoot(self._slow) + 2 * self._noise
 
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool) -> Outcome | None:
-        """Return the outcome that ends the hold, or None to go on to ``target`` at ``speed``.
+        """Return the outcome that ends the hold, or None to move on to ``target`` at ``speed``.
 
         Parameters
         ----------
@@ -126,9 +126,9 @@ class Holding:
         self._follow_slide(now, touch)
 
     def _follow_slide(self, now: float, touch: Touch) -> None:
-        """Note the beginning of a slide in one direction.
+        """Store the time at which a slide in one direction began.
 
-        The beginning is now if the object does not slide, or if it slides in another direction on both pads.
+        The stored time is set to now if the object does not slide, or if it slides in another direction on both pads.
         """
         if any(math.cos(first - last) > 0 for first, last in zip(self._slides, touch.slides)):
             left, right = (last if math.isnan(first) else first for first, last in zip(self._slides, touch.slides))
@@ -144,9 +144,9 @@ class Holding:
         return Outcome.HOLD_ENDED if self._used + self._travelled(now, opening) >= self._hold.hold_travel else None
 
     def _travelled(self, now: float, opening: float) -> float:
-        """Return the travel of the present correction [m]: the commanded or the measured one, whichever is larger.
+        """Return the travel of the present correction [m], commanded or measured, whichever is larger.
 
-        A hold therefore also ends if the gripper presses without moving, or moves back whenever it is stopped.
+        A hold therefore also ends if the gripper presses without moving, or if it moves back whenever it is stopped.
         """
         return max(self.speed * (now - self._begun), abs(self._begun_opening - opening)) if self.speed else 0.0
 
@@ -175,7 +175,7 @@ class Holding:
                 self.target, self.speed, self.eases = target, self._slow, True
 
     def _answers(self, now: float) -> bool:
-        """Raise the force if the object has slid in one direction for long enough, and return True if so."""
+        """Raise the force if the object has slid in one direction for long enough, and return True if it was raised."""
         raised = min(self.force + self._hold.slide_force_step, self._limits.highest_force)
         if now - self._slid_since < SWAY_TIME or raised <= self.force or now - self._answered < SLIDE_PAUSE:
             return False

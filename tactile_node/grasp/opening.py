@@ -37,7 +37,7 @@ HIGHEST_GAP = 1.0   #: Largest plausible opening [m]; no gripper opens wider.
 def is_plausible(gap: float) -> bool:
     """Return True if a gripper can be open by ``gap`` [m]; False for NaN.
 
-    A scale with a wrong sign or unit usually shows here.
+    A scale with a wrong sign or unit usually leads to an implausible opening.
     """
     return LOWEST_GAP <= gap <= HIGHEST_GAP
 
@@ -77,7 +77,7 @@ class LatestGap:
     source : GapSource
         Source of the values.
     max_age : float
-        Age from which on a value is not used any more [s].
+        Age above which a value is no longer used [s].
     """
 
     def __init__(self, source: GapSource, max_age: float = math.inf):
@@ -90,7 +90,7 @@ class LatestGap:
         self._measured = math.nan
 
     def set(self, gap: float, measured: float) -> None:
-        """Store a value measured at the time ``measured``; NaN withdraws the value before."""
+        """Store a value measured at the time ``measured``; NaN withdraws the previous value."""
         self._gap = gap
         self._measured = measured
 

@@ -38,7 +38,7 @@ class Missing(IntEnum):
     MISALIGNED = 17
 
 
-#: Missing part for each state of contact; TWO_SIDED misses nothing.
+#: Missing part for each state of contact; nothing is missing if the contact is TWO_SIDED.
 CONTACT_MISSING = {GraspContact.NOT_KNOWN: Missing.NO_RESULT, GraspContact.UNSEEN: Missing.UNSEEN,
                    GraspContact.NO_CONTACT: Missing.NO_CONTACT, GraspContact.ONE_SIDED: Missing.ONE_SIDED}
 
@@ -131,7 +131,7 @@ def _wrong_shape(requirement: Requirement, sides: tuple[SideShape, SideShape]) -
 
 
 def _wrong_line(requirement: Requirement, line: Line | None) -> Iterator[Missing]:
-    """Yield the parts that do not hold. An unknown value is neither met nor unmet; it has its own codes."""
+    """Yield the parts that do not hold. An unknown value is neither met nor unmet, so it has its own codes."""
     width, offset, misalignment = (line.width, line.offset, line.misalignment) if line else (math.nan,) * 3
     for value, least, most, not_known, wrong in (
             (width, requirement.min_width, requirement.max_width, Missing.WIDTH_NOT_KNOWN, Missing.OTHER_WIDTH),

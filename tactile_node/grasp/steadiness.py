@@ -1,16 +1,16 @@
-"""Decide whether the centre of a contact rests, although its measurement is noisy and follows the contact in steps.
+"""Decide whether a contact is at rest, although its centre is measured with noise and in steps.
 
 A straight line is fitted to the centres since the hold began, at most to the last `WINDOW_TIMES` resolution times. One
 resolution time is the time in which a creep of ``max_creep`` moves by the resolution. The slope of the line is the
 speed. Its error is at most the sum of two parts: `SPEED_CERTAINTY` standard deviations of the noise, which the scatter
-around the line shows, and 1.5 resolution / length. No error within ± resolution / 2 tilts a line by more. A speed is
-therefore a range, and two limits decide:
+around the line shows, and 1.5 resolution / length. An error within ± resolution / 2 cannot tilt a line by more than the
+second part. A speed is therefore a range, and two limits decide:
 
 - A centre rests once the whole range is below ``max_creep``. A steady creep of ``max_creep`` therefore never rests.
 - A centre no longer rests once the whole range is above `KEPT_CREEP` x ``max_creep``. A creep of a tenth of
   ``max_creep`` therefore keeps resting.
-- A sudden move ends the rest at once. A move is sudden if it goes farther from the line than the tolerance and farther
-  than noise and resolution explain.
+- A sudden move ends the rest at once. A move is sudden if its distance from the line exceeds the tolerance and also
+  exceeds what noise and resolution explain.
 
 The decision takes time: at least 1.5 resolution / max_creep. A fit rests after 0.7 s on pads with a pitch of 2 mm and
 after 1.7 s with a pitch of 5 mm. With a noise of 0.05 pitch, it takes 1.4 s and 2.7 s. On/off taxels need 7 s and 17 s.
@@ -25,17 +25,17 @@ import numpy as np
 from tactile_node.errors import ConfigurationError
 
 SPEED_CERTAINTY = 5.0  #: Largest error of a speed due to noise [standard deviations].
-#: Largest error of a single centre [standard deviations]; the value is high because there are thousands of centres.
+#: Largest error of a single centre [standard deviations]; the value is high because thousands of centres are tested.
 SLIP_CERTAINTY = 6.0
 #: Largest slope x length of an error within ±1/2: half of the window is low, and half of it is high.
 SYSTEMATIC_SLOPE = 1.5
 KEPT_CREEP = 0.4  #: Share of max_creep above which a centre no longer rests.
-#: Length of the window [resolution times]. It is long enough for a creep of max_creep to exceed `KEPT_CREEP`, whatever
-#: the error within the resolution.
+#: Length of the window [resolution times]. The window is so long that a creep of max_creep exceeds `KEPT_CREEP`,
+#: whatever the error within the resolution.
 WINDOW_TIMES = 9.0
 SHORTEST_WINDOW = 3.0  #: Shortest window, for any resolution [s]; noise needs time, too.
 FEWEST_CENTRES = 8     #: Smallest number of centres that show their noise.
-#: Time by which a stamp may go backwards, because the least delay of a path was found to be smaller [s].
+#: Time by which a stamp may go backwards [s], for example because a smaller least delay of a path was found.
 BACK_STEP = 0.02
 
 # The resolution is the error of a moving contact's centre besides its noise, peak to peak [pitches]. It was measured on
@@ -47,9 +47,10 @@ PATTERN_RESOLUTION = 1.0   #: centre of on/off taxels that move along the lattic
 
 @dataclass(frozen=True)
 class SteadinessSettings:
-    """Limits for a resting centre."""
+    """Limits within which a centre counts as resting."""
 
-    max_creep: float = 0.0005  #: speed from which on a centre never rests; a tenth of it never ends a rest [m/s]
+    #: speed from which on a centre never rests; a tenth of this speed never ends a rest [m/s]
+    max_creep: float = 0.0005
     slip: float = 0.001        #: distance of a sudden move that ends the rest [m]
 
     def __post_init__(self) -> None:
@@ -118,7 +119,7 @@ class Steadiness:
     def _has_slipped(self, centre: tuple[float, float]) -> bool:
         """Return True if ``centre`` has suddenly moved away from the others.
 
-        It must be farther away than the tolerance, and farther than noise and resolution explain.
+        Its distance must exceed the tolerance, and it must exceed what noise and resolution explain.
         """
         if self.speed is None:
             means = self._samples.mean(0)

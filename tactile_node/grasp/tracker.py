@@ -1,4 +1,4 @@
-"""Combine the results of two opposing pads into one grasp: what is held, how straight, and for how long.
+"""Combine the results of two opposing pads into one grasp: the held object, its alignment, and the time it has held.
 
 Rule: an unknown side is never EMPTY. A side is UNSEEN if it has no current result or if its pad is not seen.
 """
@@ -20,7 +20,8 @@ SIDES = ('left', 'right')
 # The results of a side have stopped after SILENT_PERIODS of its periods without a result, at least SHORTEST_SILENCE.
 SHORTEST_SILENCE = 0.1  #: [s]
 SILENT_PERIODS = 3
-NOTICE_SHARE = 0.75  #: Share of this time after which the tracker reports a silence, so that a reader knows in time.
+#: Share of this time after which the tracker reports a silence, so that readers learn of it in time.
+NOTICE_SHARE = 0.75
 PERIODS_KEPT = 15    #: Number of latest periods; their median is the period of a side.
 
 
@@ -86,7 +87,7 @@ class GraspState(NamedTuple):
 
 @dataclass(frozen=True)
 class GraspSettings:
-    """Settings for when a result is current and when a grasp is stable."""
+    """Limits that decide when a result is current and when a grasp is stable."""
 
     gripper: Gripper = Gripper()
     steadiness: SteadinessSettings = SteadinessSettings()
@@ -127,7 +128,7 @@ class GraspTracker:
         Raises
         ------
         ConfigurationError
-            If there is no such side.
+            If ``side`` is neither "left" nor "right".
         InputError
             If a time or a centre is not finite.
         """
@@ -142,7 +143,7 @@ class GraspTracker:
         return self.state(now, gap)
 
     def silence_limit(self, side: str) -> float:
-        """Return the time without a result after which ``side`` is not current any more [s]."""
+        """Return the time without a result after which ``side`` is no longer current [s]."""
         return self._sides[side].silence_limit
 
     def state(self, now: float, gap: float = np.nan) -> GraspState:
@@ -175,7 +176,7 @@ def _is_same_shape(states: tuple[SideState, SideState], left: '_Side', right: '_
 
 
 class _Side:
-    """One pad: its latest result, its period, and the time since which its contact holds."""
+    """One pad: its latest result, its period, and the time since which its contact has held."""
 
     def __init__(self, settings: GraspSettings):
         self._settings = settings
@@ -229,9 +230,10 @@ class _Side:
             self._follow(result)
 
     def _follow(self, result: SideResult) -> None:
-        """Follow the contact. Another shape or a silence starts the hold again; a single hidden frame does not.
+        """Follow the contact. A change of shape or a silence restarts the hold; a single hidden frame does not.
 
-        A contact that reaches the edge of the pad may hide its creep: a bar across the whole pad slides along itself.
+        A contact that reaches the edge of the pad may hide its creep, as a bar across the whole pad does when it slides
+        along.
         """
         if result.centre is None:
             return

@@ -18,7 +18,7 @@ class Doubt(Enum):
     SILENT = 'silent'        #: no grasp has arrived for too long; the publisher may have ended
     OLD = 'old'              #: the acquisition is too old, or its age is not known
     NOT_KNOWN = 'not_known'  #: a side has no result yet
-    UNSEEN = 'unseen'        #: a side is not seen; do not take it for empty
+    UNSEEN = 'unseen'        #: a side is not seen; do not treat it as empty
     NO_CONTACT = 'no_contact'
     ONE_SIDED = 'one_sided'
     NOT_FRESH = 'not_fresh'

@@ -117,7 +117,7 @@ def _banded(parts: list[Parts]) -> Banded:
 def _solve(matrices: Banded, least: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
     """Return Λ of each pattern, (len(contest),).
 
-    ``owner`` is the pattern that each part, one of ``matrices``, belongs to.
+    ``owner`` holds, for each part in ``matrices``, the index of its pattern.
     """
     left, pending = matrices, np.arange(len(least))
     x = np.ones(len(matrices.band))

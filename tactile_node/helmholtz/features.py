@@ -33,7 +33,7 @@ def gravity(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
     -------
     dict of str to np.ndarray
         (K,) each: x and y; V, the distance from the origin; alpha, arctan2(x, y) [degrees]. NaN for a pattern without
-        any two neighbours, which has nothing to weigh.
+        neighbouring taxels, because there is no pair to weigh.
 
     Notes
     -----
@@ -121,7 +121,7 @@ class Features(NamedTuple):
 def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     """Return the features of a pattern.
 
-    The result does not change in any bit when the pattern is shifted by whole taxels.
+    The result is identical to the bit when the pattern is shifted by whole taxels.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     Raises
     ------
     InputError
-        If ``mask`` is not such an array.
+        If ``mask`` is not a bool array with two dimensions.
 
     Examples
     --------

@@ -1,10 +1,10 @@
 """Section 6 of the paper: the pattern rotated by 0, 4, ..., 180 degrees, using fictive points between the taxels.
 
 Axes: x runs along a row (column index), y runs across rows (row index); positive angles rotate x towards y. Points are
-rotated about the centre of gravity of the real points and rounded to the nearest fine point. A coordinate half-way
-between two fine points is rounded up. It counts as half-way within 1e-9, so that no rounding error decides. All
-computations use the coordinates of the pattern's own bounding box. The place of the pattern on the pad therefore
-changes no bit.
+Points are rotated about the centre of gravity of the real points and rounded to the nearest fine point. A coordinate
+half-way between two fine points is rounded up. A coordinate within 1e-9 of half-way counts as half-way, so that
+rounding errors have no influence. All computations use the coordinates of the pattern's own bounding box. The result is
+therefore identical to the bit wherever the pattern lies on the pad.
 """
 
 import math
@@ -63,8 +63,8 @@ def fine_lattice(mask: np.ndarray) -> np.ndarray:
 def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     """Return the decimated patterns at ANGLES before the hole rules.
 
-    The function does not rotate every point forward. It rotates each taxel site back: only the four fine points around
-    the resulting place can be rounded to this site, and each of them is tried forward.
+    The function does not rotate every point forward. It rotates each taxel site back. Only the four fine points around
+    the resulting place can be rounded to this site, and the function rotates each of them forward to check.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """Assess how reliable recognition is on a skin, from touches of known objects, and adapt the recogniser if that helps.
 
 The adaptation consists of a temperature, and of a bias and weights for each class that was touched
-(shape/adaptation.py). The recogniser answers held-out touches with an adaptation that was fitted without them, and
-applies all its rules. The adaptation is kept only if it improves the Brier score of these answers.
+(shape/adaptation.py). To judge the adaptation, the recogniser answers held-out touches with an adaptation that was
+fitted without them, and it applies all its rules. The adaptation is kept only if it improves the Brier score of these
+answers.
 """
 
 from collections.abc import Sequence
@@ -124,7 +125,7 @@ class Answers(NamedTuple):
 class Assessment(NamedTuple):
     """Result of an assessment: the answers on one skin, and the adaptation to this skin.
 
-    The fields with a default keep it if there are too few touches for an adaptation.
+    If there are too few touches for an adaptation, the fields with a default keep this default.
     """
 
     before: Answers  #: answers of the recogniser as it is
@@ -141,7 +142,7 @@ def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Ass
     Parameters
     ----------
     recogniser : ShapeRecogniser
-        Recogniser to assess. Its own adaptation answers the touches in ``before``, but the new one replaces it.
+        Recogniser to assess. Its own adaptation applies to the answers in ``before``; the new adaptation replaces it.
     touches : Sequence[LabelledTouch]
         Touches on one skin.
 

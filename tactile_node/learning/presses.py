@@ -1,4 +1,4 @@
-"""The presses of a disc in the frames of a pad, as far as a calibration can use them."""
+"""Find the presses of a disc in the frames of a pad that a calibration can use."""
 
 from collections.abc import Iterable
 
@@ -9,18 +9,19 @@ from tactile_node.learning.touches import Touch, Touches, TouchFinder, TouchFram
 from tactile_node.pose.pipeline import FoundContact
 from tactile_node.shape.recognition import Shape
 
-MOST_HIDDEN_AROUND = 0.1  #: share of contact and surroundings without a value
-PRESS_FRAMES = 6    #: frames of a press that are used, from its lightest to its hardest
-REST_SHARE = 0.04   #: share of the frames, the least loaded ones, that the zero is found from
-LEAST_REST = 10     #: frames at rest, at least
-MOST_SEEN = 0.9     #: share of the taxels that have a value at best: frames with fewer are not at rest for certain
+MOST_HIDDEN_AROUND = 0.1  #: Largest share of taxels without a value in the contact and its surroundings.
+PRESS_FRAMES = 6    #: Number of frames of a press that are used, from its lightest to its hardest frame.
+REST_SHARE = 0.04   #: Share of the frames from which the zero is found; these are the least loaded frames.
+LEAST_REST = 10     #: Smallest number of frames at rest.
+#: Share of the largest number of taxels with a value; frames with fewer may be loaded unseen, so they are not at rest.
+MOST_SEEN = 0.9
 
 
 class PressFinder(TouchFinder):
-    """Follows the frames of one pad on which a disc is pressed; a touch goes from its lightest to its hardest frame."""
+    """Finds the presses of a disc on one pad. A touch extends from its lightest to its hardest frame."""
 
     lightest = 0.2
-    least_taxels = 40  # a fit of fewer has an error larger than a skin's
+    least_taxels = 40  # a fit of fewer taxels has a larger error than the response of a skin causes
 
     def _why_unclear(self, found: FoundContact) -> Unused | None:
         pattern = found.pattern
@@ -35,14 +36,28 @@ class PressFinder(TouchFinder):
 
 
 def find_presses(frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | None], unit: str | None) -> Touches:
-    """Return the presses in successive frames, each (rows, cols), with which of their taxels are saturated."""
+    """Return the presses in successive frames.
+
+    Parameters
+    ----------
+    frames : iterable of np.ndarray
+        Readings of each frame, (rows, cols).
+    saturated : iterable of np.ndarray or None
+        Saturated taxels of each frame, bool (rows, cols); None if the frame has none.
+    unit : str or None
+        Unit of the readings, as in `find_contact`.
+    """
     return PressFinder(unit).find(frames, saturated)
 
 
 def subtract_zero(frames: np.ndarray) -> np.ndarray:
-    """Return ``frames``, (K, rows, cols), less each taxel's median in those in which the pad is loaded least."""
+    """Return ``frames``, (K, rows, cols), with the zero of each taxel subtracted.
+
+    The zero is the median of the taxel over the least loaded frames. If too few frames could be at rest, the frames are
+    returned unchanged.
+    """
     values = np.isfinite(frames).sum((1, 2))
-    whole = frames[values > MOST_SEEN * values.max(initial=0)]  # lost TPDOs would look like a light load
+    whole = frames[values > MOST_SEEN * values.max(initial=0)]  # after lost TPDOs, a frame would look lightly loaded
     count = max(int(REST_SHARE * len(whole)), LEAST_REST)
     if count > len(whole) / 2:
         return frames

@@ -1,4 +1,4 @@
-"""The response of a skin, and its file: what `tactile calibrate` writes, the driver and `tactile classify` read."""
+"""The response of a skin, and its file. `tactile calibrate` writes it; the driver and `tactile classify` read it."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -11,8 +11,8 @@ from tactile_node.output_file import output_file
 from tactile_node.pose.profiles import Layer, check_layer
 from tactile_node.yaml_section import LARGEST_NUMBER, Section, load_mapping, shown
 
-RESPONSE_SUFFIX = '.response.yaml'  #: suffix of the file beside a layout
-WRITTEN_DIGITS = 6                 #: digits of what is written
+RESPONSE_SUFFIX = '.response.yaml'  #: Suffix of the response file, which lies beside the layout.
+WRITTEN_DIGITS = 6                 #: Number of significant digits in the file.
 
 
 class SkinResponse(NamedTuple):
@@ -24,7 +24,7 @@ class SkinResponse(NamedTuple):
 
 
 def load_response(path: str | Path) -> SkinResponse:
-    """Read a response file. Raises ConfigurationError naming file and key for anything wrong."""
+    """Read a response file, or raise ConfigurationError that names the file and the key if anything is wrong."""
     top = load_mapping(Path(path), 'a skin response')
     unit = top.choice('unit', ('Pa', 'N', ''))
     section, nodes = top.section('layer'), top.section('curve')
@@ -32,7 +32,7 @@ def load_response(path: str | Path) -> SkinResponse:
     section.done()
     lists = [[_number(nodes, key, value) for value in nodes.sequence(key)] for key in ('readings', 'pressures')]
     nodes.done()
-    top.take('found_from', None)  # for people
+    top.take('found_from', None)  # this section is for human readers only
     top.done()
     try:
         check_layer(layer)
@@ -43,7 +43,24 @@ def load_response(path: str | Path) -> SkinResponse:
 
 
 def save_response(path: str | Path, response: SkinResponse, head: str, found_from: dict[str, object]) -> None:
-    """Write a response with a comment ``head`` and what it was ``found_from``. Raises InputError."""
+    """Write a response file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    response : SkinResponse
+        Response to write.
+    head : str
+        Comment at the top of the file.
+    found_from : dict
+        Facts about the calibration, for human readers.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
     content = {
         'unit': response.unit,
         'layer': {'depth': _rounded(response.layer.depth), 'deviation': _rounded(response.layer.deviation)},

@@ -1,8 +1,9 @@
-"""Finds the response of a skin that makes fits of a known disc as large as it is.
+"""Find the response of a skin under which fits of a known disc return its true size.
 
-Readings that grow less, or more, than the pressure move the place where a contact's edge is felt: the fitted lengths
-tell how (`bench/bench_calibration.py`). The curve has a local exponent: log pressure rises by ``exponent`` + ``bend``
-log(reading / middle) for each unit of log reading. The depth of the taxels follows from the fits under that curve.
+If readings grow less or more than the pressure does, the edge of a contact is felt at another place, and the fitted
+lengths show this error (`bench/bench_calibration.py`). The curve has a local exponent: for each unit of log reading,
+log pressure rises by ``exponent`` + ``bend`` log(reading / middle). The depth of the taxels follows from the fits under
+that curve.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,52 +21,75 @@ from tactile_node.pose.profiles import PUNCH, Indenter, Layer, log_depth_from
 from tactile_node.shape.recognition import Shape
 from tactile_node.taxel_frame import read_only
 
-LEAST_PRESSES = 6       #: at as many places: one place shows its own error
-PRESS_ERROR = 0.01      #: error of the lengths that one press shows, relative
-PRIOR_SPREADS = 0.5, 0.15       #: standard deviations of exponent - 1 and of bend, beforehand
+#: Smallest number of presses, each at another place, because a single place shows its own error.
+LEAST_PRESSES = 6
+PRESS_ERROR = 0.01      #: Relative error of the lengths in a single press.
+PRIOR_SPREADS = 0.5, 0.15       #: Prior standard deviations of exponent - 1 and of bend.
 EXPONENTS, BENDS = (0.4, 2.5), (-0.4, 0.4)
-CURVE_NODES = 16              #: nodes of the curve, in equal ratios
-LOWEST_SHARE = 0.5            #: share of the lightest press: below, the curve is a line through 0
-DERIVATIVE_STEP = 0.02             #: for derivatives: fits stop at a finite accuracy
-LARGEST_RADIUS = 0.25   #: radius of a disc [m]: one of 10 pitches has half of it on the coarsest skins
-MOST_ROUNDED = 0.3      #: more is no flat face
-LAYER_ERROR = 0.08      #: deviation of the logarithm of the depth, common to all presses of one disc
-LARGEST_ERROR = 0.03    #: error of the lengths after calibration; beyond, the disc is another one
-BOUND_MARGIN = 0.02         #: an exponent so near to its bound is no answer
-#: A fit makes a flat disc with sharp edges so much larger than it is, and less with rounded ones, per edge radius
-#: over inscribed radius: fits are right on average, and edges differ (bench/bench_calibration.py --edges).
+CURVE_NODES = 16              #: Number of nodes of the curve, in equal ratios.
+LOWEST_SHARE = 0.5            #: Share of the lightest press below which the curve is a line through 0.
+#: Step for numerical derivatives. It is large because fits stop at a finite accuracy.
+DERIVATIVE_STEP = 0.02
+#: Largest radius of a disc [m]. On the coarsest skins, a disc with a radius of 10 pitches has half of this radius.
+LARGEST_RADIUS = 0.25
+MOST_ROUNDED = 0.3      #: Largest edge radius, relative to the radius; with a larger one, the face is not flat.
+LAYER_ERROR = 0.08      #: Standard deviation of the logarithm of the depth that all presses of one disc share.
+#: Largest relative error of the lengths after calibration. Above it, the disc is not the one that was given.
+LARGEST_ERROR = 0.03
+BOUND_MARGIN = 0.02         #: Distance of an exponent from its bound below which it is not a valid result.
+#: Relative error by which a fit makes a flat disc with sharp edges too large, and its decrease per edge radius over
+#: inscribed radius. Fits are right on average, but edges differ (bench/bench_calibration.py --edges).
 SHARP_ERROR, OF_ROUNDING = 0.019, -0.125
 
 
 class Disc(NamedTuple):
-    """The flat face of a rigid cylinder. Corners of other shapes carry less pressure than fits expect."""
+    """The flat face of a rigid cylinder.
+
+    Other shapes cannot be used, because their corners carry less pressure than fits expect.
+    """
 
     radius: float             #: [m]
     edge_radius: float = 0.0  #: radius of its rounded edge [m]
 
     @property
     def fit_error(self) -> float:
-        """By how much a fit is expected to make it too large, relative, where the response is known."""
+        """Relative error by which a fit is expected to make the disc too large under a known response."""
         return SHARP_ERROR + OF_ROUNDING * self.edge_radius / self.radius
 
 
 class FoundResponse(NamedTuple):
-    """A response, and how well it does."""
+    """A response, and the errors of the disc's radius with and without it."""
 
     response: SkinResponse
     exponent: float
     bend: float
-    before: float    #: median error of the disc's radius without it, relative
-    after: float     #: median error with it
-    left_out: float  #: error of each half of the presses, with the response found from the other half
+    before: float    #: median relative error of the disc's radius without the response
+    after: float     #: median relative error with the response
+    left_out: float  #: median relative error for each half of the presses, with the response found from the other half
 
 
 def calibrate(presses: Sequence[Touch], known: Disc, pitch: float, unit: str,
               progress: Callable[[int], None] = lambda fits: None) -> FoundResponse:
-    """Find the response from ``presses`` of ``known``; ``pitch`` [m].
+    """Return the response under which fits of a known disc have the size of the disc.
 
-    Raises InputError for too few presses, a radius that is no length > 0, an object without a flat face, and a disc
-    that no response makes as large as it is.
+    Parameters
+    ----------
+    presses : sequence of Touch
+        Presses of the disc.
+    known : Disc
+        The disc.
+    pitch : float
+        Distance of neighbouring taxels [m].
+    unit : str
+        Unit of the readings.
+    progress : callable
+        Called with a number of fits as soon as these fits are done.
+
+    Raises
+    ------
+    InputError
+        If there are too few presses, if the radius is not a length above 0, if the object has no flat face, or if no
+        response gives the disc its size.
     """
     check_disc(known)
     if len(presses) < LEAST_PRESSES:
@@ -107,10 +131,10 @@ class _Search:
         self._highest = max(float(np.nanmax(frame.values)) for frame in self._frames)
 
     def curve(self, exponent: float, bend: float) -> ResponseCurve:
-        """Return the curve; it leaves the level of the lightest press as it is, so that light contacts stay visible.
+        """Return the curve. It keeps the level of the lightest press, so that light contacts stay visible.
 
-        Its exponent is known between the lightest and the hardest press, and goes on as there beyond them; far below
-        the lightest one the curve is a line through 0.
+        The exponent is known between the lightest and the hardest press. Beyond them, it keeps the value at the nearer
+        end. Far below the lightest press, the curve is a line through 0.
         """
         readings = np.geomspace(LOWEST_SHARE * self._lightest, self._highest, CURVE_NODES)
         fine = np.linspace(np.log(readings[0] / self._middle), np.log(readings[-1] / self._middle), 40 * CURVE_NODES)
@@ -135,12 +159,12 @@ class _Search:
         return float(solution.x[0]), float(solution.x[1])
 
     def errors(self, curve: ResponseCurve | None) -> np.ndarray:
-        """Return the relative error of the disc's radius in each frame, less what is expected of a fit."""
+        """Return the relative error of the disc's radius in each frame, less the error that is expected of a fit."""
         radii = np.array([fit.dimensions[0] for fit in self._fits(curve)])
         return radii / self._known.radius - 1 - self._known.fit_error
 
     def dome_share(self) -> float:
-        """Return the share of the frames in which something round presses, by the readings as they are."""
+        """Return the share of the frames in which a round object presses, judged by the unconverted readings."""
         return float(np.mean([fit.indenter is not Indenter.FLAT_PUNCH for fit in self._fits(None)]))
 
     def layer(self, curve: ResponseCurve) -> Layer:
@@ -163,7 +187,7 @@ class _Search:
 
 
 def check_disc(known: Disc) -> None:
-    """Raise InputError for a disc that cannot be."""
+    """Raise InputError if the dimensions of a disc are not possible."""
     if not (0 < known.radius <= LARGEST_RADIUS and 0 <= known.edge_radius <= MOST_ROUNDED * known.radius):
         raise InputError('known disc', got=f'radius {known.radius:g} m, edge radius {known.edge_radius:g} m',
                          expected=f'a radius > 0, at most {LARGEST_RADIUS:g} m, and an edge rounded to at most '

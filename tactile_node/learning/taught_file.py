@@ -1,4 +1,4 @@
-"""The file of taught shapes: the arrays of the base unchanged, the heads, and the examples, so that more can be taught.
+"""The file of taught shapes: the unchanged arrays of the base, the heads, and the examples for teaching more shapes.
 
 The file is a .npz without pickled objects. `ShapeRecogniser.from_file` loads it in place of the base.
 """
@@ -156,7 +156,7 @@ def examples_in(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[
     Raises
     ------
     ConfigurationError
-        If the arrays are not those of a file of taught shapes.
+        If the arrays do not come from a file of taught shapes.
     """
     has_head = f'{kind}_taught_{HEAD_PARTS[0]}' in data
     if f'{kind}_touch_levels' not in data and not has_head:

@@ -1,8 +1,9 @@
 """Fit the head for the examples of taught shapes, and count its correct answers for held-out touches and contacts.
 
-Whole touches are held out, never single frames or variants of a touch. A taught shape needs enough evidence to meet two
-conditions. It must take at most MOST_TAKEN of the contacts of the five shapes from them. It must also have half of the
-evidence that nearly all of its own contacts have. This keeps foreign contacts out and costs no touches.
+Whole touches are held out, never single frames or variants of a touch. A taught shape is the answer only if its
+evidence meets two conditions. With the needed evidence, the shape takes at most MOST_TAKEN of the contacts of the five
+shapes. A contact also needs half of the evidence that nearly all of the shape's own contacts have. This keeps foreign
+contacts out and costs no touches.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,8 +22,9 @@ FOLDS = 5
 STAGES = FOLDS + 2  #: Number of stages of `teach`, for its progress.
 LEAST_TOUCHES = 10
 MOST_TAKEN = 0.0015  #: Share of the five shapes' contacts that a taught shape may take when the needed evidence is set.
-OWN_QUANTILE = 0.02  #: Share of a shape's own examples that may have less evidence than the others.
-OWN_SHARE = 0.5      #: Share of the others' smallest evidence that a contact needs.
+#: Share of a shape's own examples whose evidence is ignored because it is smaller than that of the others.
+OWN_QUANTILE = 0.02
+OWN_SHARE = 0.5      #: Share of the smallest remaining evidence that a contact needs.
 LEAST_RIGHT = 0.95   #: Share of the held-out touches that a useful shape needs to get right; one of 30 may be wrong.
 MOST_LOST = 0.003    #: Share of the five shapes' contacts that a useful head may lose.
 

@@ -1,7 +1,7 @@
 """Find touches in taxel frames: the frames of a pad while an object is held on it, from contact to lift.
 
-Only a few frames of a touch are kept, at equal steps, because the many frames of one hold teach no more than a few. The
-frames are not recognised here.
+Only a few frames of a touch are kept, at equal steps, because the many frames of one hold teach no more than a few do.
+The frames are not recognised here.
 """
 
 from collections.abc import Iterable, Sequence
@@ -18,7 +18,7 @@ from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_shapeless
 
 TOUCH_FRAMES = 5         #: Number of frames that are kept from a touch.
-CENTRE_MOVED = 1.0       #: A centre that moves by more than this in one frame begins another touch [pitches].
+CENTRE_MOVED = 1.0       #: If the centre moves by more than this in one frame, another touch begins [pitches].
 MOST_HIDDEN_SHARE = 0.1  #: Largest share of the contact's taxels that may lack a value.
 
 

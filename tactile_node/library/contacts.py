@@ -47,7 +47,7 @@ def scale_by(unit: str | None, thresholds: object) -> tuple[PressThresholds | No
     Raises
     ------
     ConfigurationError
-        If there is no such unit.
+        If the unit is not known.
     InputError
         If ``thresholds`` has another type.
     """
@@ -150,8 +150,8 @@ def find_contact(values: ArrayLike, unit: str | None = '',
     """Return the largest contact of one frame.
 
     A taxel is pressed if it stands out of the noise of the resting taxels. At least a quarter of the taxels must be at
-    rest. The contact ends where its taxels read less than half of its own level. ``thresholds`` replace this rule by
-    fixed values. An array of bool already gives the pressed taxels.
+    rest. The contact ends where its taxels read less than half of the contact's own level. With ``thresholds``, fixed
+    values replace this rule. In an array of bool, True marks a pressed taxel.
 
     NaN, infinite and masked taxels have no valid value: they are hidden. If too many taxels are hidden, the pad is not
     seen (`pad_seen`), and 0 contacts do not mean that it is empty.
@@ -174,10 +174,10 @@ def find_contact(values: ArrayLike, unit: str | None = '',
     Raises
     ------
     InputError
-        If an array cannot be used, for integers without a unit, or if a contact is far too low for its unit, like
-        counts.
+        If an array cannot be used, if integers have no unit, or if a contact is far too low for its unit, as counts
+        would be.
     ConfigurationError
-        If there is no such unit.
+        If the unit is not known.
 
     Examples
     --------
@@ -270,7 +270,7 @@ def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
               response: str | Path | SkinResponse | None = None) -> ShapeFit | None:
     """Return pose and size of a contact, with their covariance.
 
-    Values that are 0 or one other number are taken as on/off.
+    Values of 0 and one other number are treated as on/off.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class ContactStream:
     ConfigurationError
         If the unit or the pitch cannot be used.
     InputError
-        If an argument has another type.
+        If an argument has the wrong type.
 
     Examples
     --------
@@ -70,8 +70,8 @@ class ContactStream:
                unmapped: ArrayLike | None = None) -> StreamedContact:
         """Add a frame and return the results so far.
 
-        If the pad is not seen in a frame, the frame is reported as UNKNOWN, not seen. It changes nothing in the results
-        of the frames before and after it. The fusion starts again if the stamp goes backwards or jumps by more than
+        If the pad is not seen in a frame, the frame is reported as UNKNOWN, not seen. The frame changes nothing in the
+        results before and after it. The fusion starts again if the stamp goes backwards or jumps by more than
         `FusionSettings.max_gap`.
 
         Parameters

@@ -35,7 +35,7 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 '''
-#: Size of a chunk, uncompressed [bytes]: 0.5 s of a full bus with 1 Mbit/s, which is what a killed recording loses.
+#: Size of a chunk, uncompressed [bytes]: 0.5 s of a full bus with 1 Mbit/s. A killed recording loses at most one chunk.
 #: Damage to a larger chunk would cost more, and smaller chunks would make the file larger.
 CHUNK_BYTES = 1 << 18
 
@@ -118,7 +118,7 @@ class McapCanWriter:
         self.file.write(builder.end())
 
     def flush(self) -> None:
-        """End the chunk, so that a reader sees all messages written so far."""
+        """End the chunk, so that a reader can see all messages written so far."""
         self._writer.flush()
 
     def stop(self) -> None:
@@ -137,7 +137,7 @@ class _CanTypes:
         self._frame = self._store.types[CAN_TYPE]
 
     def message(self, recorded: Recorded) -> can.Message:
-        """Return the recorded message, with the stamp of the CAN driver or else the time of recording."""
+        """Return the recorded message, stamped by the CAN driver, or else with the time of recording as its stamp."""
         frame = self._store.deserialize_cdr(decompress(recorded.cdr), CAN_TYPE)
         stamp = frame.header.stamp
         time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND

@@ -238,7 +238,7 @@ def _topics_of_sqlite(path: Path) -> dict[str, str]:
 
 
 def open_sqlite(path: Path) -> sqlite3.Connection:
-    """Open a database read-only, for use by several threads in turn: different threads open, play and close a log."""
+    """Open a database read-only for several threads, because different threads open, play and close a log."""
     return sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True, check_same_thread=False)
 
 

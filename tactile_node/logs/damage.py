@@ -33,7 +33,7 @@ class Damage(NamedTuple):
 
     @property
     def seconds(self) -> float | None:
-        """Longest time that is lost [s]; None at the begin or the end of the recording."""
+        """Longest time that is lost [s]; None at the start or the end of the recording."""
         return None if self.begin is None or self.end is None else max(self.end - self.begin, 0.0)
 
     def joined(self, after: 'Damage') -> 'Damage':

@@ -53,7 +53,7 @@ class OneBus:
         self._used: dict[str, int] = {}  # channel with frames of can_ids -> identifier of the first one
 
     def feed(self, message: can.Message) -> TwoBuses | None:
-        """Process the next frame of the log; return the fault if the frame comes from a second bus, else None."""
+        """Process the next frame of the log, and return the fault if the frame comes from a second bus, or None."""
         channel = str(message.channel)
         is_known = channel in self._received or not message.is_rx
         if not is_known:

@@ -25,8 +25,10 @@ logger = logging.getLogger(__name__)
 
 CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: output of `candump -L`
 CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: output of `candump can0`
-SET_BACK = 1.0  #: a stamp this far before the last one is out of order, since frames of one clock deviate less [s]
-FAR_AHEAD = 10.0      #: a stamp this far after the last one is suspicious, since a working skin pauses less [s]
+#: a stamp this much earlier than the last one is out of order, because frames of one clock differ by less [s]
+SET_BACK = 1.0
+#: a stamp this much later than the last one is suspicious, because a working skin never pauses for so long [s]
+FAR_AHEAD = 10.0
 
 
 def _reader(path: str, on_unread: Callable[[str], None], on_damage: OnDamage) -> MessageReader:
@@ -140,7 +142,7 @@ class CanLogReader:
     @property
     def summary(self) -> str:
         """Number of frames read, the last stamp and the unread parts, as a sentence."""
-        rest = f'; {self.unread} lines or rests unread: {self.problem}' if self.unread else ''
+        rest = f'; {self.unread} lines or parts unread: {self.problem}' if self.unread else ''
         return f'{self.can_frames} CAN frames, the last at {utc(self._last)}{rest}.'
 
     def _of_bag(self) -> Iterator[can.Message]:
@@ -208,8 +210,9 @@ class CanLogReader:
 def without_strays(messages: Iterable[can.Message], on_stray: Callable[[can.Message], None]) -> Iterator[can.Message]:
     """Drop each frame whose stamp alone is wrong.
 
-    The stamp of such a frame is more than FAR_AHEAD after, or more than SET_BACK before, those of its neighbours. If
-    the next frame follows the new time, the frame is kept: the clock was set, or the bus was at rest.
+    The stamp of such a frame is more than FAR_AHEAD later, or more than SET_BACK earlier, than the stamps of its
+    neighbours. If the next frame continues from the new time, the frame is kept, because the clock was set or the bus
+    was at rest.
 
     Parameters
     ----------

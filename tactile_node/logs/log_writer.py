@@ -17,7 +17,7 @@ from tactile_node.threads import ReportedThread
 logger = logging.getLogger(__name__)
 
 WRITTEN_SUFFIXES = ('.log', '.log.gz', '.mcap')  #: formats that can be written
-FLUSH_PERIOD = 0.5  #: time between two flushes, and so the longest part that a killed recording loses [s]
+FLUSH_PERIOD = 0.5  #: time between two flushes [s]; a killed recording loses at most this much
 MEGABYTE = 1_000_000  #: [bytes]
 
 
@@ -250,7 +250,7 @@ def _new_file(path: Path, replaces: bool) -> Path:
     candidate, number = path, 2
     while True:
         try:
-            if not following(candidate):  # else a reader would take these files for parts of the new log
+            if not following(candidate):  # otherwise, a reader would treat these files as parts of the new log
                 candidate.open('xb').close()
                 return candidate
         except FileExistsError:

@@ -1,7 +1,7 @@
-"""Check from the SDO answers in a log whether its devices were set up as layout and EDS say (CiA 301, 7.2.4).
+"""Compare the set-up of devices, as the SDO answers in a log show it, with layout and EDS (CiA 301, 7.2.4).
 
-Values that the log does not contain are not judged. They are unknown if the log begins after the set-up, or if the
-device was reset since. Only expedited transfers are read, because the objects in question have at most 4 bytes.
+Values that the log does not contain are not judged. A value is unknown if the log begins after the set-up, or if the
+device has been reset since. Only expedited transfers are read, because the objects in question have at most 4 bytes.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -149,7 +149,7 @@ class _LoggedNode:
 
 
 def _object_of(data: bytes) -> tuple[int, int] | None:
-    """Return index and sub-index of an SDO frame if that object is watched, else None.
+    """Return index and sub-index of an SDO frame, or None if that object is not watched.
 
     Segment frames carry neither, but their bytes can look as if they do.
     """
@@ -171,7 +171,7 @@ def _text(mapping: Sequence[int | None]) -> str:
 
 
 class HeardNodes:
-    """Notes which nodes send heartbeats or boot-ups in a log, and finds other nodes that send the COB-IDs of a pad.
+    """Records which nodes send heartbeats or boot-ups in a log, and finds other nodes that send the COB-IDs of a pad.
 
     With a wrong node-ID, a pad could be assembled from the TPDOs of two other pads.
     """

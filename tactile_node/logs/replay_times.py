@@ -1,4 +1,4 @@
-"""Pace at which a log is played, and the time at which each of its stamps was played."""
+"""The pace at which a log is played, and the time at which each of its stamps was played."""
 
 import logging
 import math
@@ -47,9 +47,9 @@ class RecordedPace:
 
 
 class PlayedTimes:
-    """Notes when each stamp was played, by the steady clock.
+    """Records when each stamp was played, by the steady clock.
 
-    Only the thread that plays the log may use it. Stamps [s, from the log] never go back.
+    Only the thread that plays the log may use this object. Stamps [s, from the log] never go backwards.
     """
 
     def __init__(self, steady: Callable[[], float] = time.monotonic):
@@ -57,7 +57,7 @@ class PlayedTimes:
         self._entries: deque[tuple[float, float]] = deque(maxlen=MOST_ENTRIES)  # first stamp, time when it was played
 
     def note(self, stamp: float) -> None:
-        """Note that ``stamp`` is played now."""
+        """Record that ``stamp`` is played now."""
         now = self._steady()
         if not self._entries or now - self._entries[-1][1] >= PLAYED_RESOLUTION:
             self._entries.append((stamp, now))
@@ -80,7 +80,7 @@ SECOND = 1_000_000_000  #: [ns]
 class TimeWindow(NamedTuple):
     """Part of a recording."""
 
-    start: float = 0.0  #: begin, from the begin of the recording [s]
+    start: float = 0.0  #: start of the part, counted from the start of the recording [s]
     duration: float = math.inf  #: [s]
 
     @property
@@ -88,12 +88,12 @@ class TimeWindow(NamedTuple):
         return self.start + self.duration
 
     def of(self, begin: int) -> tuple[int, int | None]:
-        """Return begin and end of the window [ns]; an end of None means the end of the recording.
+        """Return the start and the end of the window [ns]; an end of None means the end of the recording.
 
         Parameters
         ----------
         begin
-            Begin of the recording [ns].
+            Start of the recording [ns].
 
         Examples
         --------

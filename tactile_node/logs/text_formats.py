@@ -1,4 +1,4 @@
-"""Log formats in text, from candump and for python-can: tell which lines hold a whole CAN frame."""
+"""Log formats in text, from candump and for python-can, and a filter for the lines that hold a whole CAN frame."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -17,8 +17,8 @@ class TextFormat(NamedTuple):
 
     reader: Callable[[TextIO], MessageReader]  #: reader of python-can
     frame: re.Pattern[str]  #: a line with a whole CAN frame, or a line that changes the time of the frames after it
-    other: re.Pattern[str]  #: begin of a line without a CAN frame: a comment, a statistic or an event
-    header: re.Pattern[str] = re.compile('(?!)')  #: begin of a line that the reader needs before the frames
+    other: re.Pattern[str]  #: start of a line without a CAN frame: a comment, a statistic or an event
+    header: re.Pattern[str] = re.compile('(?!)')  #: start of a line that the reader needs before the frames
     header_end: str = ''    #: line at which the reader stops searching for the header; the reader drops that line
     corrected: Callable[[str], str] = str  #: makes a line readable, or raises ValueError
 

@@ -54,7 +54,8 @@ class BagMessage(NamedTuple):
     topic: str
     type: str
     recorded: float  #: time of recording [s, Unix epoch]
-    #: time of recording by the clock of the taxel stamps; it differs in a replay or for another computer's clock
+    #: time of recording by the clock of the taxel stamps; it differs from ``recorded`` in a replay, or if two computers
+    #: have different clocks
     stamp: float
     content: Any
 
@@ -70,7 +71,7 @@ def holds_can_frames(path: str | Path) -> bool:
 
 
 class TopicBagReader:
-    """Reads a bag any number of times, each time from its begin.
+    """Reads a bag any number of times, each time from its start.
 
     Attributes
     ----------
@@ -136,7 +137,7 @@ class TopicBagReader:
     def _first_behind(self) -> float:
         """Return stamp - time of recording for the first taxel array, or 0 if there is none.
 
-        It serves for the messages before that array.
+        The difference is also used for the messages before that array.
         """
         first = next(TopicBagReader(self.path).messages((TAXELS,)), None)
         return 0.0 if first is None else seconds(first.content.header.stamp) - first.recorded
@@ -160,7 +161,7 @@ def pad_of(topic: str) -> str:
 
 
 class _TopicTypes:
-    """Decodes messages with the definition in the bag, or else with the one in msg/."""
+    """Decodes messages with the definition in the bag. If the bag has none, the definition in msg/ is used."""
 
     def __init__(self, path: str | Path):
         self._typesys = library('rosbags.typesys', path)

@@ -1,4 +1,4 @@
-"""The smallest rectangle around a contact, whatever its shape, and whether the contact is hollow."""
+"""The smallest rectangle around a contact of any shape, and a check that finds hollow contacts."""
 
 from typing import Any, NamedTuple
 
@@ -54,7 +54,7 @@ class ContactBox(NamedTuple):
     angle: float                  #: direction of the long side, from x to y, in (-π/2, π/2] [rad]
     lengths: tuple[float, float]  #: long side, short side [m]
     centre_sd: float              #: standard deviation along x and along y [m]
-    #: standard deviation of the direction of the sides [rad]; 0.45 if any angle is equally likely, because the sides
+    #: standard deviation of the direction of the sides [rad]; 0.45 if all angles are equally likely, because the sides
     #: repeat every quarter turn
     angle_sd: float
     lengths_sd: tuple[float, float]  #: standard deviation of each length [m]
@@ -114,7 +114,7 @@ def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibil
 
 
 def _likelihood(lengths: np.ndarray, side_sd: float) -> np.ndarray:
-    """Return the probability of each angle, (k,), to be the angle of the smallest rectangle; the sum is 1.
+    """Return the probability that each angle, (k,), is the angle of the smallest rectangle; the sum is 1.
 
     ``lengths``, (2, k), are the sides of the rectangle at each angle.
     """

@@ -15,7 +15,8 @@ from tactile_node.shape.recognition import Shape
 
 COARSE_TOLERANCE = 0.3  #: Length of a step at which the first pass stops [pitches].
 FINE_TOLERANCE = 0.05   #: Length of a step at which the second pass stops [pitches].
-CLEAR_RATIO = 0.25      #: A less likely start is chosen if its cost is below this share of the likeliest start's cost.
+#: A less likely start is chosen if its cost is below this share of the cost of the likeliest start.
+CLEAR_RATIO = 0.25
 FIRST_NOISE = 0.05      #: Noise of a value assumed in the first pass [fraction of level].
 
 
@@ -42,7 +43,7 @@ def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PU
     profile : Profile
         Pressure profile of the object; ignored for on/off taxels.
     layer : Layer or None
-        Layer of a calibrated skin, lengths in pitches; None if it is not known.
+        Layer of a calibrated skin, with lengths in pitches; None if it is not known.
     """
     outline = outline_of(shape, guess.handedness)
     if evidence.on_off:
@@ -120,7 +121,7 @@ DOME_CURVATURE = -0.005  #: A lower curvature of the residuals may come from a d
 # A dome can look like an even pressure on deep taxels. It may be one if both limits are exceeded:
 BAD_MISFIT = 2.0  #: sum of squares per taxel
 DEEP_LAYER = 0.5  #: depth of the taxels [pitches]
-#: A circle with a lower peak is no punch: no punch, sharp or rounded, presses this much more in its middle.
+#: A circle with a higher peak is not a punch: no punch, sharp or rounded, presses this much more in its middle.
 NO_PUNCH_PEAK = -0.3
 
 
@@ -149,7 +150,7 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
 
 
 def is_no_punch(shape: Shape, punch: Candidate) -> bool:
-    """Return True if a fit as a punch has found a pressure that no punch has."""
+    """Return True if a fit as a punch has found a pressure that no punch can have."""
     loading = loading_of(punch)
     return loading is not None and shape is Shape.CIRCLE and loading.peak < NO_PUNCH_PEAK
 
@@ -157,7 +158,7 @@ def is_no_punch(shape: Shape, punch: Candidate) -> bool:
 def _curvature(evidence: Evidence, shape: Shape, solution: Solution) -> float:
     """Return the slope of the residuals against the squared distance from the middle.
 
-    For a rectangle, the distance is that from its long axis.
+    For a rectangle, the distance is measured from its long axis.
     """
     row, col = np.divmod(np.arange(evidence.used.size), evidence.window.cols)
     x, y = col + evidence.window.col - solution.parameters[0], row + evidence.window.row - solution.parameters[1]

@@ -46,7 +46,7 @@ class Observable(IntFlag):
 
 
 class Event(NamedTuple):
-    """A change in the state of a contact.
+    """A change of the state of a contact.
 
     A quantity is NaN if it is unknown or does not belong to this kind of event.
     """
@@ -63,7 +63,7 @@ class Event(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """The movement of a contact in one frame, as far as it is known."""
+    """The known movement of a contact in one frame."""
 
     moving: Moving = Moving.NOT_KNOWN
     speed: float = math.nan      #: while SLIDING [m/s]; NaN if not known

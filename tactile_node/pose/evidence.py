@@ -1,6 +1,6 @@
-"""The taxels from which an outline is fitted.
+"""The taxels to which an outline is fitted.
 
-These are the taxels of the contact and around it, without holes and invalid taxels.
+These are the taxels of the contact and those around it, without holes and invalid taxels.
 """
 
 from typing import NamedTuple
@@ -43,12 +43,12 @@ def gather(values: np.ndarray, mask: np.ndarray, at_edge: bool | None = None) ->
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols).
     at_edge : bool or None
-        True if the contact touches the pad's edge; None to see it from ``mask``.
+        True if the contact touches the pad's edge; None to derive it from ``mask``.
 
     Raises
     ------
     InputError
-        If the arrays are not of one shape, not real numbers, or the mask is empty.
+        If the arrays have different shapes or are not real numbers, or if the mask is empty.
     """
     values, mask = checked(values, mask)
     window, at_edge = _window(mask), touches_edge(mask) if at_edge is None else at_edge
@@ -76,7 +76,7 @@ def checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
     Raises
     ------
     InputError
-        If the arrays are not of one shape, not real numbers, or the mask is empty.
+        If the arrays have different shapes or are not real numbers, or if the mask is empty.
     """
     values, mask = np.asarray(values), np.asarray(mask)
     if values.ndim != 2 or values.shape != mask.shape or values.dtype.kind not in 'biuf':

@@ -1,4 +1,4 @@
-"""Pose and size of a contact of known shape: its outline is fitted to the taxel values by least squares."""
+"""Pose and size of a contact of known shape, found by fitting its outline to the taxel values by least squares."""
 
 from collections.abc import Callable
 from functools import partial
@@ -37,7 +37,7 @@ class ShapeFit(NamedTuple):
     handedness: int                   #: 1 or -1 (mirrored) for a right triangle, 0 for other shapes
     dimension_names: tuple[str, ...]  #: names as in `outlines.OUTLINES`
     dimensions: tuple[float, ...]     #: length of each dimension [m]
-    #: for each dimension, True if it is only the visible length and the contact goes on unseen (`fit_contact`)
+    #: for each dimension, True if it is only the visible length because the contact continues unseen (`fit_contact`)
     is_bound: tuple[bool, ...]
     covariance: np.ndarray  #: covariance of ``parameter_names`` [m, rad]
     residual: float  #: root mean square of value - model, as a fraction of the contact's level
@@ -98,7 +98,7 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: fl
     Raises
     ------
     InputError
-        If the arrays are not of one shape, not real numbers, or the mask is empty.
+        If the arrays have different shapes or are not real numbers, or if the mask is empty.
     ConfigurationError
         If the pitch or the layer cannot be used.
 
@@ -130,13 +130,13 @@ def _part(values: np.ndarray, mask: np.ndarray) -> Part:
 class FitFollower:
     """Fits a contact from frame to frame, starting from the outline in the frame before.
 
-    Following an outline takes a quarter of the time of a search. The follower searches again in these cases:
+    Following an outline takes a quarter of the time that a search takes. The follower searches again in these cases:
 
     - in the first frame,
     - every SEARCH_PERIOD, because the contact may have become a dome, or another corner may have become likelier,
     - if following leads to a worse fit,
     - if the evidence has grown by SEARCH_GROWTH. A contact that is touched lightly or seen in part may look like a
-      dome, which is larger.
+      dome, whose outline is larger.
     """
 
     def __init__(self) -> None:
@@ -193,8 +193,8 @@ def in_metres(found: Found, part: Part, pitch: float) -> ShapeFit:
                     depth=loading.depth * pitch if loading else np.nan)
 
 
-#: Shapes whose own axes run from side to side, so that a length can be a bound. The deviations of a completed triangle
-#: show its uncertainty instead.
+#: Shapes whose own axes run from side to side, so that a length can be a bound. For a completed triangle, the
+#: deviations show the uncertainty instead.
 UPRIGHT_SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE)
 
 
@@ -202,8 +202,8 @@ def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, 
                 visibility: Visibility | None = None, find: Finder | None = None) -> ShapeFit | None:
     """Fit a shape to the contact of a pattern, as `fit_shape` does, and mark lengths that are bounds.
 
-    If a circle, a square or a rectangle goes on unseen, the length is that of its visible part and is marked as a
-    bound. A triangle is completed, and its deviations show how well.
+    If a part of a circle, a square or a rectangle is unseen, the length is the visible length and is marked as a bound.
+    A triangle is completed, and its deviations show how certain the result is.
 
     Parameters
     ----------

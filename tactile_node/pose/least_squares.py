@@ -23,7 +23,7 @@ class Problem(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """A point that an iteration has reached."""
+    """A point that the iteration has reached."""
 
     parameters: np.ndarray
     prediction: Prediction
@@ -121,7 +121,7 @@ def solved(problem: Problem, at: Place) -> Solution:
 
 
 MOST_BLOCKS = 32   #: Largest number of blocks across a contact.
-BLOCKS_AROUND = 3  #: Number of blocks around the contact that are fitted, too.
+BLOCKS_AROUND = 3  #: Number of blocks around the contact that are also fitted.
 LEAST_SEEN = 0.5   #: Share of the taxels of a block that must be valid; with fewer, the block has no value.
 
 

@@ -1,4 +1,4 @@
-"""Errors of the models of punches and domes, by shape: corners that carry less, and edges of unknown rounding.
+"""Errors of the models of punches and domes, by shape: corners carry less load, and the rounding of edges is not known.
 
 The errors were measured on computed contacts of training seeds (bench/pose_calibration.py). They are given in the
 shape's own frame: place in inscribed radii, angle in radians, dimensions relative. Under an even pressure, no error is

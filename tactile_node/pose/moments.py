@@ -16,7 +16,7 @@ def check_pitch(pitch: float) -> None:
     """Raise ConfigurationError unless ``pitch`` is a finite length above 0."""
     try:
         is_length = bool(0 < pitch < np.inf)
-    except (TypeError, ValueError):  # pitch is no number
+    except (TypeError, ValueError):  # pitch is not a number
         is_length = False
     if not is_length:
         raise ConfigurationError('pitch', expected='a length > 0 in metres', got=repr(pitch),
@@ -42,13 +42,13 @@ class ContactMoments(NamedTuple):
     filled: int  #: number of invalid taxels, which count as the mean of their neighbours
     force_sd: float  #: [N]
     centre_of_pressure_sd: tuple[float, float]  #: along x and along y [m]
-    #: True if the force is a lower bound: taxels are saturated, or the contact may continue in hidden taxels, or the
-    #: finger and the contact go on beyond the skin. If the finger ends with the skin, the force is complete, though the
-    #: object may be larger.
+    #: True if the force is a lower bound. This is the case if taxels are saturated, if the contact may continue in
+    #: hidden taxels, or if the finger and the contact continue beyond the skin. If the finger ends with the skin, the
+    #: force is complete, though the object may be larger.
     force_is_bound: bool
-    centre_of_pressure_is_bound: bool  #: True if the centre is not that of the whole contact, for the same reasons
+    centre_of_pressure_is_bound: bool  #: True if this is not the centre of the whole contact, for the same reasons
     #: True if the contact may be larger, because hidden taxels or the pad's edge are next to it. Also true if taxels
-    #: are saturated: a fit may then be too large.
+    #: are saturated, because a fit may then be too large.
     size_is_bound: bool
     #: Slope of the pressures along x and y [Pa/m]; NaN if only a part of the load is measured. On an elastic skin under
     #: an oblique face, the slope is the stiffness of the skin times the slope of the face, however lightly the face
@@ -126,7 +126,8 @@ class PadForce(NamedTuple):
     """The load on a pad as a whole."""
 
     force: float  #: force of all contacts of the pad [N]; NaN under the same conditions as for one contact
-    #: True if the force is a lower bound: the force of a contact is one, or hidden taxels could hold another contact
+    #: True if the force is a lower bound: the force of a contact is a bound, or hidden taxels could hold another
+    #: contact
     is_bound: bool
 
 
@@ -134,8 +135,8 @@ def pad_force(contact: ContactMoments, pattern: ContactPattern, pitch: float, un
               visibility: Visibility, finger_ends: SkinSide = NO_SIDE) -> PadForce:
     """Return the force of all contacts of a pad.
 
-    Hidden taxels in or next to another contact make the force a bound, even a single one. No standard deviation
-    accounts for them.
+    A single hidden taxel in or next to another contact makes the force a bound, because no standard deviation accounts
+    for it.
 
     Parameters
     ----------

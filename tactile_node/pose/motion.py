@@ -1,4 +1,4 @@
-"""Events of the contact on one pad (made, lost, harder, lighter, sliding, turning), and which of them cannot be seen.
+"""Events of the contact on one pad (made, lost, harder, lighter, sliding, turning), and movements that would not show.
 
 Two places are followed side by side: the outline, if one is fitted, and the centre of pressure. The absence of events
 does not mean the absence of slip: `observable` says which movements would be detected. Normal pressure shows where a
@@ -21,7 +21,7 @@ from tactile_node.pose.track import ForceTrack, Track
 
 
 class Sight(NamedTuple):
-    """The view of one frame on the contact of a pad."""
+    """The view that one frame gives of the contact on a pad."""
 
     stamp: float  #: acquisition of the frame [s]
     pattern: ContactPattern
@@ -33,15 +33,15 @@ class Sight(NamedTuple):
     is_on_off: bool
 
 
-# A movement is reported after these steps. They are smaller than the promised ones (0.3, 0.8 and 1.5 pitches), because
+# A movement is reported after these steps. They are smaller than the promised steps (0.3, 0.8 and 1.5 pitches), because
 # a second frame must confirm the movement.
 OUTLINE_STEP = 0.2    #: step of an outline [pitches]
 PRESSURE_STEP = 0.55  #: step of a centre of pressure [pitches]
 ON_OFF_STEP = 1.1     #: step of either with on/off taxels [pitches]
 TURN_CERTAINTY = 6.0  #: Standard deviations that a turn must exceed, because angles jump from fit to fit.
 SLACK = 3.0           #: Standard deviations by which a slide may change an angle.
-#: Share of its extent by which the middle of a contact moves while its load grows e times. On an elastic skin, the
-#: extent may grow as the square root of the force. If it grows from one end, the middle moves by a quarter.
+#: Share of its extent by which the middle of a contact moves while its load grows by a factor of e. On an elastic skin,
+#: the extent may grow as the square root of the force. If it grows from one end, the middle moves by a quarter.
 GROWTH = 0.25
 #: Largest change of load for a contact that slides from taxel to taxel [logarithm of the ratio].
 STEADY_LOAD = 0.15
@@ -179,10 +179,10 @@ class _Followed:
         return True
 
     def _follow_outline(self, fit: ShapeFit, moments: ContactMoments, stamp: float) -> bool:
-        """Follow place and angle of ``fit``, and return True if the outline has stopped in this frame.
+        """Follow the place and the angle of ``fit``, and return True if the outline has stopped in this frame.
 
-        If the outline has become another one, the tracks start again. The place is the mean of the fitted centre and
-        the centre of pressure, because a fit keeps to its minimum and pressure jumps from taxel to taxel.
+        If another outline has appeared, the tracks start again. The place is the mean of the fitted centre and the
+        centre of pressure, because a fit stays in its minimum and the pressure jumps from taxel to taxel.
         """
         if self._fit is None or not _is_alike(fit, self._fit, self._pitch):
             for track in (self._outline, self._turn):
@@ -255,7 +255,7 @@ def _is_alike(fit: ShapeFit, before: ShapeFit, pitch: float) -> bool:
 def _is_seen_alike(sight: Sight, before: Sight) -> bool:
     """Return True if two frames show the same taxels of the same outline.
 
-    The rim, which takes most of the time, then gives nothing new.
+    The rim takes most of the time and gives nothing new for the second frame.
     """
     symmetries = [None if each.fit is None else each.fit.symmetry for each in (sight, before)]
     return (symmetries[0] == symmetries[1] and sight.visibility == before.visibility
@@ -263,9 +263,9 @@ def _is_seen_alike(sight: Sight, before: Sight) -> bool:
 
 
 def _observable(sight: Sight) -> Observable:
-    """Return the movements that would show.
+    """Return the movements that would be detected.
 
-    A movement along an axis of the contact shows if an end of the contact along this axis is seen.
+    A movement along an axis of the contact is detected if an end of the contact along this axis is seen.
     """
     fit, seen, found = sight.fit, sight.visibility, Observable.ALONG_X | Observable.ALONG_Y
     if seen.outline_hidden or seen.inside_hidden:

@@ -1,7 +1,7 @@
-"""The one way through the core: taxel frame, contact, visibility, shape fused over time, then fit, moments and box.
+"""The processing chain of the core: taxel frame, contact, visibility, shape fused over time, then fit, moments and box.
 
-The nodes, `tactile classify`, report, view, teaching, calibration and the library all use it. Among the nodes, the
-processor runs the first half (`ContactPipeline.find`) and the classifier runs the second half
+The nodes, `tactile classify`, the report, the view, teaching, calibration and the library all use this chain. Among the
+nodes, the processor runs the first half (`ContactPipeline.find`) and the classifier runs the second half
 (`ContactPipeline.recognise`).
 """
 
@@ -26,11 +26,11 @@ from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, Unkno
 from tactile_node.taxel_frame import NO_SIDE, ON_OFF_UNIT, SkinSide
 
 DEFAULT_FUSION = FusionSettings()
-SURE = 0.9  #: Confidence from which on a recognition also counts for the next frames with the same taxels.
+SURE = 0.9  #: Confidence from which on a recognition also answers the next frames with the same taxels.
 
 
 class Curve(Protocol):
-    """A function that returns the pressures for readings."""
+    """A function that converts readings into pressures."""
 
     def __call__(self, values: np.ndarray) -> np.ndarray: ...
 
@@ -41,7 +41,7 @@ class Taxels(NamedTuple):
     pitch: float = 1.0               #: distance of neighbouring taxels; all lengths are in its unit
     unit: str | None = None          #: unit of the values: 'Pa', 'N' or '1' (on/off); '' or None if it is not known
     layer: Layer | None = None       #: layer of a calibrated skin
-    finger_ends: SkinSide = NO_SIDE  #: sides at which the finger ends together with the skin; at the others it goes on
+    finger_ends: SkinSide = NO_SIDE  #: sides at which the finger ends with the skin; it extends beyond all other sides
 
 
 class FoundContact(NamedTuple):
@@ -100,7 +100,7 @@ class FoundContact(NamedTuple):
 
 
 class StreamedContact(NamedTuple):
-    """The results for one frame, and for all frames of the contact up to this frame."""
+    """The results for one frame, and for all frames of the contact up to it."""
 
     #: the recognised contact, which is the largest one together with the pieces that were torn off it
     contact: ContactPattern
@@ -120,7 +120,7 @@ class _Answer(NamedTuple):
     recognition: Recognition
 
     def holds_for(self, found: FoundContact, stamp: float, correlation_time: float) -> bool:
-        """Return True if a later frame comes too soon after this one, and is too much like it, to say anything new."""
+        """Return True if a later frame comes so soon after this one and is so similar that it adds no information."""
         pattern, before = found.pattern, self.found.pattern
         # A name that these taxels do not support lasts as long as a sure name.
         is_settled = self.recognition.confidence >= SURE or self.recognition.doubt is not UnknownReason.NOT_UNKNOWN
@@ -133,12 +133,13 @@ class ContactPipeline:
     """Follows the contact on one pad, frame by frame.
 
     A sure recognition also answers the following frames with the same pressed taxels, until the correlation time of
-    ``fusion`` has passed. Such frames have the same errors, and most of the time for recognition is saved.
+    ``fusion`` has passed. Such frames have the same errors, so a new recognition would take time and add nothing.
 
     Parameters
     ----------
     recogniser : VisibilityGuard or None
-        Recogniser, which pads may share; None for the package's own, which is read when it is first needed.
+        Recogniser, which pads may share; None for the package's own recogniser, which is loaded when it is first
+        needed.
     thresholds : PressThresholds or None
         Fixed thresholds; None to compare with the noise.
     smallest_contact : int
@@ -250,7 +251,7 @@ class ContactPipeline:
         results = []
         for number in range(1, min(largest.contact.contacts, most) + 1):
             found, frame = largest.found.of_pattern(of_contact(largest.contact, number)), largest.recognition
-            if number > 1:  # a smaller contact gets no pieces, which may belong to the largest
+            if number > 1:  # pieces are joined only to the largest contact, because they may belong to it
                 frame = self._method.recognise(found.pattern._replace(contacts=1), visibility=found.visibility)
             results.append(self._described(found, frame, _alone(frame, stamp)))
         return results

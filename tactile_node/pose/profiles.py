@@ -55,7 +55,7 @@ CYLINDER_LARGER = np.sqrt(4 / 3)
 def _steps(beyond: np.ndarray, area: np.ndarray) -> np.ndarray:
     """Return the steps of the mean pressure between neighbouring outlines.
 
-    ``beyond`` is the share of the force outside each outline, and ``area`` is the area of each outline, (k,).
+    ``beyond``, (k,), is the share of the force outside each outline, and ``area``, (k,), is the area of each outline.
     """
     force, ring = np.diff(beyond, append=1.0), -np.diff(area, append=0.0)
     return np.diff(force / ring, prepend=0.0)
@@ -113,8 +113,9 @@ class _Found(NamedTuple):
     deviation: float  #: standard deviation about their sum
 
 
-#: A fit makes the depth too small, more so for a smaller contact, because its two nested outlines are coarser than the
-#: pressure at the rim of a punch. Measured on computed contacts of training seeds (as the tables of model_error.py).
+#: The depth that a fit finds is too small. The error grows as the contact gets smaller, because the two nested outlines
+#: are coarser than the pressure at the rim of a punch. Measured on computed contacts of training seeds (as the tables
+#: of model_error.py).
 _FOUND = {Indenter.FLAT_PUNCH: _Found(0.15, -1.2, 0.14), Indenter.BALL: _Found(0.08, -0.17, 0.35),
           Indenter.CONE: _Found(0.08, -0.17, 0.35), Indenter.LYING_CYLINDER: _Found(0.18, -0.92, 0.13)}
 LEAST_RADIUS = 1.4  #: Inscribed radius below which the ratio is not known [pitches].
@@ -142,8 +143,8 @@ def expected_log_depth(layer: Layer, profile: Profile, radius: float) -> tuple[f
 def log_depth_from(found_depth: float, profile: Profile, radius: float, pitch: float) -> float:
     """Return the logarithm of the true depth from the depth that a fit has found.
 
-    This is the inverse of `expected_log_depth`. For a single fit, its deviation is that of `expected_log_depth` with an
-    exact layer.
+    This is the inverse of `expected_log_depth`. For a single fit, the standard deviation is the one that
+    `expected_log_depth` returns for an exact layer.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """The rim of a contact, finer than its taxels, and how far it reaches along an axis. Lengths are in pitches.
 
-The rim is located along rows and columns, between a taxel of the contact and one beside it. It is where the
-interpolated values are half of the contact's own level there. Next to hidden taxels, the pad's edge and places without
-a taxel, the rim is the border of the last taxel that is seen, and the contact may go on.
+The rim is located along rows and columns, between a taxel of the contact and a taxel beside it. It is the place where
+the interpolated values are half of the contact's local level. Next to hidden taxels, the pad's edge and places without
+a taxel, the rim is the border of the last visible taxel, and the contact may continue.
 """
 
 from typing import NamedTuple
@@ -14,14 +14,14 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import are_on_off
 from tactile_node.contact.visibility import Visibility, visibility_of
 
-NEIGHBOUR_STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: Steps to the neighbours, (x, y).
+NEIGHBOUR_STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: Steps to the four neighbours, (x, y).
 UNSEEN_REACH = 1.5  #: Distance from unseen places along rows and columns above which the rim is an end of the contact.
 #: Reading of the outermost taxels relative to deeper taxels under an even pressure. The contact covers the outermost
 #: taxels only in part.
 EVEN_SHARE = 0.75
 STEEPNESS_RANGE = (0.4, 1.8)  #: Smallest and largest steepness, see `_steepness`.
-#: Largest variation of a straight rim. Places of the rim whose distances along an axis differ by less reach equally
-#: far.
+#: Largest variation of a straight rim. Places of the rim whose distances along an axis differ by less count as equally
+#: far out.
 STRAIGHT_TOLERANCE = 0.35
 
 
@@ -29,7 +29,7 @@ class Rim(NamedTuple):
     """Places of a contact's rim in the pad's frame."""
 
     places: np.ndarray  #: x, y, (n, 2)
-    is_end: np.ndarray  #: bool (n,), True where the contact ends because all unseen places are farther away
+    is_end: np.ndarray  #: bool (n,), True where the contact ends, because all unseen places are farther away
     graded: bool        #: True if the taxels give pressures and none is saturated; on/off taxels are less precise
 
 
@@ -76,8 +76,8 @@ def rim_of(pattern: ContactPattern, visibility: Visibility | None = None) -> Rim
 def reach(rim: Rim, angles: np.ndarray) -> np.ndarray:
     """Return how far the rim reaches along axes at ``angles``, (k,), and across them.
 
-    The result has the shape (2, 2, k). The first index is the axis; the second is the end: the lower one, the higher
-    one.
+    The result has the shape (2, 2, k). The first index is the axis. The second index is the end: 0 for the lower end, 1
+    for the higher end.
     """
     along = _along(rim, angles)
     ends = np.empty((2, 2, len(angles)))
@@ -87,10 +87,11 @@ def reach(rim: Rim, angles: np.ndarray) -> np.ndarray:
 
 
 def ends_seen(rim: Rim, angle: float) -> np.ndarray:
-    """Return True for each end of the contact that is seen, along ``angle`` and across it: bool (2, 2).
+    """Return True for each end of the contact, along ``angle`` and across it, that is seen: bool (2, 2).
 
-    The first index is the axis; the second is the end: the lower one, the higher one. An end is seen if the rim also
-    reaches that far away from all unseen places, as the flank of a bar does if the bar leaves the pad.
+    The first index is the axis. The second index is the end: 0 for the lower end, 1 for the higher end. An end is seen
+    if the rim also reaches that far at places away from all unseen places. The flank of a bar that leaves the pad is an
+    example.
     """
     if rim.is_end.all():
         return np.ones((2, 2), bool)
@@ -101,7 +102,7 @@ def ends_seen(rim: Rim, angle: float) -> np.ndarray:
 
 
 def is_cut(rim: Rim, angle: float) -> np.ndarray:
-    """Return True for each axis along which the contact may go on beyond an end.
+    """Return True for each axis along which the contact may continue beyond an end.
 
     The axes are along ``angle`` and across it; the result is bool (2,).
     """

@@ -1,4 +1,4 @@
-"""The likeliest outline of one shape: searched for from several starts, or followed from the frame before."""
+"""Find the likeliest outline of one shape: search from several starts, or follow the outline of the frame before."""
 
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ PUNCH_RATIO = 1.4  #: A punch is not refined if a dome's sum of squares is small
 HOPELESS_MISFIT = 500.0  #: A fit is not refined if it is worse than the best by more than this after the first pass.
 FOLLOWING_STEPS = 3  #: Largest number of steps while following; a contact at rest needs one.
 WORSE_RATIO = 1.4  #: Factor by which a residual may grow before the outline is searched for again.
-LEAST_RESIDUAL = 0.03  #: Smallest residual of the search that the factor refers to.
+LEAST_RESIDUAL = 0.03  #: Smallest residual of the search to which WORSE_RATIO is applied.
 
 
 class Estimate(NamedTuple):
@@ -82,9 +82,9 @@ def search(evidence: Evidence, shape: Shape, layer: Layer | None = None) -> Foun
 
 
 def follow(evidence: Evidence, before: Found) -> Found | None:
-    """Return the outline that follows the outline of the frame before, or None if it is not as good.
+    """Return the outline followed from the frame before, or None if it fits less well.
 
-    While the outline stays near the place where the model was computed last, the model is linear in the parameters
+    While the outline stays near the place where the model was last computed, the model is linear in the parameters
     there. The results of the search's other starts stay valid.
 
     Parameters

@@ -76,7 +76,7 @@ def kernel(depth: float) -> np.ndarray:
 def _newmark(y: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
     """Return the stress under the corner of a rectangle x, y (Newmark); odd in x and in y.
 
-    Training and benchmarks have an implementation of their own, so that this one can be checked.
+    Training and benchmarks have an implementation of their own, against which this one can be checked.
     """
     slant = np.sqrt(x * x + y * y + z * z)
     parts = x * y * z / slant * (1 / (x * x + z * z) + 1 / (y * y + z * z))
@@ -227,8 +227,8 @@ class PressureModel(Model):
     def likely_peak(self, parameters: np.ndarray, deviation: float) -> tuple[float, float] | None:
         """Return the expected ``peak`` and 1 / variance of it after a first fit, or None.
 
-        There are few kinds of objects. If a fit looks like a flat punch, the object is one; if the pressure looks even,
-        it is even. The result is None if the fit looks like neither.
+        There are few kinds of objects. If a fit looks like a flat punch, the object is taken as a flat punch. If the
+        pressure looks even, it is taken as even. The result is None if the fit looks like neither.
 
         Parameters
         ----------

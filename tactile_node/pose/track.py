@@ -1,11 +1,11 @@
 """Decide whether a measured place stays or moves, by comparing it with where it was while it stayed.
 
-The reference is the mean over REFERENCE_TIME, taken as long ago as a movement at the speed SLOWEST takes to be seen.
-The reference follows a slower movement, such as drift.
+The reference is the mean over REFERENCE_TIME. It lies as far in the past as a movement at the speed SLOWEST takes to
+become visible. A slower movement, such as drift, moves the reference along.
 
-The place moves once it is farther from the reference than a step and than its noise explains. Two frames in a row must
-show this, or one frame clearly. A single frame with another place is forgotten. The place stays again once it has
-stayed for STOPPED, or for the time in which a slow movement would have become visible.
+The place moves once its distance from the reference exceeds both a step and the noise. Two frames in a row must show
+this, or one frame must show it clearly. If only a single frame shows another place, that frame is forgotten. The place
+stays again once it has stayed for STOPPED, or for the time in which a slow movement would have become visible.
 """
 
 import math
@@ -25,7 +25,7 @@ GOES_ON = 0.5  #: Share of a step that a moving place must cover in the time aft
 FORCE_TIME = 0.5  #: Time over which the reference of the force is averaged [s].
 FORCE_STEP = 0.35  #: Step of the force, as a share of the reference.
 LEAST_FORCE_STEP = 0.05  #: Smallest step of the force [N].
-#: Share of a step. A moving place goes farther than this between the first and the last third of the time.
+#: Share of a step. A moving place travels farther than this between the first and the last third of the time.
 STAYED = 1 / 6
 
 
@@ -39,7 +39,7 @@ class Place(NamedTuple):
 
 
 class Track:
-    """Follows one place, which is passed in the order of times.
+    """Follows one place, whose measurements are passed in the order of their times.
 
     Parameters
     ----------
@@ -55,14 +55,14 @@ class Track:
         self.restart()
 
     def restart(self) -> None:
-        """Forget where the place was and that it moves."""
+        """Forget the reference, and that the place moves."""
         self.is_moving = False
         self.probability = 0.0  #: probability that the place has moved by half a step, in the latest frame
         self._hold = STOPPED
         self.forget()
 
     def forget(self) -> None:
-        """Forget where the place was, because it is measured in another way from now on."""
+        """Forget the reference, because the place is measured in another way from now on."""
         self._recent: deque[Place] = deque()
         self._reference: deque[Place] = deque()
         self._sums = [0.0] * 4  # sums of x, y and their squares relative to the first place, and of the load
@@ -106,7 +106,7 @@ class Track:
 
     def update(self, time: float, x: float, y: float, sd: float, slack: float = 0.0,
                load: float = 0.0) -> None:
-        """Add the place of one more frame.
+        """Add the place in one more frame.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class Track:
         return False
 
     def _let_follow(self, time: float) -> None:
-        """Move places that are old enough into the reference; at the beginning, the older half of all places."""
+        """Move places that are old enough into the reference; into an empty one, move the older half of all places."""
         begin = self._first.time
         end = max(time - self._lag, min(begin + REFERENCE_TIME, (begin + time) / 2))
         while len(self._recent) > 2 and self._recent[0].time <= end:

@@ -14,7 +14,7 @@ from tactile_node.contact.pattern import ContactPattern, in_line, number_contact
 from tactile_node.contact.visibility import Visibility
 from tactile_node.taxel_frame import read_only
 
-#: Share of the ring. Up to this many hidden taxels apart from each other are dead taxels, which change little.
+#: Share of the ring. Up to this share, isolated hidden taxels are treated as dead taxels, which change little.
 SCATTERED_SHARE = 0.1
 
 
@@ -36,10 +36,11 @@ def hidden_taxels_matter(pattern: ContactPattern, visibility: Visibility) -> boo
 
 
 def completions(pattern: ContactPattern) -> tuple[ContactPattern, ContactPattern, ContactPattern]:
-    """Return three readings of a contact whose hidden taxels are empty, pressed next to it, or pressed all along.
+    """Return three readings of a contact with hidden taxels.
 
-    In the third reading, the contact continues straight on along rows and columns as far as taxels are hidden. A hidden
-    taxel that is read as pressed gets the median value of the contact.
+    In the first reading, the hidden taxels are empty. In the second reading, the hidden taxels next to the contact are
+    pressed. In the third reading, the contact continues straight on along rows and columns as far as taxels are hidden.
+    A hidden taxel that is read as pressed gets the median value of the contact.
     """
     nowhere = np.zeros_like(pattern.hidden)
     beside = grown(pattern.mask) & pattern.hidden

@@ -10,9 +10,9 @@ Each frame adds its log-probabilities, following Bayes' rule, with two limits:
 
 Hidden taxels stay hidden, no matter how many frames agree. Each way of reading the hidden taxels
 (`Recognition.alternatives`) is therefore fused on its own, and the result is the mean over these readings. A name that
-the taxels do not support is treated in the same way, because the next frame has no more taxels.
+the taxels do not support is treated in the same way, because the next frame does not have more taxels.
 
-If nothing is seen in a frame, the frame is no evidence. It is reported as not seen, and the evidence of the frames
+If nothing is seen in a frame, the frame adds no evidence. It is reported as not seen, and the evidence of the frames
 before it is kept for the next frame.
 
 The classes are the classes of the frames: the shapes and the taught shapes.
@@ -32,7 +32,7 @@ TOUCHING_CLASSES: tuple[ShapeClass, ...] = tuple(shape for shape in Shape if sha
 
 @dataclass(frozen=True)
 class FusionSettings:
-    """How fast evidence counts, fades and is overturned.
+    """Settings for how fast evidence counts, fades and is overturned.
 
     Raises
     ------
@@ -57,11 +57,11 @@ class FusionSettings:
                 got=str(self), remedy='Leave them out for the defaults.')
 
     def gain(self, period: float) -> float:
-        """Return the weight of a frame that follows the frame before after ``period`` [s]."""
+        """Return the weight of a frame that comes ``period`` [s] after the frame before."""
         return min(1.0, period / self.correlation_time)
 
     def frames_to_follow(self, period: float, odds: float = 10.0) -> int:
-        """Return the largest number of frames until a new shape is reported, however long another shape was held.
+        """Return the largest number of frames until a new shape is reported, however long the old shape was held.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class FusedRecognition(NamedTuple):
     """The result of all frames since the contact began."""
 
     recognition: Recognition
-    since: float  #: stamp of the first frame since which this shape is reported without a break [s]
+    since: float  #: stamp of the first frame of the unbroken run in which this shape is reported [s]
     held: float   #: time since then [s]; 0 if the frame is not seen
     frames: int   #: number of frames since then; 0 if the frame is not seen
 
@@ -108,9 +108,9 @@ class RecognitionFusion:
     def update(self, stamp: float, frame: Recognition) -> FusedRecognition:
         """Add the recognition of one frame and return the fused result.
 
-        A frame whose most probable class is NONE ends the contact and is reported at once; so does a frame with too few
-        taxels for a shape. A frame without evidence is reported as not seen, and ``held`` starts again with the next
-        frame.
+        If the most probable class of a frame is NONE, the frame ends the contact and is reported at once. A frame with
+        too few taxels for a shape has the same effect. A frame without evidence is reported as not seen, and ``held``
+        starts again with the next frame.
 
         The fusion starts again if the stamp goes backwards or jumps by more than ``max_gap``, or if the frame has
         different classes.

@@ -1,6 +1,6 @@
-"""How well each of the five shapes covers a patch. An object of a foreign shape is covered well by none of them.
+"""How well each of the five shapes covers a patch. None of them covers an object of a foreign shape well.
 
-Each figure is laid over the patch by the moments of the patch:
+The moments of the patch determine how each figure is laid over it:
 
 - A triangle is the affine image of an equilateral triangle. In coordinates in which its second moments are those of a
   disc, the phase of the third moment gives its orientation.

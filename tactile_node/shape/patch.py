@@ -36,8 +36,8 @@ class Patch(NamedTuple):
 def joined(pattern: ContactPattern) -> np.ndarray:
     """Return the mask of the pattern together with the pressed pieces close to it, and the pieces close to those.
 
-    The result is bool (rows, cols). Specks are left out. A speck is a group of fewer than PIECE_TAXELS taxels; taxels
-    with at most one other taxel between them form a group.
+    The result is bool (rows, cols). Specks are left out. A speck is a group of fewer than PIECE_TAXELS taxels. In this
+    count, taxels with at most one other taxel between them belong to the same group.
     """
     if pattern.contacts <= 1:
         return pattern.mask

@@ -11,7 +11,7 @@ from tactile_node.shape.recognition import UnknownReason
 COVERED_SHARE = 0.6  #: Share of the visible taxels. If a contact covers more, its outline is not visible.
 HOLLOW_TAXELS = 3    #: Smallest number of taxels of a hole; uneven gains make smaller ones.
 #: Share of the side of a square of the same size. If more taxels of a contact lie at one edge of the pad, the contact
-#: goes on there.
+#: continues beyond that edge.
 CUT_SHARE = 0.5
 
 

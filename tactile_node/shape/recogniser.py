@@ -34,8 +34,8 @@ OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Sh
 #: Smallest number of taxels of a pattern that is recognised; a smaller one is UNKNOWN. The limit stands for an area of
 #: nine taxels. Pressures need fewer pressed taxels because they also show the rim of the contact.
 FEWEST_TAXELS = {'on_off': 6, 'graded': 4}
-#: The pieces of a torn contact are recognised together. If the probability of UNKNOWN is higher by more than this than
-#: for the largest piece alone, the largest piece is recognised alone.
+#: The pieces of a torn contact are recognised together. If joining the pieces raises the probability of UNKNOWN by more
+#: than this value, compared with the largest piece alone, the largest piece is recognised alone.
 DOUBT_GAIN = 0.2
 #: Smallest share of the taxels of all pieces that the largest piece must have to be recognised alone. Several pieces of
 #: similar size are one contact of several parts.
@@ -115,7 +115,7 @@ class ShapeRecogniser:
         Raises
         ------
         ConfigurationError
-            If the file cannot be read, or has other contents.
+            If the file cannot be read, or does not contain the expected arrays.
         """
         try:
             data = read_arrays(path)
@@ -146,7 +146,7 @@ class ShapeRecogniser:
         return self.recognise_all([pattern])[0]
 
     def recognise_all(self, patterns: Sequence[ContactPattern]) -> list[Recognition]:
-        """Return the recognition of each pattern, as `recognise` does, but faster than in one call for each pattern."""
+        """Return the same results as `recognise` for each pattern, but faster than separate calls."""
         together = [joined(pattern) for pattern in patterns]
         whole = self._verified([(pattern.values, mask) for pattern, mask in zip(patterns, together)])
         return [self._decide(pattern, mask, found) for pattern, mask, found in zip(patterns, together, whole)]

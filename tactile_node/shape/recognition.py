@@ -50,8 +50,8 @@ class UnknownReason(IntEnum):
     UNSTABLE = 9       #: the contact is seen, and its name depends on the pressure at which the outline is drawn
 
 
-#: The shapes that a contact can have, in the order used throughout the package. Files in another order name it at their
-#: loader.
+#: The shapes that a contact can have, in the order used throughout the package. If a file uses another order, its
+#: loader states that order.
 SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE)
 
 
@@ -102,7 +102,7 @@ class Recognition(NamedTuple):
     @classmethod
     def of(cls, probabilities: Mapping[ShapeClass, float],
            reason: UnknownReason = UnknownReason.UNFAMILIAR) -> 'Recognition':
-        """Return a recognition with these probabilities; a class that is not named has the probability 0.
+        """Return a recognition with these probabilities; a class that is missing in the mapping has the probability 0.
 
         ``reason`` is used only if UNKNOWN is the most probable class.
         """
@@ -114,7 +114,7 @@ class Recognition(NamedTuple):
     def of_alternatives(cls, weights: Sequence[float], alternatives: Sequence['Recognition']) -> 'Recognition':
         """Return the recognition of a contact with hidden taxels from the recognitions of its readings.
 
-        If the result is UNKNOWN, its reason is the reason of all readings if they agree, and NOT_SEEN otherwise.
+        If the result is UNKNOWN, its reason is the one that all readings give, or NOT_SEEN if they differ.
 
         Parameters
         ----------

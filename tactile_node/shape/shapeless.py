@@ -1,4 +1,4 @@
-"""Find contacts that may be chance: specks, lines and checkerboards have no shape.
+"""Find contacts that chance or noise may have formed: specks, lines and checkerboards have no shape.
 
 Taxels that are pressed at random form groups. The groups are larger where more taxels are pressed (site percolation).
 The density of pressed taxels is measured beside the contact. The size and compactness of random groups come from
@@ -34,7 +34,7 @@ AWAY = 0.25
 MARGIN = 1
 #: Required compactness of large groups: 1 - LOOSE / sqrt(taxels).
 LOOSE = 1.7
-#: Largest number of taxels of a line for each row or column of its length.
+#: Largest number of taxels of a line per row or column of its length.
 LINE_TAXELS = 1.2
 #: Smallest length of a band of hum, as a share of the pad's width.
 BAND_WIDTH = 0.4
@@ -60,9 +60,9 @@ LINE = 3
 #: If the density beside a contact is this high, the contact needs the compactness AMONG_SPECKS.
 SPECKLED = 0.08
 AMONG_SPECKS = 0.55
-#: A contact below this compactness is chance if it is small (FEW, FEW_ALONE) or scattered (LARGEST).
+#: A contact below this compactness counts as chance if it is small (FEW, FEW_ALONE) or scattered (LARGEST).
 RAGGED = 0.45
-#: Small means fewer taxels than this, together with the pieces close to the contact.
+#: Small means fewer taxels than this, counting the pieces close to the contact.
 FEW = 14
 #: If nothing else is pressed on the pad, small means fewer taxels than this. Slim triangles of 9 taxels are ragged,
 #: too, and must not be rejected.
@@ -181,7 +181,7 @@ def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
 
 
 def _is_hum(pattern: ContactPattern) -> bool:
-    """Return True if the contact is a band of whole rows or columns on a pad where other rows or columns move, too."""
+    """Return True if the contact is a band of whole rows or columns on a pad where other lines also fluctuate."""
     turned = (pattern.values, pattern.mask), (pattern.values.T, pattern.mask.T)
     return any(np.count_nonzero(mask.any(0)) >= BAND_WIDTH * mask.shape[1] and _is_band_of_hum(values, mask)
                for values, mask in turned)

@@ -1,4 +1,4 @@
-"""Limit the confidence of a name to what the taxels of the contact can support, whatever the network says."""
+"""Limit the confidence of a name to what the taxels of the contact support, whatever the network says."""
 
 import numpy as np
 
@@ -18,18 +18,18 @@ DECIDING_TAXELS = {Shape.SQUARE: 12, Shape.RECTANGLE: 9, Shape.RIGHT_TRIANGLE: 9
 #: Figure of `likeness` that is laid over a contact of each shape.
 FIGURE_OF = {Shape.CIRCLE: 'disc', Shape.SQUARE: 'square', Shape.RECTANGLE: 'rectangle',
              Shape.RIGHT_TRIANGLE: 'triangle', Shape.ISOSCELES_TRIANGLE: 'triangle'}
-FIGURE_TAXELS = 40  #: Number of taxels from which on the overlap with a figure depends on more than the rim.
+FIGURE_TAXELS = 40  #: From this number of taxels on, the overlap with a figure depends on more than the rim.
 #: Overlap with the figure of its name that such a contact needs. On the open arrays and with our computed contacts, 39
-#: of 56 sure names that were wrong or foreign had less, but only 29 of 433 right ones.
+#: of 56 sure names that were wrong or foreign had less overlap. Only 29 of 433 right names had less.
 LEAST_OVERLAP = 0.65
 #: Number of taxels that show corners even if the gains are uneven. Of 250 computed squares with gains of 3:1, the
 #: network called 31 circles. A square covered most of these better than a disc. Of 250 circles, a square covered none
 #: better.
 CORNER_TAXELS = 80
-#: Difference in overlap by which a disc has to cover a large circle better than a square does. Of the 31 squares, 30
-#: had a smaller difference; of circles under the same gains, a tenth.
+#: Difference in overlap by which a disc has to cover a large circle better than a square does. The difference was
+#: smaller for 30 of the 31 squares, and for a tenth of the circles with the same gains.
 CLEARLY_ROUNDER = 0.02
-#: Share of the contact's mean at which the low outline is drawn. Most uneven contacts are whole within it.
+#: Share of the contact's mean at which the low outline is drawn. Most uneven contacts hold together within it.
 LOW_SHARE = 0.2
 LEAST_HELD = 0.5  #: Probability that a sure name needs along the low outline.
 

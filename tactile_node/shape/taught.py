@@ -21,7 +21,7 @@ from tactile_node.shape.recognition import Shape, TaughtShape
 HEAD_VERSION = 1
 MOST_TAUGHT = 16  #: Largest number of taught shapes in a file.
 NAME_FORM = re.compile(r'[a-z][a-z0-9_]{0,31}')
-#: Names that a taught shape must not have: those of the shapes, and those of other codes in ContactShape.msg.
+#: Names that a taught shape must not have: the names of the shapes, and of the other codes in ContactShape.msg.
 NOT_NAMES = frozenset(shape.value for shape in Shape) | {'other', 'not_known'}
 OUTLIER_LIMIT = 5.0  #: Largest magnitude of a standardised number of the embedding.
 HEAD_PARTS = 'weights', 'biases', 'middle', 'spread', 'sizes'

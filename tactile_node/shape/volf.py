@@ -4,9 +4,9 @@
 2. (min P05, min I5): isosceles triangle | circle and square;
 3. (dif P05 or min P05, dif I5): square | circle.
 
-The curves are data (config/volf_curves.yaml), fitted by `training.fit_curves`. The paper gives no probabilities. Ours
-are frequencies among the training patterns: how often each class was true for patterns with the same answer from the
-curves and with N in the same band.
+The curves are data (config/volf_curves.yaml), fitted by `training.fit_curves`. The paper gives no probabilities. Our
+probabilities are frequencies among the training patterns. They state how often each class was the true one for patterns
+with the same answer from the curves and with N in the same band.
 """
 
 from collections.abc import Mapping, Sequence

@@ -21,9 +21,11 @@ from tactile_node.skin.taxel_codec import TaxelCodec
 
 logger = logging.getLogger(__name__)
 
-#: seconds since the device became operational -> taxel values (rows, cols) in the layout's unit
+#: function of the time since the device became operational [s] that returns taxel values (rows, cols) in the layout's
+#: unit
 TaxelSource = Callable[[float], np.ndarray]
-#: sends the TPDOs of a sweep, given as COB-ID and bytes; reads none of them if the device has no room for a sweep
+#: function that sends the TPDOs of a sweep, given as COB-ID and bytes; it reads none of them if the device has no room
+#: for a sweep
 SendSweep = Callable[[Iterator[tuple[int, bytes]]], None]
 
 
@@ -44,7 +46,7 @@ class SimulatedDevice:
         Called at each SYNC while the device is OPERATIONAL, with the time since it became OPERATIONAL [s]. Returns the
         taxel values, shape (rows, cols), in the layout's unit.
     send_sweep
-        Sends the TPDOs that a SYNC requests. None: they are sent on ``network``.
+        Sends the TPDOs that a SYNC requests; None to send them on ``network``.
     """
 
     def __init__(self, network: canopen.Network, node: CanopenNode, source: TaxelSource,

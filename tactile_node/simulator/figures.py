@@ -180,7 +180,7 @@ class Skin:
     full_scale: float = 100_000.0  #: [Pa]
     blur: float = 0.0              #: standard deviation with which the elastomer spreads the pressure [pitches]
     noise: float = 0.0             #: standard deviation of the noise [fraction of full scale]
-    dead: float = 0.0              #: fraction of taxels without a valid value (NaN), drawn anew for each frame
+    dead: float = 0.0              #: fraction of taxels without a valid value (NaN), drawn again for each frame
 
 
 def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:

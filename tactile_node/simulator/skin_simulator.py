@@ -88,7 +88,7 @@ class WireNetwork(Network):
 
 
 class PeriodicFrame(PeriodicMessageTask):
-    """A cyclic task like that of python-can, in the time of the wire."""
+    """A cyclic task like a cyclic task of python-can, but in the time of the wire."""
 
     def __init__(self, network: WireNetwork, can_id: int, data: bytes, period: float, remote: bool):
         self._network = network
@@ -214,7 +214,8 @@ class SkinSimulator:
             self.devices[node.node_id] = device
             device.boot()
         if self._gateway is not None:
-            self._gateway.wait_until_idle(timeout=1.0)  # the boot-up messages are sent on return, as without a wire
+            # so that the boot-up messages have been sent on return, as without a wire
+            self._gateway.wait_until_idle(timeout=1.0)
 
     def report(self) -> WireReport | None:
         """Return a report about the wire since the last report, or None without a wire."""

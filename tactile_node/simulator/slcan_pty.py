@@ -22,7 +22,7 @@ from tactile_node.errors import ConfigurationError
 
 OK = b'\r'
 REFUSED = b'\a'
-MAX_WAITING = 1 << 16  #: unread bytes above which frames are lost, as in an adapter
+MAX_WAITING = 1 << 16  #: number of unread bytes above which frames are lost, as in a real adapter
 #: slcan command -> bit rate [bit/s]
 BIT_RATES = {b'S0': 10_000, b'S1': 20_000, b'S2': 50_000, b'S3': 100_000, b'S4': 125_000, b'S5': 250_000,
              b'S6': 500_000, b'S7': 800_000, b'S8': 1_000_000}

@@ -36,7 +36,7 @@ class SimulatedTouch:
 
 
 class TouchProgram:
-    """A sequence of touches that repeats for ever. Calling it with a time [s] returns the taxel values.
+    """A sequence of touches that repeats indefinitely. Calling it with a time [s] returns the taxel values.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASS
 
 
 def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Generator) -> np.ndarray:
-    """Return the values that the pad would measure: a pattern for on/off taxels, else values in the layout's unit."""
+    """Return the values that the pad would measure: a pattern for on/off taxels, or values in the layout's unit."""
     if layout.value.bits == 1:
         return contact.pattern(layout.rows, layout.cols)
     full = abs(float(layout.value.to_value(np.array(layout.value.saturated_count))))
@@ -115,7 +115,7 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
                     seed: int = 0, areas: tuple[float, ...] = TOUCH_AREAS, *, hold: float = TOUCH_HOLD,
                     pause: float = TOUCH_PAUSE, slide: float = 0.0,
                     noise: float | None = None) -> dict[str, TaxelSource]:
-    """Return one source of taxel values for each pad name. Every second pad sees the touch from behind.
+    """Return one source of taxel values for each pad name. For every second pad, the touch is mirrored.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
     slide
         Speed at which a held contact slides back and forth [m/s].
     noise
-        Standard deviation of each taxel [fraction of full scale]. None: TAXEL_NOISE, limited by MOST_NOISE.
+        Standard deviation of each taxel [fraction of full scale]; None for TAXEL_NOISE, limited by MOST_NOISE.
     """
     return {pad.name: _felt(pad, touch_program(pad.layout, shapes, areas, seed, hold, pause), -1 if i % 2 else 1, slide,
                             noise, np.random.default_rng((seed, i))) for i, pad in enumerate(pads)}

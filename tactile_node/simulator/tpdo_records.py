@@ -12,7 +12,7 @@ from tactile_node.cia301 import objects
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import CanopenNode
 
-#: {index << 8 | sub: (rank, first bit, number of bits)} for every object that holds taxels
+#: for each object that holds taxels: {index << 8 | sub: (rank, first bit, number of bits)}
 Places = dict[int, tuple[int, int, int]]
 
 
@@ -32,11 +32,11 @@ class ConfiguredTpdo(NamedTuple):
     """A TPDO as the master has configured it, or one frame of a multiplexed TPDO."""
 
     can_id: int
-    every: int  #: the TPDO is sent at every n-th SYNC; 0: at a SYNC, if its bytes have changed
+    every: int  #: n if the TPDO is sent at every n-th SYNC; 0 if it is sent at a SYNC after its bytes have changed
     length: int  #: number of bytes
     pieces: tuple[Piece, ...]
     whole: int | None  #: rank of the layout's TPDO with the same content, or None
-    rank: int = 0  #: position in the layout; TPDOs that the layout lacks come last
+    rank: int = 0  #: position in the layout; TPDOs that are not in the layout come last
     head: bytes = b''  #: first bytes of this frame of a multiplexed TPDO
     event_timer: float = 0.0  #: if > 0, the TPDO ignores SYNC and is sent at least once in this time [s]
     inhibit_time: float = 0.0  #: shortest time between two transmissions [s]

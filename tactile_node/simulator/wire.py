@@ -30,8 +30,8 @@ class Sender:
     limit
         Largest number of frames in the queue.
     by_priority
-        False: first in, first out. True: the frame with the lowest identifier is sent first, as for a gateway to
-        several participants.
+        True to send the frame with the lowest identifier first, as for a gateway to several participants; False to send
+        the oldest frame first.
     """
 
     def __init__(self, bit: float, limit: int, by_priority: bool):
@@ -41,9 +41,9 @@ class Sender:
         self._queue: deque[Waiting] = deque()
         self.ready = math.inf  #: time from which the first frame may be sent [s]
         self.priority = 0  #: priority of the first frame
-        self.backlog = 0.0  #: time that the queued frames take [s]
+        self.backlog = 0.0  #: total duration of the queued frames [s]
         self.sweeps = 0   #: queued sweeps that are not completely sent
-        self.queued = 0   #: number of sweeps that were queued so far
+        self.queued = 0   #: number of sweeps queued so far
         self.skipped = 0  #: number of sweeps that were skipped
         self.refused = 0  #: number of frames beyond ``limit``
 
@@ -85,7 +85,7 @@ class Sender:
         return waiting
 
     def clear(self) -> None:
-        """Empty the queue, as a loss of power does."""
+        """Empty the queue, as happens at a loss of power."""
         self._queue.clear()
         self.sweeps = 0
         self._look()
@@ -100,7 +100,7 @@ class Sender:
 class Carried(NamedTuple):
     """A frame that the wire has carried."""
 
-    start: float  #: begin of the first bit [s]
+    start: float  #: start of the first bit [s]
     end: float    #: end of the three bits of interframe space, after which the next frame may begin [s]
     frame: Frame
     sender: Sender
@@ -132,7 +132,7 @@ class Wire:
         return sender
 
     def carry(self, until: float) -> Carried | None:
-        """Return the next frame if it ends by ``until`` [s], else None.
+        """Return the next frame if it ends by ``until`` [s], or None.
 
         A frame that has begun by ``until`` keeps the wire. A frame that is queued between two calls takes part in the
         arbitration as soon as it is ready.

@@ -1,8 +1,8 @@
 """Synthetic contacts of five shapes in general position. They are the ground truth of the reported figures.
 
 Lengths and positions are in taxel pitches. Taxel (row, col) is centred at x = col, y = row. A positive angle rotates x
-towards y. "General position" means: the angle is uniform over the whole circle, and the centre of area is uniform
-within one taxel in the middle of the pad. The area is given in taxels. The shapes of the benchmark are:
+towards y. In general position, the angle is uniform over the whole circle, and the centre of area is uniform within one
+taxel in the middle of the pad. The area is given in taxels. The shapes of the benchmark are:
 
 - circle
 - square

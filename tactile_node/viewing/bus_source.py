@@ -1,6 +1,6 @@
 """Sources for the views that need no ROS: a live bus and a recording.
 
-This process is the master of the live bus while somebody watches.
+While somebody watches a live bus, this process is its master.
 """
 
 import math
@@ -113,11 +113,14 @@ class BusSource(ViewSource):
 
 
 RECORDING_RATE = 20.0  #: rate at which the position advances [1/s]
-FRAME_GAP = 0.5  #: time between two shown frames from which a contact is no longer tracked [s]
+FRAME_GAP = 0.5  #: time between two shown frames above which a contact is no longer tracked [s]
 
 
 class RecordingSource(ViewSource):
-    """A recording with its own player. It is read once, from the first `start`; the part read so far can be shown."""
+    """A recording with its own player.
+
+    It is read only once, after the first `start`. The part that has been read so far can be shown.
+    """
 
     def __init__(self, recording: BagRecording | LogRecording, recogniser: VisibilityGuard | None = None):
         self._recording = recording
@@ -128,7 +131,7 @@ class RecordingSource(ViewSource):
         self._recognisers: dict[str, PadRecogniser] = {}
         self._shown: dict[str, Moment] = {}
         self._lock = threading.Lock()  # for position and is_playing, which only this class sets
-        self.position = 0.0  #: time shown [s since the begin of the recording]
+        self.position = 0.0  #: time shown [s since the start of the recording]
         self.is_playing = True
         self.player = self
         self._closing = threading.Event()
@@ -142,14 +145,14 @@ class RecordingSource(ViewSource):
         return max(self._timeline.end - self._timeline.begin, 0.0)
 
     def play(self, is_playing: bool) -> None:
-        """Play or pause. At the end of the recording, playing starts again from its begin."""
+        """Play or pause. At the end of the recording, playing begins again at the start."""
         with self._lock:
             if is_playing and self.is_complete and self.position >= self.length:
                 self.position = 0.0
             self.is_playing = is_playing
 
     def seek(self, position: float) -> None:
-        """Move to ``position`` [s since the begin of the recording]."""
+        """Move to ``position`` [s since the start of the recording]."""
         with self._lock:
             self.position = min(max(position, 0.0), self.length)
 

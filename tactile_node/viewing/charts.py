@@ -121,7 +121,7 @@ def _value_ticks(frame: Frame, values: Sequence[float], top: float, unit: str) -
 
 
 def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
-    """Return the indices of at most MOST_POINTS values: from each part the highest one, or the lowest one.
+    """Return the indices of at most MOST_POINTS values: the highest or the lowest value of each part.
 
     >>> thin(np.array([3.0, 1.0]), True).tolist()
     [0, 1]

@@ -1,4 +1,4 @@
-"""Remarkable facts of a report, as facts and as sentences; a support engineer reads these first."""
+"""Findings of a report, as facts and as sentences. A support engineer reads them first."""
 
 from collections.abc import Iterator
 from enum import Enum, unique
@@ -16,7 +16,7 @@ HIGH_LOAD = 0.9  #: fraction of the bus's time above which other traffic delays 
 
 @unique
 class Remark(Enum):
-    """Kinds of findings. The value says whether the finding is a problem or a hint, and has the sentence for it."""
+    """Kinds of findings. A value holds True for a problem or False for a hint, and the sentence of the finding."""
 
     WRONG_DEVICE = True, ('Pad {where}: the SDO answers in the log show another device, or another mapping, than '
                           'layout and EDS. Its taxels are left out; see the pad.')

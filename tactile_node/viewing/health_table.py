@@ -9,13 +9,13 @@ from tactile_node.viewing.page_parts import macros
 from tactile_node.viewing.states import BusFacts, NodeFacts, PadFacts
 
 MOST_FAULTY_TAXELS = 8  #: number of faulty taxels that are listed
-OLD_STATUS_AGE = 3.0  #: age from which a status is marked as old [s]; one comes each second
+OLD_STATUS_AGE = 3.0  #: age above which a status is marked as old [s]; the driver publishes one each second
 RECENT_TIME = 60.0  #: age up to which losses are shown in red [s]
 NO_PAD = PadFacts('', 0, 0, 0, 0, {})
 
 
 class HealthHistory:
-    """Facts about a live bus over the last RECENT_TIME seconds, to tell present losses from earlier ones."""
+    """Facts about a live bus over the last RECENT_TIME seconds, so that recent losses can be told from earlier ones."""
 
     def __init__(self) -> None:
         self._facts: deque[tuple[float, int, BusFacts]] = deque()
@@ -33,14 +33,14 @@ class HealthHistory:
         Returns
         -------
         BusFacts
-            Facts from RECENT_TIME ago, or else the first ones.
+            Facts from RECENT_TIME ago, or the first facts if there are none that old.
         float
             Time from these facts to ``stamp`` [s].
         """
         expected = sum(pad.expected for pad in facts.pads)
         if self._facts and expected < self._facts[-1][1]:
             self._facts.clear()  # the driver was restarted, so its counters begin again
-        if not self._facts or stamp > self._facts[-1][0]:  # the stamp stands still if the driver has ended
+        if not self._facts or stamp > self._facts[-1][0]:  # the stamp no longer advances if the driver has ended
             self._facts.append((stamp, expected, facts))
         while len(self._facts) > 1 and stamp - self._facts[1][0] >= RECENT_TIME:
             self._facts.popleft()
@@ -83,7 +83,7 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
 
 
 def _counted(name: str, text: str, recent: int, span: float | None) -> tuple[str, str, bool]:
-    """Return the row of a counter with ``recent`` counts within ``span`` [s]; a ``span`` of None means: since begin."""
+    """Return the row of a counter with ``recent`` counts within ``span`` [s]; None means since the start."""
     return name, text if span is None else f'{text} ({recent} in {span:.0f} s)', recent > 0
 
 

@@ -254,7 +254,7 @@ class BagReporter:
         self._pads[name].feed(frame)
 
     def _of_can_frames(self, stop_requested: threading.Event) -> tuple[tuple[NodeReport, ...], BusReport]:
-        """Return the facts from the CAN frames. Services are not counted, as only a layout tells which are TPDOs."""
+        """Return the facts from the CAN frames. Services are not counted, because only a layout tells TPDOs apart."""
         bus = BusRecord(self._bit_rate)
         nodes = NodeRecords({node.node_id: node.pad for node in self._status.nodes() or ()}, frozenset())
         for message in CanLogReader(self._path, self._channel, self._window):

@@ -1,6 +1,6 @@
 """Facts of a report, from which `report_page` makes HTML.
 
-None means that the recording does not contain a fact. Stamps are Unix time [s].
+A field is None if the recording does not contain the fact. Stamps are Unix time [s].
 """
 
 import heapq
@@ -20,7 +20,7 @@ from tactile_node.logs.logged_set_up import Contradiction
 from tactile_node.viewing.taxel_record import TaxelHealth
 from tactile_node.viewing.touch import Sample, TouchList
 
-KEPT_ENTRIES = 100  #: number of entries kept at each end
+KEPT_ENTRIES = 100  #: number of entries kept from the start and from the end
 KEPT_GAPS = 50      #: number of gaps kept
 
 Entry = TypeVar('Entry')
@@ -63,7 +63,7 @@ class LongestGaps:
         self.count = 0
 
     def feed(self, stamp: float) -> None:
-        """Note an event at ``stamp``."""
+        """Record an event at ``stamp``."""
         if self._last is not None and stamp - self._last >= self._least:
             self.count += 1
             keep = heapq.heappush if len(self._kept) < KEPT_GAPS else heapq.heappushpop
@@ -88,7 +88,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class ReportedFile:
-    """The recording, as far as it could be read."""
+    """Facts about the recording itself."""
 
     name: str          #: name without its folder
     size: int          #: size of the file, or of all files of a bag [bytes]
@@ -97,7 +97,7 @@ class ReportedFile:
     begin: float
     end: float
     unread: int = 0    #: number of lines, messages or broken parts that could not be read
-    problem: str = ''  #: reason for the last of them
+    problem: str = ''  #: reason why the last unread part could not be read
     clock_jumps: int = 0
     damages: tuple[Damage, ...] = ()  #: damaged places in a bag or a series of files
 
@@ -119,14 +119,15 @@ class PadReport:
     touches: TouchList
     samples: tuple[Sample, ...]
     health: TaxelHealth | None            #: None without a taxel frame
-    node_ids: tuple[int, ...] = ()        #: empty if not in this recording
+    node_ids: tuple[int, ...] = ()        #: node-IDs of the pad; empty if the recording does not contain them
     layout: str | None = None             #: name of the layout
     layout_sha256: str | None = None
     statistics: PadStatistics | None = None
     losses: tuple[tuple[str, int], ...] | None = None  #: number of lost CAN frames for each reason
     contradiction: Contradiction | None = None  #: proof that the log comes from another device; no taxel is reported
     strangers: tuple[int, ...] = ()       #: other nodes that send the pad's COB-IDs, if its own nodes were not heard
-    are_of_others: bool = False           #: True if for one of these reasons the taxels may be wrong and are left out
+    #: True if the taxels may be wrong for one of these reasons; they are then left out
+    are_of_others: bool = False
 
 
 class NmtChange(NamedTuple):
@@ -139,7 +140,7 @@ class Reported(NamedTuple):
 
     stamp: float
     text: str
-    is_problem: bool  #: True for a warning or an error; False for the end of one, or another change
+    is_problem: bool  #: True for a warning or an error; False for its end or any other change
 
 
 @dataclass
@@ -147,7 +148,7 @@ class NodeReport:
     """Facts about one CANopen node, whether or not it belongs to a pad."""
 
     node_id: int
-    pad: str | None                 #: None if it belongs to no pad
+    pad: str | None                 #: name of the pad; None if the node belongs to no pad
     #: (index, sub-index) -> different values that were read by SDO
     objects: dict[tuple[int, int], tuple[bytes, ...]] = field(default_factory=dict)
     emergencies: Ends[Emergency | Reported] = field(default_factory=Ends)

@@ -1,6 +1,6 @@
 """Collect facts about nodes from the CAN frames of a log: identity, NMT states, heartbeats and EMCYs (CiA 301).
 
-The COB-IDs are those of the predefined connection set, which devices rarely change.
+The COB-IDs follow the predefined connection set, which devices rarely change.
 """
 
 from collections import Counter
@@ -38,7 +38,7 @@ MOST_CHANNELS = 8  #: number of channels that are named
 
 
 class BusRecord:
-    """Processes the CAN frames of a log in turn, for the facts about the bus.
+    """Processes the CAN frames of a log one by one to collect the facts about the bus.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ MOST_VALUES = 4  #: number of values kept for one object; a damaged log may cont
 
 
 class NodeRecords:
-    """Processes the CAN frames of a log in turn, for the facts about the nodes.
+    """Processes the CAN frames of a log one by one to collect the facts about the nodes.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ class NodeRecords:
                 self._node(node_id).feed(base, bytes(message.data), message.timestamp)
 
     def reports(self) -> tuple[NodeReport, ...]:
-        """Return the facts about all nodes that were heard, and about those of the pads, sorted by node-ID."""
+        """Return the facts about all nodes that were heard and about all nodes of the pads, sorted by node-ID."""
         for node_id in self._pads:
             self._node(node_id)
         return tuple(node.report for _, node in sorted(self._nodes.items()))

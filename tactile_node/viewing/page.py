@@ -81,7 +81,8 @@ class Page:
         self._is_taken = threading.Event()
         self._receipt_time = 0.0  # time of the last receipt [s]
         self._slow_due = self._scene_due = 0.0
-        self._scene_shown, self._aspect = -math.inf, 0.0  # of the last scene that the browser has confirmed
+        # time and aspect ratio of the last scene that the browser has confirmed
+        self._scene_shown, self._aspect = -math.inf, 0.0
         self._history = HealthHistory()
         self._planes: Planes | None = None
 
@@ -215,7 +216,7 @@ class Page:
             self._scene.show(number, pad.state, pad.full_scale, not pad.is_live)
 
     def taken(self, number: int) -> None:
-        """Note that the browser has put update ``number`` on its page; may be called from any thread."""
+        """Record that the browser has put update ``number`` on its page; may be called from any thread."""
         if number == self._number:
             self._is_taken.set()
 

@@ -1,4 +1,4 @@
-"""Parts of the page as HTML, from the template page.html: the pads and the state of the data. Old data look old."""
+"""Parts of the page as HTML, from the template page.html: the pads and the state of the data. Old data are marked."""
 
 import math
 import time
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tactile_node.viewing.bus_source import RecordingSource
 
 OLD_AGE = 0.5          #: age from which data are marked as old [s]
-FRAME_TIME = 0.02      #: time for which a browser keeps a painted picture on the screen [s]
+FRAME_TIME = 0.02      #: time for which a painted picture stays on the screen of a browser [s]
 OLD_SCENE_AGE = 1.0    #: age up to which the 3-D view is marked as current [s]
 PAGE_SILENCE = 2.0  #: time without an update after which the page reports this [s]
 HELD_SCALE = 10.0  #: time for which the largest reading sets the colour scale [s]

@@ -57,7 +57,7 @@ class Moment(NamedTuple):
 
 
 class Timeline:
-    """Frames and bus facts by time. One thread may add while another looks up. Times are Unix time [s]."""
+    """Frames and bus facts by time. One thread may add data while another thread reads. Times are Unix time [s]."""
 
     def __init__(self) -> None:
         self._tracks: dict[str, _Track] = {}

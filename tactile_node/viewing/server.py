@@ -1,4 +1,4 @@
-"""Server of the page: viser on loopback behind a gate. Each browser has a page; the source runs while there is one."""
+"""Server of the page: viser on loopback behind a gate. The source runs while at least one browser shows a page."""
 
 import io
 import secrets
@@ -15,7 +15,8 @@ from tactile_node.viewing.source import ViewSource
 if TYPE_CHECKING:
     from viser import ClientHandle
 
-LINGER_TIME = 2.0  #: time for which the source keeps running without a browser, which may only reload the page [s]
+#: time for which the source keeps running without a browser [s], because a browser may only be reloading the page
+LINGER_TIME = 2.0
 
 
 class ViewServer:

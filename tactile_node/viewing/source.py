@@ -43,7 +43,7 @@ class Store:
         return tuple(self._forces)
 
     def put(self, state: PadState) -> None:
-        """Replace the state of its pad. If the stamp goes back or jumps, the history of the force starts anew."""
+        """Replace the state of its pad. If the stamp goes backwards or jumps, the history of the force starts again."""
         with self._changed:
             forces = self._forces[state.pad]
             if forces and not 0 <= state.stamp - forces[-1][0] < FORCE_HISTORY:
@@ -62,7 +62,7 @@ class Store:
         self._change(problem=problem)
 
     def put_error(self, error: Exception) -> None:
-        """Report ``error``, which has ended the source, as the problem."""
+        """Store ``error``, which has ended the source, as the problem."""
         self.put_problem(failure_text(failure_of(error)))
 
     def forget(self, pad: str) -> None:
@@ -80,7 +80,7 @@ class Store:
             self._change(pads=dict.fromkeys(self.pads), bus=None, grasp=None, problem='')
 
     def close(self) -> None:
-        """Wake all waiting threads and let none wait again."""
+        """Wake all waiting threads; from then on, no thread waits."""
         with self._changed:
             self._is_closed = True
             self._changed.notify_all()
@@ -116,7 +116,7 @@ class ViewSource:
         """Raise TactileError if the source cannot be used. It is called once, before the first start."""
 
     def start(self) -> None:
-        """Start to fill the store, because somebody watches. A failure from now on is put into the store."""
+        """Start to fill the store, because somebody watches. Later failures are put into the store."""
         raise NotImplementedError
 
     def stop(self) -> None:

@@ -21,7 +21,7 @@ STATUS_PERIOD = 1.0               #: time between two SkinStatus messages [s]
 
 
 class StatusRecord:
-    """Processes the messages of one bag in turn."""
+    """Processes the messages of one bag one by one."""
 
     def __init__(self) -> None:
         self._levels: dict[str, tuple[int, str]] = {}

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 @cache
 def environment() -> 'Environment':
     """Return the Jinja2 environment, which finds the templates in this folder."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # slow to import, and not for every command
+    # imported here because it is slow to import and not every command needs it
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     return Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
                        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
@@ -29,5 +30,5 @@ def printable(value: object) -> object:
 
 
 def printable_text(text: str, keep: str = '') -> str:
-    """Return ``text`` with U+FFFD for each unprintable character, since an escape would be a command to a terminal."""
+    """Return ``text`` with U+FFFD for each unprintable character, because a terminal would execute escape sequences."""
     return ''.join(each if each.isprintable() or each in keep else '\N{REPLACEMENT CHARACTER}' for each in text)

@@ -8,8 +8,8 @@ only counted, because noise of single taxels looks the same. A touch ends in one
 - No taxel frame comes for MAX_PAUSE.
 
 A frame that hides these taxels neither begins nor ends a touch. The finder searches every frame for a contact, but
-recognises a shape only once every RECOGNITION_PERIOD. The nodes recognise every frame that they can; a report about
-hours must not take hours.
+recognises a shape only once every RECOGNITION_PERIOD. The nodes recognise every frame that they can, but a report about
+hours of recording must not take hours.
 """
 
 from collections import Counter
@@ -117,7 +117,7 @@ class ReportedTouchFinder:
             self._end(is_open=False)
 
     def end(self) -> None:
-        """Note the end of the recording."""
+        """Process the end of the recording."""
         self._end(is_open=True)
         self.found.keep_pictures()
 

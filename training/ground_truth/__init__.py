@@ -1,4 +1,4 @@
-"""What is true of a contact whatever is trained: stress by contact mechanics, overlap with each shape.
+"""Ground truth about a contact, independent of any training: stress by contact mechanics, and overlap with each shape.
 
-Training and benchmark share it, so it imports nothing else of training (test/test_architecture.py).
+Training and benchmarks share this package, so it imports nothing else from training (test/test_architecture.py).
 """

@@ -1,7 +1,7 @@
 """Frictionless contact of a rigid indenter with an elastic half-space, under a given load.
 
-Conjugate gradients on the non-negative pressures (Polonsky & Keer, Wear 231, 1999): pressures that would pull are cut
-off, cells that would overlap are taken in.
+The solver uses conjugate gradients on the non-negative pressures (Polonsky & Keer, Wear 231, 1999). Cells in which the
+pressure would pull leave the contact, and cells that would overlap join it.
 """
 
 from typing import NamedTuple
@@ -10,24 +10,42 @@ import numpy as np
 
 from training.ground_truth.half_space import Influence, displacement_influence
 
-TOLERANCE = 1e-6  #: change of the pressures in one step [fraction of the load]
+TOLERANCE = 1e-6  #: Change of the pressures in one step at which the iteration stops [fraction of the load].
 MOST_STEPS = 1000
 
 
 class Pressed(NamedTuple):
-    """Arrays of the shape of the indenter's gap; where the indenter is not, gap is infinite and pressure 0."""
+    """A pressed indenter.
+
+    Arrays have the shape of its gap. Outside the indenter, the gap is infinite and the pressure is 0.
+    """
 
     pressure: np.ndarray  #: [E*]
-    gap: np.ndarray       #: between indenter and deformed surface, 0 in the contact
-    approach: float       #: of the indenter to the undeformed half-space
+    gap: np.ndarray       #: distance between the indenter and the deformed surface; 0 in the contact
+    approach: float       #: approach of the indenter to the undeformed half-space
 
 
 def press(gap: np.ndarray, cell: float, load: float, tolerance: float = TOLERANCE) -> Pressed:
-    """Press an indenter with its undeformed ``gap`` to the surface, sampled in square cells of side ``cell``.
+    """Press an indenter to the surface.
 
-    ``gap``: in the length unit of ``cell``, any offset, infinite where there is no indenter; a tilted indenter has a
-    tilted gap. ``load``: in units of E* and length². Raises ValueError if there is no indenter, RuntimeError if the
-    steps do not converge.
+    Parameters
+    ----------
+    gap : np.ndarray
+        Undeformed gap, in the length unit of ``cell``, with any offset; infinite outside the indenter. The gap of a
+        tilted indenter is tilted.
+    cell : float
+        Side of a square cell.
+    load : float
+        Load, in units of E* and length².
+    tolerance : float
+        Change of the pressures in one step at which the iteration stops [fraction of the load].
+
+    Raises
+    ------
+    ValueError
+        If there is no indenter.
+    RuntimeError
+        If the steps do not converge.
     """
     solid = np.isfinite(gap)
     if not solid.any():

@@ -1,8 +1,8 @@
-"""Influence of uniformly loaded square cells of an elastic half-space, applied by FFT.
+"""Influence of uniformly loaded square cells on an elastic half-space, applied by FFT.
 
-The sum over cells is exact for pressures that are constant in each cell, with zero padding, so that nothing wraps
-around. Small strains, no friction, an infinitely thick homogeneous material: a thin layer on a stiff board is stiffer
-at short range and lets less pressure spread; that is not modelled.
+The sum over the cells is exact for pressures that are constant in each cell, because zero padding prevents the FFT from
+wrapping around. The model assumes small strains, no friction, and an infinitely thick homogeneous material. A thin
+layer on a stiff board is stiffer at short range and spreads the pressure less; this is not modelled.
 """
 
 from collections.abc import Callable
@@ -18,18 +18,18 @@ Primitive = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Influence:
-    """A convolution of cell values, shape ``shape``, with a response even in x and y.
+    """A convolution of cell values, of shape ``shape``, with a response that is even in x and y.
 
-    Gives the response at the centres of the cells and ``margin`` cells farther on each side.
+    The result is the response at the centres of the cells and of ``margin`` more cells on each side.
     """
 
     shape: tuple[int, int]
     margin: int
-    size: tuple[int, int]  #: of the transform
-    spectrum: np.ndarray   #: real, for the response is even
+    size: tuple[int, int]  #: size of the transform
+    spectrum: np.ndarray   #: real, because the response is even
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Return the sum of all cells' responses, shape ``shape`` plus the margins."""
+        """Return the sum of the responses to all cells; its shape is ``shape`` plus the margins."""
         rows, cols = self.shape
         padded = np.zeros(self.size)
         padded[self.margin:self.margin + rows, self.margin:self.margin + cols] = values
@@ -38,17 +38,22 @@ class Influence:
 
 
 def displacement_influence(shape: tuple[int, int], cell: float) -> Influence:
-    """From pressure to normal displacement of the surface, for a contact modulus E* of 1 (Love 1929).
+    """Return the influence of the pressure on the normal displacement of the surface (Love 1929).
 
-    ``cell``: side of a cell; displacement comes in units of length, pressure in units of E* = E / (1 - ν²).
+    The contact modulus E* is 1.
+
+    ``cell`` is the side of a cell. Displacements are in units of length, and pressures in units of E* = E / (1 - ν²).
     """
     return _influence(_love, shape, cell, margin=0)
 
 
 def stress_influence(shape: tuple[int, int], cell: float, depth: float, margin: int = 0) -> Influence:
-    """From pressure to the normal stress (compression positive) in a plane at ``depth`` (> 0) below the surface.
+    """Return the influence of the pressure on the normal stress at ``depth`` (> 0) below the surface.
 
-    Boussinesq's 3 z³ / (2π (r² + z²)^(5/2)), integrated over a cell (Newmark 1935); no elastic constant enters.
+    Compression is positive.
+
+    The response to a point load is Boussinesq's 3 z³ / (2π (r² + z²)^(5/2)). It is integrated over a cell (Newmark
+    1935). No elastic constant enters.
     """
     if not depth > 0:
         raise ValueError(f'depth {depth!r}: expected a positive depth')
@@ -56,8 +61,11 @@ def stress_influence(shape: tuple[int, int], cell: float, depth: float, margin: 
 
 
 def _influence(primitive: Primitive, shape: tuple[int, int], cell: float, margin: int) -> Influence:
-    """A cell's response at every offset, from its ``primitive``: ∂²/∂x∂y of it is the point response, it is odd in
-    x and y, and so offsets of one quadrant do."""
+    """Return the response to a cell at every offset.
+
+    ``primitive`` is the function whose derivative ∂²/∂x∂y is the response to a point load. The primitive is odd in x
+    and in y, so the offsets in one quadrant are sufficient.
+    """
     rows, cols = (count + margin for count in shape)
     y, x = ((np.arange(count + 1) - 0.5) * cell for count in (rows, cols))
     quadrant = np.diff(np.diff(primitive(x[np.newaxis], y[:, np.newaxis]), axis=0), axis=1)
@@ -70,13 +78,13 @@ def _influence(primitive: Primitive, shape: tuple[int, int], cell: float, margin
 
 
 def _love(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Of 1 / (π r)."""
+    """Return the primitive of 1 / (π r)."""
     primitive: np.ndarray = (x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))) / np.pi
     return primitive
 
 
 def _newmark(x: np.ndarray, y: np.ndarray, z: float) -> np.ndarray:
-    """Of 3 z³ / (2π (r² + z²)^(5/2))."""
+    """Return the primitive of 3 z³ / (2π (r² + z²)^(5/2))."""
     slant = np.sqrt(x * x + y * y + z * z)
     parts = x * y * z / slant * (1 / (x * x + z * z) + 1 / (y * y + z * z))
     primitive: np.ndarray = (np.arctan(x * y / (z * slant)) + parts) / (2 * np.pi)

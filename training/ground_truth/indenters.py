@@ -1,8 +1,8 @@
-"""Rigid indenters as gap surfaces: flat punches with rounded edges, balls, cylinders on their side, cones.
+"""Rigid indenters as gap surfaces: flat punches with rounded edges, balls, lying cylinders and cones.
 
-Lengths are in units of the square root of the nominal contact area, pressures of the contact modulus E*. A half-space
-has no length scale, so that one solution holds for every size. The mean pressure over E*, the ``compression``, belongs
-to the indenter: at 0.1 a soft skin wraps a rounded edge, at 0.01 a stiff one touches the flat part only.
+Lengths are in units of the square root of the nominal contact area, and pressures in units of the contact modulus E*. A
+half-space has no length scale, so one solution holds for every size. The ``compression`` of an indenter is its mean
+pressure over E*. At 0.1, a soft skin wraps around a rounded edge. At 0.01, a stiff skin touches only the flat part.
 """
 
 from collections.abc import Callable
@@ -14,28 +14,29 @@ import numpy as np
 from tactile_node.pose.outlines import OUTLINES, edges_of
 from tactile_node.simulator.world import Contact
 
-#: of the grid over the closed form's contact, for what no silhouette bounds
+#: Size of the grid relative to the contact of the closed form, for indenters without a silhouette.
 ROOM = 1.2
-OUTLINE_POINTS = 64  #: of a circle
+OUTLINE_POINTS = 64  #: Number of points of the outline of a circle.
 
 
 @dataclass(frozen=True)
 class Indenter:
-    """One indenter, pressed with the nominal area times ``compression``."""
+    """One indenter. Its load is the nominal area times ``compression``."""
 
     kind: str             #: flat_punch, ball, cylinder or cone
-    label: str            #: shape of its contact, one of world.CLASSES
+    label: str            #: shape of the contact, one of world.CLASSES
     compression: float    #: mean pressure over the nominal area [E*]
-    gap: Callable[[np.ndarray, np.ndarray], np.ndarray]  #: at x, y; infinite outside the silhouette
-    low: tuple[float, float]   #: corner of the rectangle (x, y) that holds the contact
+    #: function that returns the gap at x, y; infinite outside the silhouette
+    gap: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    low: tuple[float, float]   #: lower corner (x, y) of the rectangle that holds the contact
     high: tuple[float, float]
     outline: np.ndarray   #: nominal outline of the contact, (n, 2), about the origin
 
 
 def flat_punch(contact: Contact, compression: float, rounding: float = 0.0) -> Indenter:
-    """A prism with the outline of ``contact`` (area 1, at the origin) and an edge rounded to a quarter of a circle.
+    """Return a prism whose face is ``contact`` (area 1, at the origin), with an edge rounded to a quarter of a circle.
 
-    ``rounding``: the edge's radius as a fraction of the outline's inscribed radius, 0 (sharp) to 1.
+    ``rounding`` is the radius of the edge as a fraction of the face's inscribed radius, from 0 (sharp) to 1.
     """
     radius, outline = rounding * inscribed_radius(contact), contact.outline(OUTLINE_POINTS)
 
@@ -48,16 +49,17 @@ def flat_punch(contact: Contact, compression: float, rounding: float = 0.0) -> I
 
 
 def ball(compression: float) -> Indenter:
-    """A ball, as a paraboloid: a contact of area 1 by Hertz, a³ = 3 P R / (4 E*)."""
+    """Return a ball, approximated by a paraboloid, with a contact of area 1 by Hertz: a³ = 3 P R / (4 E*)."""
     a = 1 / sqrt(pi)
     radius = 4 * a ** 3 / (3 * compression)
     return _round('ball', compression, lambda r: r ** 2 / (2 * radius), a)
 
 
 def cone(compression: float, tip: float = 0.0) -> Indenter:
-    """A cone pressed on its tip: a contact of area 1 by Sneddon (1948), P = π a² E* slope / 2.
+    """Return a cone pressed on its tip, with a contact of area 1 by Sneddon (1948): P = π a² E* slope / 2.
 
-    ``tip``: radius within which its tip is a parabola of the same slope there [fraction of the contact's radius].
+    ``tip`` is the radius of the parabola that replaces the tip [fraction of the contact's radius]. At this radius, the
+    parabola has the slope of the cone.
     """
     a, slope = 1 / sqrt(pi), 2 * compression
 
@@ -68,10 +70,10 @@ def cone(compression: float, tip: float = 0.0) -> Indenter:
 
 
 def cylinder(compression: float, ratio: float, rounding: float = 0.0) -> Indenter:
-    """A cylinder on its side, its axis along x: a contact ``ratio`` times as long as wide, of area 1.
+    """Return a cylinder with its axis along x, with a contact of area 1 that is ``ratio`` times as long as wide.
 
-    Its radius follows from Hertz's line contact, b² = 4 P R / (π E* length). ``rounding``: the radius of its ends'
-    edges as a fraction of the contact's half-width; sharp ends (0) widen the contact there.
+    The radius follows from Hertz's line contact, b² = 4 P R / (π E* length). ``rounding`` is the radius of the edges at
+    the ends as a fraction of the contact's half-width. Sharp ends (0) widen the contact there.
     """
     length, half_width = sqrt(ratio), 1 / sqrt(ratio) / 2
     radius, edge = pi * half_width / (8 * compression), rounding * half_width
@@ -86,7 +88,7 @@ def cylinder(compression: float, ratio: float, rounding: float = 0.0) -> Indente
 
 
 def inscribed_radius(contact: Contact) -> float:
-    """Radius of the largest circle inside ``contact``: half the short side, or 2 area / perimeter."""
+    """Return the radius of the largest circle inside ``contact``: half of the short side, or 2 area / perimeter."""
     if contact.shape == 'circle':
         return contact.dimensions[0]
     if contact.shape in ('square', 'rectangle'):

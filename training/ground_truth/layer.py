@@ -1,7 +1,7 @@
-"""From the pressure on a skin's surface to taxel values: the normal stress at the taxels' depth, at any pose.
+"""From the pressure on a skin's surface to taxel values: the normal stress at the depth of the taxels, for any pose.
 
-Lengths are in taxel pitches. The skin is a half-space: that it ends on a stiff board, that the taxels are stiffer than
-the layer, and friction on its surface are not modelled.
+Lengths are in taxel pitches. The skin is modelled as a half-space. The stiff board under the skin, the higher stiffness
+of the taxels and the friction on the surface are not modelled.
 """
 
 from dataclasses import dataclass
@@ -13,15 +13,20 @@ from tactile_node.taxel_frame import read_only
 from training.ground_truth.half_space import stress_influence
 from training.ground_truth.mechanics import Solution
 
-REACH = 8.0            #: depths around the indenter in which its stress is followed: 0.2 % of the load is beyond
-CELL_OF_DEPTH = 0.125  #: a field this coarse [depths] is smooth enough to be interpolated linearly, to 1 % at its peak
-FINEST = 0.1           #: nor is a cell finer than this [pitches] of use to a taxel
-POINTS = 4             #: a taxel's mean is taken over 4×4 points
+#: Distance around the indenter up to which its stress is computed [depths]; 0.2 % of the load lies beyond.
+REACH = 8.0
+#: Largest cell of a stress field [depths]. Linear interpolation is then wrong by at most 1 % at the peak.
+CELL_OF_DEPTH = 0.125
+FINEST = 0.1           #: Smallest cell of a stress field [pitches]; a taxel does not resolve smaller cells.
+POINTS = 4             #: The mean over a taxel is taken over POINTS x POINTS points.
 
 
 @dataclass(frozen=True)
 class StressField:
-    """Normal stress in the plane of the taxels, in units of the mean pressure, in the indenter's frame [pitches]."""
+    """Normal stress in the plane of the taxels, in units of the mean pressure.
+
+    Lengths are in pitches, in the frame of the indenter.
+    """
 
     stress: np.ndarray           #: (rows, cols), read-only
     cell: float
@@ -42,10 +47,11 @@ def stress_field(solution: Solution, area: float, depth: float) -> StressField:
 
 def sample(field: StressField, x: float, y: float, angle: float, rows: int, cols: int,
            aperture: float = 1.0) -> np.ndarray:
-    """Return the mean stress over each taxel, shape (rows, cols), for a mean pressure of 1.
+    """Return the mean stress over each taxel, (rows, cols), for a mean pressure of 1.
 
-    The indenter's origin is at ``x``, ``y`` [pitches; taxel (row, col) is centred at x = col, y = row], rotated by
-    ``angle`` (x towards y). ``aperture``: side of a taxel's sensitive square, 1 for the whole pitch.
+    The origin of the indenter is at ``x``, ``y`` [pitches], where taxel (row, col) is centred at x = col, y = row. The
+    indenter is rotated by ``angle`` (x towards y). ``aperture`` is the side of a taxel's sensitive square; 1 stands for
+    the whole pitch.
     """
     step = ((np.arange(POINTS) + 0.5) / POINTS - 0.5) * aperture
     across = (np.arange(cols)[:, np.newaxis] + step).reshape(-1) - x
@@ -61,9 +67,12 @@ def sample(field: StressField, x: float, y: float, angle: float, rows: int, cols
 
 def measured(stress: np.ndarray, mean_pressure: float, rng: np.random.Generator, noise: float = 0.0,
              dead: float = 0.0) -> np.ndarray:
-    """Return a skin's values under ``stress`` (mean pressure 1): fractions of full scale, at most 1, NaN where dead.
+    """Return the values that a skin measures under ``stress``, as fractions of full scale.
 
-    ``mean_pressure``, ``noise`` (standard deviation): fractions of full scale; ``dead``: fraction of the taxels.
+    A value is at most 1, and NaN for a dead taxel.
+
+    ``stress`` has a mean pressure of 1. ``mean_pressure`` and ``noise`` (standard deviation) are fractions of full
+    scale; ``dead`` is a fraction of the taxels.
     """
     values = np.minimum(mean_pressure * stress + noise * rng.standard_normal(stress.shape), 1.0)
     values[rng.random(values.shape) < dead] = np.nan
@@ -71,7 +80,7 @@ def measured(stress: np.ndarray, mean_pressure: float, rng: np.random.Generator,
 
 
 def _coarser(pressure: np.ndarray, times: int) -> np.ndarray:
-    """Means over ``times`` × ``times`` cells, zeros added at the far ends."""
+    """Return the means over ``times`` x ``times`` cells; zeros are added at the far ends."""
     if times == 1:
         return pressure
     rows, cols = (-(-count // times) for count in pressure.shape)

@@ -1,4 +1,4 @@
-"""Solutions of indenters on an elastic half-space, free of scale: solved once, sampled at any size and pose."""
+"""Solutions of indenters on an elastic half-space, without a length scale: one solution serves all sizes and poses."""
 
 from dataclasses import dataclass
 from math import ceil, pi, sqrt
@@ -9,14 +9,16 @@ from tactile_node.taxel_frame import read_only
 from training.ground_truth.contact_solver import TOLERANCE, press
 from training.ground_truth.indenters import Indenter
 
-CELLS = 48  #: in the square root of the nominal contact area
+CELLS = 48  #: Number of cells along the square root of the nominal contact area.
 
 
 @dataclass(frozen=True)
 class Solution:
-    """The pressure under an indenter, in units of its mean over the contact and of the square root of its area.
+    """The pressure under an indenter, in units of its mean over the contact.
 
-    The origin is that of the indenter, the centre of area of its nominal outline. ``tilt``: see `solve`.
+    The unit of length is the square root of the contact's area.
+
+    The origin is that of the indenter: the centre of area of its nominal outline. `solve` explains ``tilt``.
     """
 
     kind: str
@@ -25,22 +27,23 @@ class Solution:
     cell: float                  #: side of a cell
     origin: tuple[float, float]  #: x, y of the centre of cell [0, 0]
     outline: np.ndarray          #: nominal outline, (n, 2), read-only
-    filled: float                #: area in contact over nominal area; low where a tilted indenter has lifted off
+    filled: float                #: area in contact over nominal area; small if a tilted indenter has lifted off
     compression: float
     tilt: tuple[float, float]
 
     @property
     def contact(self) -> np.ndarray:
-        """The cells in contact, bool, shape of ``pressure``; their area is 1."""
+        """Cells in contact, bool, of the shape of ``pressure``; their total area is 1."""
         return self.pressure > 0
 
 
 def solve(indenter: Indenter, tilt: tuple[float, float] = (0.0, 0.0), cells: int = CELLS,
           tolerance: float = TOLERANCE) -> Solution:
-    """Press ``indenter``; ``cells``: how many in the square root of its nominal area.
+    """Press ``indenter``; ``cells`` is the number of cells along the square root of its nominal area.
 
-    ``tilt`` along x and y: its size is a fraction of the rotation at which a flat punch's rim starts to lift off,
-    exact for a sharp circle (θ = P / (4 E* radius²)), the pressure rising by this fraction from middle to rim.
+    ``tilt`` is given along x and y. Its magnitude is a fraction of the rotation at which the rim of a flat punch begins
+    to lift off. This is exact for a sharp circle (θ = P / (4 E* radius²)), whose pressure rises by this fraction from
+    the middle to the rim.
     """
     cell = 1 / cells
     (x, left), (y, low) = (_centres(indenter.low[k], indenter.high[k], cell) for k in (0, 1))
@@ -55,7 +58,10 @@ def solve(indenter: Indenter, tilt: tuple[float, float] = (0.0, 0.0), cells: int
 
 
 def _rotation(indenter: Indenter, tilt: tuple[float, float]) -> np.ndarray:
-    """About y and x [radians], for the reach of the outline on the side that would lift off."""
+    """Return the rotations about y and x [rad].
+
+    They depend on how far the outline extends on the side that would lift off.
+    """
     size = float(np.hypot(*tilt))
     if not size:
         return np.zeros(2)
@@ -64,7 +70,7 @@ def _rotation(indenter: Indenter, tilt: tuple[float, float]) -> np.ndarray:
 
 
 def _centres(low: float, high: float, cell: float) -> tuple[np.ndarray, float]:
-    """Centres of the cells that cover ``low`` to ``high``, and the first of them."""
+    """Return the centres of the cells that cover ``low`` to ``high``, and the first centre."""
     count = ceil((high - low) / cell - 1e-9)
     centres = (low + high) / 2 + (np.arange(count) - (count - 1) / 2) * cell
     return centres, float(centres[0])

@@ -1,7 +1,7 @@
 """How familiar a plane figure is: its best intersection over union with any of the five shapes.
 
-Each shape is laid over the figure at many angles and ratios of its sides, on a coarse raster; the best of them are
-improved by the simplex method, all at once, and those that may be the best of all on a fine raster.
+Each shape is laid over the figure at many angles and ratios of its sides, on a coarse raster. The simplex method
+improves the best of these starts, all at once. The candidates for the best overlap are then improved on a fine raster.
 """
 
 from typing import NamedTuple
@@ -15,65 +15,67 @@ from training.ground_truth.raster import as_raster, coarser
 from training.ground_truth.simplex import maximised
 
 SHAPES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle')
-FACTOR = 4        #: cells of the fine raster to one of the coarse
-STARTS = 3        #: places from which each shape is improved
-COARSE_STEPS = 50, 30   #: of all starts, and of the best of each shape
+FACTOR = 4        #: Number of cells of the fine raster along one cell of the coarse raster.
+STARTS = 3        #: Number of starts from which each shape is improved.
+COARSE_STEPS = 50, 30   #: Number of steps on the coarse raster: for all starts, and for the best start of each shape.
 FINE_STEPS = 70
-MARGIN = 0.03     #: coarse overlaps are wrong by less
-TIE = 0.005       #: of shapes whose overlaps differ by less, the one of fewer dimensions names the figure
-ANGLES, RATIOS = 24, 5       #: that a shape is first tried at, over its period and its limits
-WIDEST_FIRST = 1.2           #: logarithm of the ratio that is tried first at most
-SIZES = (-0.05, 0.12)        #: logarithms of its first sizes relative to the figure's [roots of area]
-#: of a first simplex: x, y, angle, log size, log ratio
+MARGIN = 0.03     #: Upper bound of the error of a coarse overlap.
+TIE = 0.005       #: If the overlaps of two shapes differ by less, the shape with fewer dimensions names the figure.
+#: Number of angles, over the period of a shape, and of ratios, over its limits, that are tried first.
+ANGLES, RATIOS = 24, 5
+WIDEST_FIRST = 1.2           #: Largest logarithm of a ratio that is tried first.
+#: Logarithms of the sizes that are tried first, relative to the size of the figure [roots of area].
+SIZES = (-0.05, 0.12)
+#: Extent of a first simplex: x, y, angle, log size, log ratio.
 SPREAD = read_only(np.array((0.06, 0.06, 0.1, 0.05, 0.1)))
 
 
 class Limits(NamedTuple):
-    """Which figures are of a shape."""
+    """Limits within which a figure belongs to a shape."""
 
-    ratio: tuple[float, float]  #: of a rectangle's sides, long / short
-    legs: tuple[float, float]   #: of a right triangle's legs, long / short
-    apex: tuple[float, float]   #: angle at an isosceles triangle's apex [degrees]
+    ratio: tuple[float, float]  #: ratio of a rectangle's sides, long / short
+    legs: tuple[float, float]   #: ratio of a right triangle's legs, long / short
+    apex: tuple[float, float]   #: angle at the apex of an isosceles triangle [degrees]
 
 
-#: every rectangle, right and isosceles triangle (thinner ones do not occur)
+#: Limits that include every rectangle, right triangle and isosceles triangle; thinner figures do not occur.
 ANY = Limits(ratio=(1, 16), legs=(1, 16), apex=(5, 160))
 
 
 class Overlap(NamedTuple):
-    """The shape that a figure is most like, and their intersection over union, 0...1."""
+    """The shape that is most similar to a figure, and the intersection over union of the two, 0...1."""
 
     shape: str
     iou: float
 
 
 class _Families(NamedTuple):
-    """The outlines that are tried, n of them; of area 1 where the dimensions are root * exp(±ratio / 2)."""
+    """The n outlines that are tried. An outline has area 1 if its dimensions are root * exp(±ratio / 2)."""
 
     shapes: tuple[str, ...]
     is_round: np.ndarray   #: bool, (n,)
-    corners: np.ndarray    #: (n, 4, 2, 2) as an Outline's template; of a triangle the first comes twice
+    corners: np.ndarray    #: (n, 4, 2, 2), like the template of an Outline; the first corner of a triangle is repeated
     root: np.ndarray       #: (n,)
-    period: np.ndarray     #: (n,): a rotation by this angle changes nothing [rad]
-    low: np.ndarray        #: (n,): least logarithm of the first dimension / the second
-    high: np.ndarray       #: (n,): largest
+    period: np.ndarray     #: (n,), a rotation by this angle changes nothing [rad]
+    low: np.ndarray        #: (n,), smallest logarithm of the first dimension / the second
+    high: np.ndarray       #: (n,), largest logarithm of this ratio
 
 
 class _Cells(NamedTuple):
     """A figure of area 1 about its centre of area."""
 
-    filled: np.ndarray  #: float32, (rows, cols): covered fraction of each cell
-    x: np.ndarray       #: float32, of the cells' centres, (cols,)
-    y: np.ndarray       #: (rows,)
-    width: float        #: of a cell
+    filled: np.ndarray  #: float32 (rows, cols), covered fraction of each cell
+    x: np.ndarray       #: float32 (cols,), x of the centres of the cells
+    y: np.ndarray       #: float32 (rows,), y of the centres of the cells
+    width: float        #: width of a cell
 
 
 def best_overlap(figure: ArrayLike, limits: Limits = ANY) -> Overlap:
-    """Return the shape of the best intersection over union with ``figure``, which is found within about 0.005.
+    """Return the shape that overlaps best with ``figure``, and its intersection over union, to about 0.005.
 
-    ``figure``: the corners of one polygon without crossings, (n, 2), x and y; or a raster, bool or the covered
-    fraction of each cell, (rows, cols) with more than two columns, of any number of pieces. ``limits``: which figures
-    are rectangles, right and isosceles triangles. Raises ValueError for a figure without area.
+    ``figure`` holds the corners of one polygon without crossings, (n, 2), x and y. It can also be a raster of any
+    number of pieces, (rows, cols) with more than two columns: bool, or the covered fraction of each cell. ``limits``
+    say which figures are rectangles, right and isosceles triangles. Raises ValueError for a figure without area.
 
     >>> best_overlap(np.array([[0, 0], [6, 0], [6, 3], [0, 3]])).shape
     'rectangle'
@@ -85,7 +87,7 @@ def best_overlap(figure: ArrayLike, limits: Limits = ANY) -> Overlap:
 
 
 def overlaps(figure: ArrayLike, limits: Limits = ANY) -> dict[str, float]:
-    """Return the best overlap with each of the five shapes; a lower bound for those far from the best."""
+    """Return the best overlap with each of the five shapes; it is a lower bound for shapes far from the best one."""
     raster, families = as_raster(figure), _families(limits)
     fine, coarse = _cells(raster), _cells(coarser(raster, FACTOR))
     kinds, poses = _first(coarse, families)
@@ -103,7 +105,7 @@ def overlaps(figure: ArrayLike, limits: Limits = ANY) -> dict[str, float]:
 
 
 def _families(limits: Limits) -> _Families:
-    """The right triangle comes twice, mirrored too."""
+    """Return the outlines within ``limits``; the right triangle is included twice, the second time mirrored."""
     turn, root = 2 * np.pi, 2 ** 0.5
     apex = 2 * np.tan(np.radians(limits.apex) / 2)
     rows = [('circle', np.zeros((4, 2, 2)), 1.0, turn, (1, 1)),
@@ -130,7 +132,7 @@ def _cells(raster: np.ndarray) -> _Cells:
 
 
 def _first(cells: _Cells, families: _Families) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of the outline of each start, (s,), and its pose, (s, 5)."""
+    """Return the index of the outline of each start, (s,), and the pose of each start, (s, 5)."""
     kinds, poses = [], []
     for kind, (low, high) in enumerate(zip(families.low, families.high)):
         angles = np.arange(1 if families.is_round[kind] else ANGLES) * (families.period[kind] / ANGLES)
@@ -144,7 +146,7 @@ def _first(cells: _Cells, families: _Families) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _peaks(found: np.ndarray) -> list[int]:
-    """Return the indices of the STARTS best of (angles, ratios, sizes), not next to each other in angle and ratio."""
+    """Return the indices of the STARTS best of (angles, ratios, sizes); no two are adjacent in angle and ratio."""
     left = found.copy()
     chosen: list[int] = []
     angles, ratios, sizes = found.shape
@@ -158,7 +160,7 @@ def _peaks(found: np.ndarray) -> list[int]:
 
 
 def _best(kinds: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Return the index of the best start of each outline."""
+    """Return the index of the best start for each outline."""
     return np.array([np.flatnonzero(kinds == kind)[found[kinds == kind].argmax()] for kind in np.unique(kinds)])
 
 
@@ -170,7 +172,7 @@ def _improved(cells: _Cells, families: _Families, kinds: np.ndarray, poses: np.n
 
 
 def _iou(cells: _Cells, families: _Families, kinds: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Return the intersections over union of poses (m, 5), their ratios kept within the limits, (m,)."""
+    """Return the intersections over union, (m,), for poses, (m, 5), with their ratios limited to the allowed range."""
     area = np.exp(2 * poses[:, 3])
     is_round = families.is_round[kinds]
     common = np.empty(len(poses))
@@ -182,7 +184,7 @@ def _iou(cells: _Cells, families: _Families, kinds: np.ndarray, poses: np.ndarra
 
 
 def _corners(families: _Families, kinds: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Return the corners, (m, 4, 2)."""
+    """Return the corners of the outlines, (m, 4, 2)."""
     half = np.clip(poses[:, 4], families.low[kinds], families.high[kinds]) / 2
     size = np.exp(poses[:, 3]) * families.root[kinds]
     lengths = np.stack((size * np.exp(half), size * np.exp(-half)), 1)
@@ -192,11 +194,15 @@ def _corners(families: _Families, kinds: np.ndarray, poses: np.ndarray) -> np.nd
 
 
 def _common_with_polygons(cells: _Cells, families: _Families, kinds: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """A cell counts by its depth [cells] + 1/2, from 0 to its covered fraction: edges are as soft as a cell."""
+    """Return the area that each polygon shares with the figure.
+
+    A cell counts by its depth [cells] + 1/2, limited to the range from 0 to its covered fraction. Edges are therefore
+    softened over one cell.
+    """
     corners = _corners(families, kinds, poses)
     is_triangle = (corners[:, 3] == corners[:, 0]).all(1)
     following = np.roll(corners, -1, axis=1)
-    following[is_triangle, 3] = corners[is_triangle, 1]  # the first edge twice
+    following[is_triangle, 3] = corners[is_triangle, 1]  # repeats the first edge of a triangle
     edge = following - corners
     outward = (edge / np.sqrt((edge ** 2).sum(-1, keepdims=True)))[..., ::-1] * (1.0, -1.0) / cells.width
     offset = (outward * corners).sum(-1) + 0.5

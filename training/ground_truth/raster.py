@@ -1,18 +1,19 @@
-"""A plane figure as the covered fraction of square cells."""
+"""Rasters of plane figures: the covered fraction of square cells."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tactile_node.pose.outlines import Window, coverages
 
-CELLS = 96  #: along the longer side of the figure
+CELLS = 96  #: Number of cells along the longer side of the figure.
 
 
 def as_raster(figure: ArrayLike, cells: int = CELLS) -> np.ndarray:
-    """Return the covered fraction of square cells, float (rows, cols), as many as the figure's box has room for.
+    """Return the covered fraction of each square cell in the box of a figure, float (rows, cols).
 
-    ``figure``: the corners of one polygon without crossings, (n, 2), x and y; or a raster, bool or the covered
-    fraction of each cell, (rows, cols) with more than two columns. Raises ValueError for a figure without area.
+    ``figure`` holds the corners of one polygon without crossings, (n, 2), x and y. It can also be a raster, (rows,
+    cols) with more than two columns: bool, or the covered fraction of each cell. Raises ValueError for a figure without
+    area.
 
     >>> as_raster(np.array([[0, 0], [2, 0], [2, 1], [0, 1]]), cells=4)
     array([[1., 1., 1., 1.],
@@ -25,7 +26,7 @@ def as_raster(figure: ArrayLike, cells: int = CELLS) -> np.ndarray:
 
 
 def coarser(raster: np.ndarray, factor: int) -> np.ndarray:
-    """Return the means of blocks of ``factor`` x ``factor`` cells; beyond the raster is nothing."""
+    """Return the means over blocks of ``factor`` x ``factor`` cells; cells beyond the raster count as empty."""
     rows, cols = (-(-size // factor) for size in raster.shape)
     wide = np.zeros((rows * factor, cols * factor))
     wide[:raster.shape[0], :raster.shape[1]] = raster
@@ -34,11 +35,11 @@ def coarser(raster: np.ndarray, factor: int) -> np.ndarray:
 
 
 def coverage(corners: np.ndarray, motions: np.ndarray, window: Window) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covered fraction of each taxel of ``window`` and its derivatives.
+    """Return the covered fraction of each taxel in ``window``, and its derivatives with respect to the parameters.
 
-    Shapes (rows, cols) and (p, rows, cols).
+    The results have the shapes (rows, cols) and (p, rows, cols).
 
-    ``corners``: (n, 2), in the sense from x to y; ``motions``: (p, n, 2), d corners / d parameter.
+    ``corners``, (n, 2), are in the sense from x to y; ``motions``, (p, n, 2), are d corners / d parameter.
     """
     once = np.ones((1, 1))
     covered, changes = coverages(corners[np.newaxis], motions[:, np.newaxis], window, once, once[0])
@@ -46,7 +47,7 @@ def coverage(corners: np.ndarray, motions: np.ndarray, window: Window) -> tuple[
 
 
 def _of_outline(corners: np.ndarray, cells: int) -> np.ndarray:
-    """Exactly, by the polygon's edges."""
+    """Return the exact covered fractions, computed from the edges of the polygon."""
     low, extent = corners.min(0), np.ptp(corners, axis=0)
     following = np.roll(corners, -1, axis=0)
     twice_area = (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()
@@ -71,7 +72,7 @@ def _of_mask(mask: np.ndarray, cells: int) -> np.ndarray:
 
 
 def _shares(size: int, width: float) -> np.ndarray:
-    """Return the share of each new cell, ``width`` of the old ones wide, that each of ``size`` old ones covers."""
+    """Return the share of each new cell, ``width`` old cells wide, that each of ``size`` old cells covers."""
     low = width * np.arange(np.ceil(size / width - 1e-9))[:, None]
     old = np.arange(size)
     overlap = np.minimum(low + width, old + 1) - np.maximum(low, old)

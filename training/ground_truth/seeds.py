@@ -1,4 +1,4 @@
-"""The random streams of training and benchmark, none of which shares anything with another one; random patterns."""
+"""Independent random streams for training and benchmarks, and random patterns."""
 
 from enum import IntEnum
 
@@ -8,7 +8,7 @@ from tactile_node.simulator.world import PAD, random_contact
 
 
 class Purpose(IntEnum):
-    """Each purpose has its own stream for every seed; numbers are fixed for ever."""
+    """Purpose of a random stream. Each purpose has its own stream for every seed; the numbers must never change."""
 
     TRAINING = 1
     VALIDATION = 2
@@ -18,11 +18,11 @@ class Purpose(IntEnum):
 
 
 def generator(purpose: Purpose, seed: int) -> np.random.Generator:
-    """Return the generator of ``purpose`` and ``seed``; two different pairs never share a stream."""
+    """Return the generator for a purpose and a seed; two different pairs never share a stream."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(purpose),)))
 
 
 def random_pattern(rng: np.random.Generator, shape: str, area: float) -> np.ndarray:
-    """Draw the on/off pattern of a contact in general position, on a pad large enough for it."""
+    """Draw the on/off pattern of a contact in general position, on a pad that is large enough for it."""
     room = max(PAD, int(np.ceil(4 * np.sqrt(area))) + 4)
     return random_contact(rng, shape, area, rows=room, cols=room).pattern(room, room)

@@ -1,21 +1,22 @@
-"""Maximisation without derivatives, of many starts at once."""
+"""Maximise a function without derivatives, from many starts at once."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-#: values (m,) of poses (m, p), each for the start of number (m,)
+#: Function that returns the values, (m,), of poses, (m, p); the second argument is the index of the start of each pose.
 Function = Callable[[np.ndarray, np.ndarray], np.ndarray]
-STEPS = np.array((1.0, 2.0, 0.5, -0.5))[:, None]  #: reflected, expanded, contracted outside and inside
+#: Steps of the worst corner: reflected, expanded, contracted outside and contracted inside.
+STEPS = np.array((1.0, 2.0, 0.5, -0.5))[:, None]
 
 
 def maximised(function: Function, starts: np.ndarray, spread: np.ndarray,
               steps: int, enough: float = 1e-4) -> tuple[np.ndarray, np.ndarray]:
-    """Return the best poses, (s, p), and their values, (s,), by ``steps`` of the simplex method from each start.
+    """Return the best poses, (s, p), and their values, (s,), after up to ``steps`` steps of the simplex method.
 
-    ``starts``: (s, p); ``spread``: (p,), the first simplex reaches so far from them. The four places that a step may
-    try are evaluated together, until the corners of every simplex differ by less than ``enough`` (J. A. Nelder,
-    R. Mead, Computer Journal 7, 308, 1965).
+    ``starts``, (s, p), are the first corners. ``spread``, (p,), is the extent of the first simplex. The four places
+    that a step may try are evaluated together. The iteration ends once the corners of every simplex differ by less than
+    ``enough`` (J. A. Nelder, R. Mead, Computer Journal 7, 308, 1965).
 
     >>> def function(poses, start):
     ...     return -((poses - 1.0) ** 2).sum(1)
@@ -47,12 +48,12 @@ def maximised(function: Function, starts: np.ndarray, spread: np.ndarray,
 
 
 def _evaluated(function: Function, poses: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Values (s, k) of poses (s, k, p)."""
+    """Return the values, (s, k), of poses, (s, k, p)."""
     return function(poses.reshape(-1, poses.shape[-1]), np.repeat(start, poses.shape[1])).reshape(poses.shape[:2])
 
 
 def _choice(found: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return which of the four places replaces the worst corner of each simplex; -1: none, it shrinks."""
+    """Return the index of the place that replaces the worst corner of each simplex, or -1 if the simplex shrinks."""
     reflected, expanded, outside, inside = found.T
     far = np.where(expanded > reflected, 1, 0)
     near = np.where(reflected > values[:, -1], np.where(outside >= reflected, 2, -1),
