@@ -36,7 +36,7 @@ MODULES = {
 
 
 def put_stand_ins(monkeypatch):
-    """Replace the modules of launch by stand-ins."""
+    """Replace the modules of launch with stand-ins."""
     for name, classes in MODULES.items():
         module = ModuleType(name)
         for each in classes:
