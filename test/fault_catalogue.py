@@ -792,7 +792,7 @@ def other_makers_device_at_work(bench: FaultBench) -> None:
     for times in range(1, 101):
         for can_id, data in theirs:
             bench.send(can_id, data)
-        # Without this wait, the backlog of a busy interpreter would grow, also for the simulated device
+        # Without this wait, the backlog of a busy interpreter and of the simulated device in it would grow
         bench.wait(lambda: bench.driver.statistics().can_frames.get('time', 0) == times, 'not counted')  # noqa: B023
     bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign', 0) == 400, 'not counted')
     bench.end_of_cause().recover()

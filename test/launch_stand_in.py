@@ -56,7 +56,7 @@ def declared(path):
 
 
 def actions_of(path, given):
-    """Return the actions of the launch file for ``given`` launch configurations, also those of an including file."""
+    """Return the actions of the launch file for the ``given`` launch configurations, including inherited ones."""
     found, function = declared(path)
     return function(Context({each.given[0]: each.named['default_value'] for each in found} | given))
 
