@@ -2,7 +2,7 @@
 
 An item is displaced by up to 8 mm and 15 degrees. A gripper closes on the item in one of the ways of
 bench/grasp_columns.py, lifts it by 10 cm and shakes it with 1 g. At 1 g, a force of 4.9 N holds the slippery block, and
-6 N break the fragile block. At 2 g, no force would suit both. The same force is used for all items. It was chosen on
+6 N breaks the fragile block. At 2 g, no force would suit both. The same force is used for all items. It was chosen on
 seeds from 1000; the reported seeds begin at 0. The benchmark needs MuJoCo:
 
     make grasps                     # 100 starts for each column; each finished start is a line in
@@ -41,9 +41,9 @@ from examples.simulated_gripper.world import AIM, SIDES, Place, random_place
 FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
 OWN_SESSION = ('hold', 'sensor')  #: Columns that need other parameters or another world.
 ENDS = ('held', 'dropped', 'broken', 'refused')  #: Refused: the planner gave up before the item was squeezed.
-SPEEDS, REPEATS, LIMIT, OPENED = (0.005, 0.02, 0.05), 5, 3.0, 0.055  # m/s; of each for each of --starts; N; m
+SPEEDS, REPEATS, LIMIT, OPENED = (0.005, 0.02, 0.05), 5, 3.0, 0.055  # [m/s]; number; [N]; gap [m]
 FAST = {'slow_speed': 0.05, 'fast_speed': 0.05, 'latency': 0.02, 'gripper_effort': 20.0}
-FRAME_RATE, FILM_PRESSURE = 10, 40e3  # Hz; Pa, the brightest
+FRAME_RATE, FILM_PRESSURE = 10, 40e3  # frames per second of the film; pressure of the brightest colour [Pa]
 
 
 def main() -> None:
@@ -55,7 +55,7 @@ def main() -> None:
     parser.add_argument('--output', type=Path, metavar='FILE')
     parser.add_argument('--report', action='store_true', help='report the finished starts')
     parser.add_argument('--pull', action='store_true',
-                        help='pull the item down after the lift with more force than friction carries; no shake')
+                        help='after the lift, pull the item down with more force than friction carries; no shake')
     parser.add_argument('--latency', action='store_true',
                         help='measure the time from a touch to the stop, and the force beyond a limit')
     parser.add_argument('--film', type=Path, metavar='GIF',
@@ -203,7 +203,7 @@ def measure_latency(args: argparse.Namespace, link: Path) -> None:
                     beyond.append(max(session.world.peaks.values()) - effort)
                 elif endings == ['TOUCHED']:
                     late.append(1e3 * (session.world.stopped_at - session.world.felt_at))
-        for name, values in (('ms from the first frame that feels to the stop command', late),
+        for name, values in (('ms from the first touched frame to the stop command', late),
                              (f'N beyond a limit of {LIMIT:g} N', beyond)):
             numbers = np.percentile(values, (50, 99)) if values else (np.nan, np.nan)
             print(f'{1e3 * speed:.0f} mm/s: {name}: p50 {numbers[0]:.2f}, p99 {numbers[1]:.2f} ({len(values)})')

@@ -33,7 +33,8 @@ from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import Grasp, GripperOutcome
 
-#: Of this gripper: a pad presses by 2000 N/m of its own finger, so by half of it a metre of the gap (drive.STIFFNESS).
+#: Parameters of the gripper node. Each finger has a stiffness of 2000 N/m (drive.STIFFNESS), and both move by half of a
+#: change of the gap, so the stiffness is 1000 N/m of the gap.
 PARAMETERS: Mapping[str, Any] = MappingProxyType({
     'gripper_action': ACTION, 'joint': JOINT, 'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.1,
     'fast_speed': 0.02, 'slow_speed': 0.003, 'touch_force': 2.0, 'gripper_effort': 10.0})

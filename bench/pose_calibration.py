@@ -2,7 +2,7 @@
 
 Run from the checkout: python bench/pose_calibration.py [--frames 3000] [--build build]
 The first run solves the indenters of the training in some minutes, unless `make train` has solved them. Replace the
-table by the output of this script; a second run then changes little. Punches and domes have separate tables.
+table with the output of this script; a second run then changes little. Punches and domes have separate tables.
 """
 
 import argparse

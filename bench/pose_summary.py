@@ -36,17 +36,17 @@ def _is_main(row: Row) -> bool:
 VIEWS = (
     View('Errors at N = 50', 'Each cell shows the errors of centre / angle / length.', 'Errors', ('frames',),
          across('shape', ERRORS), _is_main),
-    View('By size', 'All five shapes together. Each cell shows the errors of centre / angle / length, then the '
-         'region.',
+    View('By size', 'The table combines all five shapes. Each cell shows the errors of centre / angle / length, then '
+         'the region.',
          'Against the area', ('N',),
          across('frames', lambda row: f'{row["centre / angle / length"]}; '
                                       f'{row["95 % region holds the truth"].split("%")[0]}')),
-    View('Beside simple alternatives', 'All five shapes together at N = 50. Each cell shows the errors of centre / '
-         'angle / length. *ours* is the fit of this package. *moments* uses closed forms up to the fourth moment, '
-         'which also assume the shape. *least rectangle* is the smallest rectangle around the taxels.',
+    View('Beside simple alternatives', 'The table combines all five shapes at N = 50. Each cell shows the errors of '
+         'centre / angle / length. *ours* is the fit of this package. *moments* uses closed forms up to the fourth '
+         'moment, which also assume the shape. *least rectangle* is the smallest rectangle around the taxels.',
          'Beside simple alternatives', ('frames',), names('ours', 'moments', 'least rectangle'),
          lambda row: row['frames'] in ('clean', 'on/off')),
-    View('95 % regions at N = 50', 'Required: 93-97 %.', 'Regions', ('frames',),
+    View('95 % regions at N = 50', 'The required share is 93-97 %.', 'Regions', ('frames',),
          columns(all=of('all'), least_of_the_five=_least)),
     View('Which corner is the apex', 'In a nearly equilateral triangle, any corner may look like the apex. The fit '
          'then declares symmetry 3, and the errors above allow for this. *wrong unsaid* is the share of fits that have '
@@ -73,14 +73,14 @@ VIEWS = (
          'angle / share of true values in the 95 % interval. The last number is the smallest share of long side, short '
          'side, centre and angle.',
          'Least rectangle', ('object',), across('N', _box), lambda row: row['N'] in ('12', '100')),
-    View('Time of one fit', 'Processor time on one core [ms].', 'Time of one fit', ('frames',),
+    View('Time of one fit', 'The table shows the processor time on one core [ms].', 'Time of one fit', ('frames',),
          lambda rows: {shape: _median(rows[0], shape) for shape in rows[0] if shape != 'frames'},
          lambda row: row['frames'] in ('clean', 'on/off')),
     View('Fusion of successive frames', 'There are 40 sequences at 100 Hz. Each has 60 frames of one shape and then 60 '
          'frames of another shape, without an empty frame between them. The contact creeps by 0.01 pitches per frame, '
-         'with a blur of 0.5 pitches and 2 % noise. *settled* is the share of right frames from 100 ms after the '
-         'beginning, or from 200 ms after the change. *flicker* is the number of changes of the reported shape per 100 '
-         'frames, without the true change.',
+         'with a blur of 0.5 pitches and 2 % noise. *settled* is the share of right frames later than 100 ms after the '
+         'beginning, or later than 200 ms after the change. *flicker* is the number of changes of the reported shape '
+         'per 100 frames; the true change is not counted.',
          'Fusion of successive frames', ('recogniser', 'N'),
          columns(right_single=of('right, single frames'),
                  settled=of('right, fused, from 100 ms (200 ms after a change) on'),

@@ -74,7 +74,7 @@ def of_pattern(mask):
 
 
 def fine_points(mask):
-    """Real and fictive points as a set of (x, y) on the fine lattice."""
+    """Return the real and fictive points as a set of (x, y) on the fine lattice."""
     points = {(5 * c, 5 * r) for r, c in taxels(mask)}
     rows, cols = mask.shape
     for r in range(rows - 1):
@@ -92,7 +92,7 @@ def _triangle(r, c, missing):
 
 
 def rotated(mask, degrees):
-    """The pattern rotated by one angle, holes filled, as a mask with one row and column to spare."""
+    """Return the pattern rotated by one angle with its holes filled, as a mask with a margin of one taxel."""
     real = taxels(mask)
     cx, cy = 5 * sum(c for _, c in real) / len(real), 5 * sum(r for r, _ in real) / len(real)
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
@@ -107,7 +107,7 @@ def rotated(mask, degrees):
 
 
 def _filled(points):
-    for axes in ([(0, 1)], [(1, 0)], [(1, 1), (1, -1)]):  # along y, along x, both diagonals
+    for axes in ([(0, 1)], [(1, 0)], [(1, 1), (1, -1)]):  # rules 1 to 3: along y, along x, along both diagonals
         points = points | {(x + dx, y + dy) for dx, dy in axes for x, y in points
                            if (x + 2 * dx, y + 2 * dy) in points}
     return points
@@ -124,7 +124,7 @@ def _as_mask(points):
 
 
 def over_rotations(mask):
-    """(min, max, dif) of every feature over the 46 angles, of the values that are defined."""
+    """Return (min, max, dif) of every feature over those of the 46 angles at which it is defined."""
     each = [of_pattern(rotated(mask, degrees)) for degrees in ANGLES]
     result = {}
     for name in each[0]:

@@ -37,12 +37,12 @@ class CapturedLog(logging.Handler):
 
     @property
     def records(self) -> list[Logged]:
-        """All, oldest first."""
+        """All records, oldest first."""
         return list(self._records.copy())
 
     @property
     def messages(self) -> list[str]:
-        """All, oldest first."""
+        """Texts of all records, oldest first."""
         return [record.message for record in self._records.copy()]
 
     @property

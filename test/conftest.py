@@ -66,8 +66,8 @@ MODULE_MARKS = re.compile(r'^pytestmark = (\[.*?\]|.*?)$', re.MULTILINE | re.DOT
 
 
 def pytest_addoption(parser):
-    parser.addoption('--part', default='1/1', metavar='K/N', help='only every Nth test file, from the Kth on: N runs '
-                     'beside each other then share the tests')
+    parser.addoption('--part', default='1/1', metavar='K/N', help='run only every Nth test file, beginning with '
+                     'the Kth, so that N parallel runs share the tests')
 
 
 def pytest_ignore_collect(collection_path, config):

@@ -64,10 +64,10 @@ class DriverBench(RosBench):
 
     @property
     def levels(self) -> list[tuple[bytes, ...]]:
-        """Levels of each message of /diagnostics, that of the bus first."""
+        """Levels in each message on /diagnostics. The level of the bus is the first."""
         return [tuple(status.level for status in message.status) for message in self.diagnostics]
 
     @property
     def reports(self) -> list[str]:
-        """Sentences of each message of /diagnostics."""
+        """Text of each message on /diagnostics."""
         return [' '.join(status.message for status in message.status) for message in self.diagnostics]

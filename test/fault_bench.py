@@ -1,4 +1,4 @@
-"""Where the faults of the catalogue are injected: a supervised driver, a skin, another participant on the bus."""
+"""A bench that injects the faults of the catalogue: a supervised driver, a skin, and another participant on the bus."""
 
 import itertools
 import logging
@@ -26,32 +26,32 @@ from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
-#: what the skin sends takes its time on a wire of 1 Mbit/s; TACTILE_TEST_WIRE=off: it is sent at once
+#: The simulated skin is behind a wire of 1 Mbit/s. With TACTILE_TEST_WIRE=off, its CAN frames take no time.
 WIRE = WireSettings() if os.environ.get('TACTILE_TEST_WIRE') != 'off' else None
-TIMEOUT = 60.0  # s; a busy machine may be slow, a wrong one never gets there
+TIMEOUT = 60.0  # longest wait, long enough for a busy machine [s]
 SYNC = 0x80
-PERIOD = 0.02  # s
-HELD_UP = 0.25  # s, half of the driver's default heartbeat_timeout
-PUNCTUAL = PERIOD / 2  # s after a SYNC: a device has answered by then, as the driver assumes
+PERIOD = 0.02  # SYNC period [s]
+HELD_UP = 0.25  # half of the default heartbeat_timeout of the driver [s]
+PUNCTUAL = PERIOD / 2  # the driver assumes that a device answers a SYNC within this time [s]
 
 
 class Coded:
-    """Taxels whose values show their place and which SYNC they answer: 1 N, 0.2 N a taxel, 1 mN a SYNC."""
+    """Taxels whose values encode their place and the SYNC that they answer: 1 N + 0.2 N per taxel + 1 mN per SYNC."""
 
     TAXEL = 0.2
     SYNC = 0.001
-    MOST = 10_000  #: SYNCs that fit into the range of a taxel
+    MOST = 10_000  #: number of SYNCs that fit into the range of a taxel
     place = 1 + TAXEL * np.arange(SIDE * SIDE).reshape(SIDE, SIDE)
 
     def __init__(self):
-        self.syncs = 0  #: that the devices have received
+        self.syncs = 0  #: number of SYNCs that the devices have received
 
     def __call__(self, _t: float) -> np.ndarray:
         assert self.syncs < self.MOST
         return self.place + self.SYNC * self.syncs
 
     def sync_of(self, frame: TaxelFrame) -> int | None:
-        """Return the number of the SYNC that all valid taxels answer, each in its place; None if none is valid."""
+        """Return the number of the SYNC that all valid taxels answer, or None if no taxel is valid."""
         valid = frame.status == TaxelStatus.VALID
         if not valid.any():
             return None
@@ -61,9 +61,10 @@ class Coded:
 
 
 class Answers:
-    """When the simulated devices of ``pads`` have answered each SYNC; their taxels are ``coded``.
+    """The times at which the simulated devices of ``pads`` answered each SYNC. Their taxels are ``coded``.
 
-    ``at``: by the number of the SYNC, when the skin had handed over the last TPDO of the answer [s, Unix epoch].
+    ``at`` contains for each number of a SYNC the time at which the skin delivered the last TPDO of its answer [s, Unix
+    epoch].
     """
 
     def __init__(self, simulator: SkinSimulator, coded: Coded, pads: Sequence[LivePad]):
@@ -88,27 +89,29 @@ class Answers:
         for frame in frames:
             if (taxel := self._first_taxels.get(frame.can_id)) is not None:
                 counts = int.from_bytes(frame.data[:2], 'little', signed=True)
-                value = (self._value.offset - counts) * self._value.scale  # its counts fall under pressure
+                value = (self._value.offset - counts) * self._value.scale  # the counts fall with pressure
                 self.at[round((value - self._coded.place[taxel]) / self._coded.SYNC)] = now
 
 
 def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[float],
                  answered: dict[int, float]) -> None:
-    """Raise AssertionError if a frame of one pad has taxels that answer another SYNC than the one of its stamp.
+    """Check that the taxels of each frame of one pad answer the SYNC that the stamp of the frame belongs to.
 
-    A device that answers a SYNC after the next one is beyond what the driver can tell (see ``assembler``). Where the
-    machine was so busy that the simulated device did so, TooSlowError is raised.
+    The driver cannot detect that a device answers a SYNC only after the next SYNC (see ``assembler``). If the machine
+    was so busy that the simulated device did this, the function raises TooSlowError. Otherwise a wrong stamp raises
+    AssertionError.
 
     Parameters
     ----------
     frames
-        All that were published, in their order.
+        All published frames in their order.
     coded
-        Decodes their taxels.
+        The code of their taxels.
     asked
-        When each SYNC was on the bus [s, Unix epoch]: at its stamp, or between it and the next SYNC's stamp.
+        Time at which each SYNC was on the bus [s, Unix epoch]. It lies between the stamp of the SYNC and the stamp of
+        the next SYNC.
     answered
-        By the number of the SYNC, when its answer was handed over [s, Unix epoch].
+        For each number of a SYNC, the time at which the skin delivered its answer [s, Unix epoch].
     """
     for frame, after in itertools.zip_longest(frames, frames[1:]):
         number = coded.sync_of(frame)
@@ -122,24 +125,24 @@ def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[flo
 
 
 class FaultBench(Bench):
-    """Pads of 8x8 Coded taxels, unless ``layout`` and ``source`` say otherwise; every frame published is kept, and
-    checked at the end.
+    """Context with a driver and pads, which keeps every published frame and checks all of them at its end.
 
-    ``cause`` and ``end_of_cause`` mark when the fault acts; ``detected`` and ``publishing_again`` [s] are
-    measured from them.
+    By default, the pads have 8x8 Coded taxels; ``layout`` and ``source`` change this. ``cause`` and ``end_of_cause``
+    mark the time of the fault. ``detected`` is measured from the first mark, and ``publishing_again`` from the second
+    [s].
     """
 
     def __init__(self, channel: str, nodes: tuple[int, ...] = (32,), recover: bool = True, source=None,
                  layout: str = LAYOUT, **settings: Any):
         self.coded = Coded() if source is None else None
-        self.is_clock_true = True  #: False: the stamps are not the times of the SYNCs that the devices answer
-        self.wrong_durations: list[str] = []  #: for `make faults`: a busy machine may be the cause
+        self.is_clock_true = True  #: False if the stamps differ from the times of the SYNCs
+        self.wrong_durations: list[str] = []  #: for `make faults`, because a busy machine may be the cause
         self.source = source or self.coded
         super().__init__(channel, layout, nodes, source=self.source, wire=WIRE)
         self.adapter = Adapter()
         self.kept: list[tuple[str, TaxelFrame]] = []
         self.hold = threading.Event()
-        self.hold.set()  #: cleared: the consumer hangs
+        self.hold.set()  #: the consumer hangs while this event is cleared
         self.settings = BusSettings('virtual', channel, **{'sync_period': PERIOD} | settings)
         self.driver = Supervisor(self.settings, self.pads, self.keep, recover)
         self.detected = self.publishing_again = None
@@ -148,7 +151,7 @@ class FaultBench(Bench):
     def __enter__(self) -> 'FaultBench':
         self._open_bus, skin_bus.open_bus = skin_bus.open_bus, self.adapter.open
         super().__enter__()
-        self._asked: list[float] = []  # when each SYNC was on the bus
+        self._asked: list[float] = []  # time at which each SYNC was on the bus [s, Unix epoch]
         self.simulator._network.subscribe(SYNC, lambda _id, _data, stamp: self._asked.append(stamp))
         self._answers = Answers(self.simulator, self.coded, self.pads) if self.coded is not None and WIRE else None
         self.other = can.Bus(self.channel, interface='virtual')
@@ -178,15 +181,15 @@ class FaultBench(Bench):
         self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
 
     def send_error(self, can_id: int, data: Iterable[int]) -> None:
-        """Send the error frame of a controller."""
+        """Send an error frame as a controller would."""
         self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=True, data=bytes(data)))
 
     def repeat(self, can_id: int, period: float, data: bytes = b'') -> can.broadcastmanager.CyclicSendTaskABC:
-        """Send a frame each ``period`` [s], until what is returned is stopped."""
+        """Send a frame every ``period`` [s] until the returned task is stopped."""
         return self.other.send_periodic(can.Message(arbitration_id=can_id, is_extended_id=False, data=data), period)
 
     def heard(self) -> list[can.Message]:
-        """What the other participant has received since the last call."""
+        """Return the messages that the other participant has received since the last call."""
         return list(iter(lambda: self.other.recv(0), None))
 
     def node(self, pad: str = 'pad32'):
@@ -201,24 +204,24 @@ class FaultBench(Bench):
 
     @property
     def last_emergency(self) -> Emergency | None:
-        """Those kept of node 32, oldest first."""
+        """The newest EMCY of node 32."""
         return self.driver.monitor.emergencies[32].last
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         assert wait_until(condition, TIMEOUT), f'{what}; {self.driver.health()}; {self.log.errors}'
 
     def detect(self, *facts: object, kind: Callable[[Any], bool] = lambda fact: False) -> None:
-        """Wait until a warning or an error in the log has one of ``facts``, or one that is of a ``kind``."""
+        """Wait until a warning or an error is logged with one of ``facts``, or with a fact that ``kind`` accepts."""
         self.wait(lambda: any(fact in facts or kind(fact) for fact in self.log.error_facts), f'{facts} not logged')
         self.detected = time.monotonic() - self._begun
 
     def repair(self, *pads: str) -> None:
-        """Take all faults off the adapter; wait until whole frames come again."""
+        """Remove all faults from the adapter, and wait until whole frames are published again."""
         self.adapter.mend()
         self.end_of_cause().recover(*pads)
 
     def recover(self, *pads: str) -> None:
-        """Wait until whole frames come again that were acquired after the cause had ended."""
+        """Wait until whole frames are published that were acquired after the end of the cause."""
         for pad in pads or ('pad32',):
             self.wait_for_whole(pad, time.time() - (time.monotonic() - self._ended))
         self.publishing_again = time.monotonic() - self._ended
@@ -232,7 +235,7 @@ class FaultBench(Bench):
         self.wait(has_come, f'no whole frames of {pad}')
 
     def assert_no_outage(self, *pads: str) -> None:
-        """The pads gave taxels all the time; TooSlowError if the machine held up driver or simulated device."""
+        """Assert that no pad had an outage. Raises TooSlowError if the machine held up driver or simulated device."""
         nodes = [self.node(pad) for pad in pads or ('pad32',)]
         if any(node.outages.count for node in nodes):
             self.wait(lambda: all(self.node(pad).outages.current is None for pad in pads or ('pad32',)),
@@ -240,14 +243,14 @@ class FaultBench(Bench):
             raise (TooSlowError if self._was_held_up() else AssertionError)(f'{nodes}; {self.log.errors}')
 
     def _was_held_up(self) -> bool:
-        """Return True if driver or simulated device did not run for half of the time after which a node is silent."""
+        """Return True if the driver or the simulated device stood still for half of the heartbeat timeout."""
         answered = {} if self._answers is None else self._answers.at
         return self.driver.health().stalls > 0 or any(
             answered.get(number, 0.0) - asked > HELD_UP for number, asked in enumerate(self._asked, 1))
 
     @property
     def complaints(self) -> list[str]:
-        """The warnings and errors, but for those about an overload of this process."""
+        """Warnings and errors, without those about an overload of this process."""
         return [record.message for record in self.log.records
                 if record.level >= logging.WARNING and not isinstance(record.fact, Overload)]
 
@@ -256,7 +259,7 @@ class FaultBench(Bench):
         self.kept.append((name, frame))
 
     def _check_all(self) -> None:
-        """Nothing wrong was published as valid, no sequence number and no stamp twice, in the whole run."""
+        """Assert that no wrong value was published as valid, and that no sequence number or stamp was repeated."""
         for pad in self.pads:
             frames = [frame for name, frame in self.kept if name == pad.name]
             assert all((np.diff([getattr(frame, key) for frame in frames]) > 0).all() for key in ('sequence', 'stamp'))

@@ -1,7 +1,7 @@
-"""The faults a driver on a factory floor meets: each function injects one and states what the user sees.
+"""The faults that a driver meets on a factory floor. Each function injects one fault; its docstring is the user's view.
 
-`python test/fault_catalogue.py [NAME ...]` prints them as a table, with the times measured. Every FaultBench also
-checks, as it ends, that all taxels published as valid were right and that no sequence number or stamp came twice.
+`python test/fault_catalogue.py [NAME ...]` injects the faults and prints a table with the measured times. At its end,
+every FaultBench also checks that all valid taxels were right, and that no sequence number or stamp was repeated.
 """
 
 import ctypes
@@ -36,15 +36,15 @@ from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
-ALLOWED = 1.0  # s from the end of a cause until taxels come again
-KEEPS_UP = 0.02  # s by which a process beside the faults may wake up late
-ALL_TPDOS = range(1, 17)  # of the pad of 8x8 taxels
+ALLOWED = 1.0  # longest time from the end of the cause until taxels are published again [s]
+KEEPS_UP = 0.02  # largest delay of a sleeping process on a machine that keeps up [s]
+ALL_TPDOS = range(1, 17)  # TPDO numbers of the pad of 8x8 taxels
 COB_IDS = [0x1A0 + 0x100 * (i // 4) + i % 4 for i in range(16)]
 FAULTS: list[Callable[[str], FaultBench | StallBench]] = []
 
 
 def fault(*nodes: tuple[int, ...], is_running: bool = True, **settings: Any) -> Callable:
-    """Make a fault of the catalogue of what injects it into a bench, whose driver runs; the channel is the test's."""
+    """Add a fault to the catalogue. The decorated function injects it into a bench, usually with a running driver."""
     def listed(inject: Callable[[FaultBench], None]) -> Callable[[str], FaultBench]:
         @functools.wraps(inject)
         def injected(channel: str) -> FaultBench:
@@ -59,13 +59,13 @@ def fault(*nodes: tuple[int, ...], is_running: bool = True, **settings: Any) -> 
 
 
 def uniform(seed: int, low: float, high: float, rows: int, cols: int) -> Callable[[float], np.ndarray]:
-    """Return a source of taxels that stay as they are."""
+    """Return a source of random taxel values that do not change."""
     values = np.random.default_rng(seed).uniform(low, high, (rows, cols))
     return lambda _time: values
 
 
 def _switch_off(bench: FaultBench, device: SimulatedDevice, missing: int, *faults: object, **kind: Any) -> TaxelFrame:
-    """Wait until a fault is logged and a frame after that lacks so many CAN frames; return that one."""
+    """Switch ``device`` off, wait until a fault is logged, and return the next frame without ``missing`` TPDOs."""
     device.power_off()
     bench.detect(*faults, **kind)
     reported = len(bench.kept)
@@ -87,7 +87,7 @@ def _switch_on(bench: FaultBench, device: SimulatedDevice) -> None:
 
 @fault()
 def power_cycled_in_mid_stream(bench: FaultBench) -> None:
-    """The device is configured and started again; a sentence names it, the outage is counted."""
+    """The driver configures and starts the device again, logs the restart, and counts the outage."""
     bench.power_cycle()
     bench.end_of_cause().detect(NodeFault.BOOTED)
     bench.recover()
@@ -96,14 +96,14 @@ def power_cycled_in_mid_stream(bench: FaultBench) -> None:
 
 @fault()
 def absent_then_back(bench: FaultBench) -> None:
-    """The device is reported as silent, its taxels are NaN; it is used again as soon as it boots."""
+    """The driver reports the device as silent and publishes NaN. It uses the device again as soon as it boots."""
     _switch_off(bench, bench.device, 16, NodeFault.SILENT)
     _switch_on(bench, bench.device)
 
 
 @fault(is_running=False)
 def absent_at_configure_then_late(bench: FaultBench) -> None:
-    """configure logs what it waits for, and continues when the device answers."""
+    """The transition configure logs the device that it waits for, and continues when this device answers."""
     bench.device.power_off()
     starter = threading.Thread(target=bench.run)
     bench.cause()
@@ -116,7 +116,7 @@ def absent_at_configure_then_late(bench: FaultBench) -> None:
 
 @fault((32, 64))
 def one_of_two_pads_lost(bench: FaultBench) -> None:
-    """Only that pad is reported as silent; the other continues, frame by frame."""
+    """The driver reports only this pad as silent. The other pad continues without losing a frame."""
     bench.wait_for_whole('pad64')
     bench.cause()
     bench.device.power_off()
@@ -131,24 +131,24 @@ def one_of_two_pads_lost(bench: FaultBench) -> None:
 
 @fault()
 def boot_up_message_lost(bench: FaultBench) -> None:
-    """A device that booted unheard sends nothing by itself: it is found by a request, and configured."""
+    """The boot-up message is lost, and the device sends nothing. The driver finds it by a request and configures it."""
     bench.adapter.lost_ids = {0x720}
     bench.power_cycle()
     bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
     bench.adapter.lost_ids = set()
-    bench.end_of_cause().detect(NodeFault.NO_HEARTBEAT, NodeFault.SILENT)  # by chance taxels are missing too
+    bench.end_of_cause().detect(NodeFault.NO_HEARTBEAT, NodeFault.SILENT)  # SILENT if taxels are missing as well
     bench.recover()
 
 
 @fault()
 def another_device_comes_back(bench: FaultBench) -> None:
-    """A device of another vendor is refused, reported by its identity; what it sends is published as NaN."""
+    """The driver refuses a device of another vendor, reports its identity, and publishes NaN for its taxels."""
     bench.device.power_off()
     bench.device.lie(0x1018, 1, (0x99).to_bytes(4, 'little'))
     bench.device.boot()
     bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and '0x1018' in fact.where and '0x99' in fact.got)
     used, seen = bench.driver.statistics().pads['pad32'].used, len(bench.kept)
-    bench.send(0x620, '23001801A0010000')  # another master lets it send TPDO 1
+    bench.send(0x620, '23001801A0010000')  # another master makes it send TPDO 1
     bench.wait(lambda: bench.send(0x000, '0120') or bench.driver.statistics().pads['pad32'].used > used,
                'it does not send')
     bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
@@ -168,25 +168,25 @@ def _command(bench: FaultBench, command: ForeignCommand) -> None:
 
 @fault()
 def reset_by_another_master(bench: FaultBench) -> None:
-    """The other master's command is reported; the device is configured and started again."""
+    """The driver reports the command of the other master, then configures and starts the device again."""
     _command(bench, ForeignCommand(0x81, 32))
 
 
 @fault()
 def all_reset_by_another_master(bench: FaultBench) -> None:
-    """A reset of all nodes is reported and recovered from like one of a single node."""
+    """The driver reports a reset of all nodes, and recovers from it as from a reset of a single node."""
     _command(bench, ForeignCommand(0x82, 0))
 
 
 @fault()
 def stopped_by_another_master(bench: FaultBench) -> None:
-    """The command and the state STOPPED are reported; the device is started again."""
+    """The driver reports the command and the state STOPPED, and starts the device again."""
     _command(bench, ForeignCommand(0x02, 32))
     assert NodeFault.NOT_OPERATIONAL in bench.log.facts
 
 
 def _lists_errors(message: can.Message) -> list[can.Message]:
-    """Answers of a hot device: error register 0x09; one error 0x4210, with 0x0005 of the maker."""
+    """Return the message, or the answer of an overheated device: register 0x09, error 0x4210, maker code 0x0005."""
     answers = {'011000': '4F01100009000000', '031000': '4F03100001000000', '031001': '4303100110420500'}
     answer = answers.get(bytes(message.data[1:4]).hex()) if message.arbitration_id == 0x5A0 else None
     return [message if answer is None else _with_data(message, bytes.fromhex(answer))]
@@ -194,7 +194,7 @@ def _lists_errors(message: can.Message) -> list[can.Message]:
 
 @fault()
 def refuses_operational(bench: FaultBench) -> None:
-    """A device that stays PRE-OPERATIONAL is an error on /diagnostics for as long as it does, with its own errors."""
+    """While a device stays PRE-OPERATIONAL, /diagnostics reports an error and lists the errors of the device."""
     bench.device.refuses_start = True
     bench.cause()
     bench.send(0x000, '8020')
@@ -212,7 +212,7 @@ def refuses_operational(bench: FaultBench) -> None:
 
 @fault()
 def adapter_unplugged(bench: FaultBench) -> None:
-    """The bus is reported as failed with the reason, opened again until it works; the outage is counted."""
+    """The driver reports the failed bus with the reason, reopens it until it works, and counts the outage."""
     bench.adapter.is_plugged = False
     bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
     bench.wait(lambda: any(isinstance(fact, BusError) and fact.got == 'no such device' for fact in bench.log.facts),
@@ -225,7 +225,7 @@ def adapter_unplugged(bench: FaultBench) -> None:
 
 @fault()
 def sending_fails(bench: FaultBench) -> None:
-    """A bus on which nothing can be sent is opened again until it works."""
+    """If the driver cannot send on the bus, it reopens the bus until sending works."""
     bench.adapter.can_send = False
     bench.detect(BusFault.SENDING_FAILED)
     assert 'Transmit buffer full' in bench.driver.failure.detail
@@ -235,7 +235,7 @@ def sending_fails(bench: FaultBench) -> None:
 
 @fault()
 def bus_off(bench: FaultBench) -> None:
-    """The controller's error frame is reported as bus-off, the bus opened again."""
+    """The driver reports the error frame of the controller as bus-off, and reopens the bus."""
     bench.send_error(0x040, bytes(8))
     bench.end_of_cause().detect(BusFault.BUS_OFF)
     bench.recover()
@@ -244,7 +244,7 @@ def bus_off(bench: FaultBench) -> None:
 
 @fault()
 def error_frames(bench: FaultBench) -> None:
-    """Error frames are counted; error-passive is reported until it ends; the taxels continue."""
+    """The driver counts error frames, and reports error-passive until it ends. The taxels continue."""
     for flags in (0x30, 0x10):
         bench.send_error(0x004, [0, flags, 0, 0, 0, 0, 9, 130])
     bench.wait(lambda: bench.driver.health().is_error_passive, 'not reported')
@@ -259,7 +259,7 @@ def error_frames(bench: FaultBench) -> None:
 
 @fault()
 def heartbeat_lost_while_taxels_flow(bench: FaultBench) -> None:
-    """It is reported; no taxel is lost by it, and it counts as no outage."""
+    """The driver reports the missing heartbeat. No taxel is lost, and no outage is counted."""
     bench.adapter.lost_ids = {0x720}
     bench.detect(NodeFault.NO_HEARTBEAT)
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
@@ -269,7 +269,7 @@ def heartbeat_lost_while_taxels_flow(bench: FaultBench) -> None:
 
 @fault()
 def heartbeat_switched_off_by_another_master(bench: FaultBench) -> None:
-    """It is reported, and switched on again while the taxels flow."""
+    """The driver reports the missing heartbeat and switches it on again, while the taxels continue."""
     bench.send(0x620, '2B17100000000000')  # 0x1017 = 0
     bench.end_of_cause().detect(NodeFault.NO_HEARTBEAT)
     bench.recover()
@@ -278,7 +278,7 @@ def heartbeat_switched_off_by_another_master(bench: FaultBench) -> None:
 
 @fault()
 def taxels_lost_while_heartbeat_flows(bench: FaultBench) -> None:
-    """A node that is OPERATIONAL without taxels is reported as such."""
+    """The driver reports a node that is OPERATIONAL but sends no taxels."""
     bench.adapter.lost_ids = set(COB_IDS)
     bench.detect(NodeFault.NO_TAXELS)
     bench.repair()
@@ -295,15 +295,15 @@ def _write(bench: FaultBench, *requests: str) -> None:
 
 @fault()
 def tpdos_switched_off_by_another_master(bench: FaultBench) -> None:
-    """The missing taxels are reported, and the configuration is written again."""
+    """The driver reports the missing taxels, and writes the configuration again."""
     _write(bench, *(f'23{number - 1:02X}1801{can_id & 0xFF:02X}{can_id >> 8:02X}0080'
                     for number, can_id in zip(ALL_TPDOS, COB_IDS)))
 
 
 @fault()
 def tpdo_remapped_by_another_master(bench: FaultBench) -> None:
-    """Another master exchanges the taxels of TPDO 1: none of its values is given, and the mapping is written again."""
-    _write(bench, '23001801A0010080',                                      # TPDO 1 off
+    """Another master swaps taxels in TPDO 1. The driver publishes none of them, and writes the mapping again."""
+    _write(bench, '23001801A0010080',                                      # switch TPDO 1 off
            '2F001A0000000000', '23001A0110043071', '23001A0210033071',     # sub 4 and 3 in place of 1 and 2
            '23001A0310023071', '23001A0410013071', '2F001A0004000000', '23001801A0010000')
     assert bench.node().distrusted > 0
@@ -311,32 +311,32 @@ def tpdo_remapped_by_another_master(bench: FaultBench) -> None:
 
 @fault()
 def tpdo_slowed_down_by_another_master(bench: FaultBench) -> None:
-    """Another master lets TPDO 1 answer every second SYNC: it is reported, and written again."""
+    """Another master makes TPDO 1 answer only every second SYNC. The driver reports this, and configures it again."""
     _write(bench, '2F00180202000000')
 
 
 @fault()
 def one_tpdo_switched_off_by_another_master(bench: FaultBench) -> None:
-    """One of sixteen TPDOs is off: the others flow, it is reported, and switched on again."""
+    """One of sixteen TPDOs is off. The driver reports it and switches it on again. The other TPDOs continue."""
     _write(bench, '23021801A2010080')
 
 
 @fault()
 def one_tpdo_switched_off_unseen(bench: FaultBench) -> None:
-    """One of sixteen TPDOs is off and no write was seen: it is named, and switched on while the others flow."""
+    """One of sixteen TPDOs is off, and the driver saw no write. It names the TPDO and switches it on again."""
     bench.adapter.lost_ids = {0x620}
     bench.send(0x620, '23021801A2010080')
     bench.wait(lambda: NodeFault.TPDO_MISSING in bench.log.facts or bench.node().outages.count, 'not logged')
-    bench.assert_no_outage()  # an outage would have switched it on
+    bench.assert_no_outage()  # an outage would have switched the TPDO on again
     bench.detect(NodeFault.TPDO_MISSING)
-    bench.end_of_cause().recover()  # the repair begins at the report: until then no one could know of the fault
+    bench.end_of_cause().recover()  # the repair begins with the report: before that, the fault is unknown
     bench.assert_no_outage()
     assert NodeFault.RECONFIGURED not in bench.log.facts
 
 
 @fault()
 def one_tpdo_never_arrives(bench: FaultBench) -> None:
-    """One TPDO stays away though it is configured: it is named by number and COB-ID; asking does not fill the bus."""
+    """A configured TPDO never arrives. The driver names its number and COB-ID, and checks it less and less often."""
     bench.adapter.lost_ids = {0x1A2}
     bench.detect(NodeFault.TPDO_MISSING)
     assert bench.node().missing_tpdos == (SentTpdo(3, 0x1A2),)
@@ -347,7 +347,7 @@ def one_tpdo_never_arrives(bench: FaultBench) -> None:
                       if message.arbitration_id == 0x620 and message.data[:4] == bytes.fromhex('40181003'))
         return len(checks) >= times
     bench.wait(lambda: has_checked(5), 'not asked again')
-    pauses = np.diff(checks)  # at least 0.1, 0.2, 0.4 ... s: the device is asked ever more rarely, however busy we are
+    pauses = np.diff(checks)  # at least 0.1, 0.2, 0.4 ... s, even on a busy machine
     assert (pauses[1:4] >= 0.1 * 2.0 ** np.arange(3)).all(), pauses
     bench.assert_no_outage()
     assert bench.node().fault is NodeFault.TPDO_MISSING
@@ -355,7 +355,7 @@ def one_tpdo_never_arrives(bench: FaultBench) -> None:
 
 
 def _one_of_two_devices(bench: FaultBench, since: int) -> None:
-    """Nothing is valid of what was published from ``since`` on."""
+    """Assert that all values published from frame ``since`` on are NaN."""
     bench.wait(lambda: len(bench.kept) > since + 20, 'no frames')
     assert all(np.isnan(frame.values).all() for _, frame in bench.kept[since:])
 
@@ -373,7 +373,7 @@ def _alone_again(bench: FaultBench) -> None:
 
 @fault()
 def two_devices_with_one_node_id(bench: FaultBench) -> None:
-    """A second device of our node-ID is switched on: no value is given while both send, both are left alone."""
+    """A second device has our node-ID. The driver publishes no value while both send, and commands neither."""
     second = _second_device(bench)
     bench.detect(NodeFault.TWO_SENDERS)
     seen = len(bench.kept)
@@ -386,12 +386,12 @@ def two_devices_with_one_node_id(bench: FaultBench) -> None:
     assert all(one.devices[32].operational for one in (bench.simulator, second))
     _one_of_two_devices(bench, seen)
     second.stop()
-    _alone_again(bench)  # as the bench ends, it finds each value that is not of the first device
+    _alone_again(bench)  # at its end, the bench checks that every valid value came from the first device
 
 
 @fault(is_running=False)
 def two_devices_from_the_start(bench: FaultBench) -> None:
-    """Two devices answer when the driver configures: it refuses, with both named, before any value is given."""
+    """Two devices answer during configure. The driver names the node and refuses, before it publishes any value."""
     second = _second_device(bench)
     bench.cause()
     bench.driver.open()
@@ -403,7 +403,7 @@ def two_devices_from_the_start(bench: FaultBench) -> None:
     bench.detected = time.monotonic() - bench._begun
     requests = sum(message.arbitration_id == 0x620 and message.data[0] != 0x80 for message in bench.heard())
     bench.wait(lambda: bench.driver.statistics().can_frames.get('sdo', 0) >= 2 * requests,
-               'not answered by both')  # a late answer to these would count for the next request about its object
+               'not answered by both')  # a late answer would be taken for that to the next request for this object
     second.stop()
     bench.end_of_cause()
     bench.driver.configure()
@@ -413,20 +413,20 @@ def two_devices_from_the_start(bench: FaultBench) -> None:
 
 @fault()
 def second_sender_of_a_tpdo(bench: FaultBench) -> None:
-    """Another node sends on one of our COB-IDs: it is named, and no value is given until it stops."""
+    """Another node sends on one of our COB-IDs. The driver names the COB-ID, and publishes no value until it stops."""
     sender = bench.repeat(0x1A2, 0.017, bytes(8))
     bench.detect(NodeFault.TWO_SENDERS)
     assert bench.node().surplus_tpdos == (SentTpdo(3, 0x1A2),)
     recognised = len(bench.kept)
     _one_of_two_devices(bench, recognised + 1)
     sender.stop()
-    del bench.kept[:recognised + 1]  # what came before it was recognised may hold the other's values
+    del bench.kept[:recognised + 1]  # earlier frames may contain values of the other node
     _alone_again(bench)
 
 
 @fault()
 def replaced_by_two_devices(bench: FaultBench) -> None:
-    """Two devices of our node-ID come after a silence: no backlog of one, so no value is given while both send."""
+    """Two devices with our node-ID appear after a silence. The driver takes neither for a backlog. It publishes NaN."""
     bench.device.power_off()
     bench.detect(NodeFault.SILENT)
     silent = len(bench.kept)
@@ -441,7 +441,7 @@ def replaced_by_two_devices(bench: FaultBench) -> None:
 
 @fault()
 def second_heartbeat_of_a_node_id(bench: FaultBench) -> None:
-    """Another device, which sends no taxels, has our node-ID: its heartbeats betray it; no value is given."""
+    """Another device with our node-ID sends only heartbeats. The driver detects it by them, and publishes no value."""
     sender = bench.repeat(0x720, 0.1, b'\x05')
     bench.detect(NodeFault.TWO_SENDERS)
     assert bench.node().surplus_tpdos == ()
@@ -452,7 +452,7 @@ def second_heartbeat_of_a_node_id(bench: FaultBench) -> None:
 
 @fault()
 def two_masters_fight(bench: FaultBench) -> None:
-    """Another master switches a TPDO off again and again: it is reported rarely, and answered ever more rarely."""
+    """Another master keeps switching a TPDO off. The driver reports this rarely, and repairs it less and less often."""
     bench.send(0x620, '23021801A2010080')
     bench.detect(NodeFault.RECONFIGURED)
     for _ in range(40):
@@ -466,13 +466,13 @@ def two_masters_fight(bench: FaultBench) -> None:
 
 @fault()
 def second_sync_producer(bench: FaultBench) -> None:
-    """SYNC of another device while the driver produces it: it is reported by name until it ends."""
-    bench.is_clock_true = False  # taxels sampled at its SYNC have the stamp of ours
+    """Another device sends SYNC while the driver produces it. The driver reports this until it ends."""
+    bench.is_clock_true = False  # taxels sampled at the other SYNC get the stamp of our SYNC
     producer = bench.repeat(0x080, 0.05)
     bench.detect(SyncFault.SECOND_PRODUCER)
     assert bench.driver.health().sync.fault is SyncFault.SECOND_PRODUCER and bench.driver.health().sync.foreign > 0
     time.sleep(2.0)
-    assert NodeFault.TWO_SENDERS not in bench.log.facts  # TPDOs for its SYNC are no second sender's
+    assert NodeFault.TWO_SENDERS not in bench.log.facts  # TPDOs that answer the other SYNC do not prove a second sender
     producer.stop()
     bench.end_of_cause().recover()
     bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
@@ -480,7 +480,7 @@ def second_sync_producer(bench: FaultBench) -> None:
 
 @fault(produce_sync=False, sync_period=0.02, is_running=False)
 def sync_producer_of_another_period(bench: FaultBench) -> None:
-    """The device that produces SYNC has another period than sync_period: both are reported; the taxels flow."""
+    """SYNC comes with a period other than sync_period. The driver reports both periods. The taxels continue."""
     producer = bench.repeat(0x080, 0.04)
     bench.run().cause()
     bench.detect(SyncFault.OTHER_PERIOD)
@@ -494,13 +494,13 @@ def sync_producer_of_another_period(bench: FaultBench) -> None:
 
 @fault()
 def transmission_type_ignored(bench: FaultBench) -> None:
-    """A device confirms the transmission type and keeps another: it is refused, not run with half of its frames."""
+    """A device confirms the transmission type but keeps another. The driver refuses it, or it would lose frames."""
     _disturb_configuration(bench, _reads('4F001802', '02000000'), '0x1800 sub 2', '0x02')
 
 
 @fault(produce_sync=False, is_running=False)
 def sync_of_another_producer_stops(bench: FaultBench) -> None:
-    """It is reported that SYNC is missing; the device is left alone."""
+    """The driver reports that SYNC is missing, and sends the device no command."""
     producer = bench.repeat(0x080, 0.02)
     bench.run().cause()
     producer.stop()
@@ -512,7 +512,7 @@ def sync_of_another_producer_stops(bench: FaultBench) -> None:
 
 @fault()
 def emcy_storm(bench: FaultBench) -> None:
-    """The first EMCY is reported decoded, all are counted, few are reported, the last is kept; the taxels continue."""
+    """The driver reports the first EMCY decoded, counts all, reports few, and keeps the last. Taxels continue."""
     for i in range(2000):
         bench.send(0x0A0, f'1042 09 {i:010X}')
     bench.detect(kind=lambda fact: isinstance(fact, Emergency) and (fact.code, fact.register) == (0x4210, 0x09))
@@ -524,7 +524,7 @@ def emcy_storm(bench: FaultBench) -> None:
 
 @fault()
 def short_emcy(bench: FaultBench) -> None:
-    """An EMCY without all of its bytes is reported with what it holds."""
+    """The driver reports the fields that an incomplete EMCY contains."""
     for data in ('', '10', '1042', '104209'):
         bench.send(0x0A0, data)
     bench.wait(lambda: bench.node().emergencies == 4, 'not counted')
@@ -535,7 +535,7 @@ def short_emcy(bench: FaultBench) -> None:
 
 @fault()
 def emcy_until_it_is_reset(bench: FaultBench) -> None:
-    """An error stays a warning until the device resets it, all of its errors, or starts again."""
+    """An error remains a warning until the device resets this error or all errors, or starts again."""
 
     def has(code: int | None, count: int) -> None:
         bench.wait(lambda: bench.node().emergencies == count, 'not counted')
@@ -552,7 +552,7 @@ def emcy_until_it_is_reset(bench: FaultBench) -> None:
 
 @fault()
 def foreign_frames(bench: FaultBench) -> None:
-    """Devices of other makers, node guarding with its toggle bit and empty heartbeats disturb nothing."""
+    """Foreign devices, node guarding with its toggle bit, and empty heartbeats have no effect."""
     for can_id, data in ((0x555, '01'), (0x720, '85'), (0x720, ''), (0x733, '00'), (0x0B3, '10'), (0x000, '01'),
                          (0x000, '0133'), (0x000, '')):
         bench.send(can_id, data)
@@ -566,7 +566,7 @@ def foreign_frames(bench: FaultBench) -> None:
 
 @fault((32, 64), boot_timeout=0.3, is_running=False)
 def absent_pad_of_two(bench: FaultBench) -> None:
-    """The pad that is there works; the other is reported as not answering, and joins as soon as it boots."""
+    """The present pad works. The driver reports that the other does not answer, and uses it as soon as it boots."""
     bench.simulator.devices[64].power_off()
     bench.cause()
     bench.run()
@@ -578,7 +578,7 @@ def absent_pad_of_two(bench: FaultBench) -> None:
 
 
 def _tamper(bench: FaultBench, tamper: Callable, seen: Callable[[FaultBench], int]) -> None:
-    """Let TPDOs pass ``tamper`` until ``seen`` has counted a few."""
+    """Pass all TPDOs through ``tamper`` until ``seen`` returns at least 20; then end the fault."""
     bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id in COB_IDS else [message]
     bench.wait(lambda: seen(bench) >= 20, 'not counted')
     bench.detected = time.monotonic() - bench._begun
@@ -592,21 +592,21 @@ def _pad(bench: FaultBench):
 
 @fault()
 def tpdos_lost(bench: FaultBench) -> None:
-    """Every seventh TPDO lost: its taxels are NaN and STALE, the TPDOs missing are counted and reported as WARN."""
+    """Every seventh TPDO is lost. Its taxels are NaN and STALE. The driver counts it as missing, with level WARN."""
     numbers = itertools.count()
     _tamper(bench, lambda message: [message] if next(numbers) % 7 else [], lambda bench: _pad(bench).missing)
 
 
 @fault()
 def tpdos_duplicated(bench: FaultBench) -> None:
-    """Each TPDO twice: the second is lost and counted as duplicate, the taxels continue."""
+    """Each TPDO arrives twice. The driver drops the second one and counts it as a duplicate. The taxels continue."""
     _tamper(bench, lambda message: [message, message],
             lambda bench: _pad(bench).losses[LossReason.DUPLICATE])
 
 
 @fault()
 def tpdos_reordered(bench: FaultBench) -> None:
-    """Pairs of TPDOs exchanged: the earlier one is lost as out of order, never mixed in."""
+    """Pairs of TPDOs arrive in the wrong order. The driver drops the earlier TPDO as out of order."""
     held: list[can.Message] = []
 
     def exchange(message: can.Message) -> list[can.Message]:
@@ -617,7 +617,7 @@ def tpdos_reordered(bench: FaultBench) -> None:
 
 @fault()
 def short_tpdos(bench: FaultBench) -> None:
-    """A byte less than mapped: the TPDO is lost as short, its taxels are NaN."""
+    """A TPDO is one byte too short. The driver drops it as short, and its taxels are NaN."""
     def cut(message: can.Message) -> list[can.Message]:
         return [_with_data(message, message.data[:-1])] if message.arbitration_id == COB_IDS[3] else [message]
     _tamper(bench, cut, lambda bench: _pad(bench).losses[LossReason.SHORT])
@@ -625,7 +625,7 @@ def short_tpdos(bench: FaultBench) -> None:
 
 @fault()
 def over_long_tpdos(bench: FaultBench) -> None:
-    """A byte more than mapped (here: than CAN allows): lost as over-long, the bus continues."""
+    """A TPDO is longer than mapped (here: than CAN allows). The driver drops it as over-long and continues."""
     def lengthen(message: can.Message) -> list[can.Message]:
         return [_with_data(message, message.data + b'1')] if message.arbitration_id == COB_IDS[3] else [message]
     _tamper(bench, lengthen, lambda bench: _pad(bench).losses[LossReason.OVER_LONG])
@@ -637,7 +637,7 @@ def _with_data(message: can.Message, data: bytes) -> can.Message:
 
 
 def _disturb_configuration(bench: FaultBench, tamper: Callable[[can.Message], list], where: str, got: str) -> None:
-    """Start the device again while its SDO answers pass ``tamper``; until that ends its taxels are NaN."""
+    """Restart the device while its SDO answers pass through ``tamper``, and check that all taxels are NaN meanwhile."""
     bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id == 0x5A0 else [message]
     bench.power_cycle()
     bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and where in fact.where and got in fact.got)
@@ -648,7 +648,7 @@ def _disturb_configuration(bench: FaultBench, tamper: Callable[[can.Message], li
 
 
 def _reads(answer: str, value: str) -> Callable[[can.Message], list[can.Message]]:
-    """Tamper with the ``answer`` to a read, by its first four bytes: it gives ``value``."""
+    """Return a function that changes the value of a read to ``value``, if its first four bytes are ``answer``."""
     def tamper(message: can.Message) -> list[can.Message]:
         is_meant = bytes(message.data[:4]) == bytes.fromhex(answer)
         return [_with_data(message, bytes.fromhex(answer + value)) if is_meant else message]
@@ -657,7 +657,7 @@ def _reads(answer: str, value: str) -> Callable[[can.Message], list[can.Message]
 
 @fault()
 def sdo_aborted_in_configuration(bench: FaultBench) -> None:
-    """The device refuses its TPDO: object and abort code are reported, it is tried again until it agrees."""
+    """The device refuses its TPDO. The driver reports object and abort code, and retries until the device accepts."""
     def abort(message: can.Message) -> list[can.Message]:  # CiA 301: 0x60 confirms a download; 0x80 aborts it
         is_tpdo = bytes(message.data[1:3]) == bytes.fromhex('0018')
         if message.data[0] == 0x60 and is_tpdo:
@@ -668,7 +668,7 @@ def sdo_aborted_in_configuration(bench: FaultBench) -> None:
 
 @fault()
 def sdo_timeout_in_mid_configuration(bench: FaultBench) -> None:
-    """The device falls silent amid its configuration: the object without an answer is reported, it is tried again."""
+    """The device goes silent during configuration. The driver reports the object without an answer, and retries."""
     _disturb_configuration(
         bench, lambda message: [] if bytes(message.data[1:3]) == bytes.fromhex('001A') else [message],
         'object 0x1A00 sub', 'No SDO response')
@@ -676,13 +676,13 @@ def sdo_timeout_in_mid_configuration(bench: FaultBench) -> None:
 
 @fault()
 def device_that_lies_about_its_mapping(bench: FaultBench) -> None:
-    """It confirms each write and keeps another mapping: what was written and what is read back are reported."""
+    """The device confirms each write but keeps another mapping. The driver reports the written and the read value."""
     _disturb_configuration(bench, _reads('43001A01', '10020020'), '0x1A00', '20000210')
 
 
 @fault(queue_limit=100)
 def queue_overrun(bench: FaultBench) -> None:
-    """A consumer that hangs is reported as overload: frames are lost and counted, the device is left alone."""
+    """A consumer hangs. The driver reports an overload, counts lost CAN frames, and sends the device no command."""
     bench.heard()
     bench.hold.clear()
     bench.wait(lambda: bench.driver.statistics().queue_overruns > 50, 'not counted')
@@ -698,11 +698,11 @@ def queue_overrun(bench: FaultBench) -> None:
 
 @fault()
 def process_stalled(bench: FaultBench) -> None:
-    """This process does not run for 1.2 s: that is reported, and the device, which was well, is left alone."""
+    """The driver process does not run for 1.2 s. It reports this, and sends the healthy device no command."""
     time.sleep(0.1)
     bench.heard()
     for _ in range(2):
-        ctypes.PyDLL(None).usleep(1_200_000)  # keeps the interpreter's lock: no thread runs
+        ctypes.PyDLL(None).usleep(1_200_000)  # keeps the lock of the interpreter, so no thread runs
         bench.end_of_cause()
         bench.detect(Overload.STALLED)
         bench.recover()
@@ -713,13 +713,13 @@ def process_stalled(bench: FaultBench) -> None:
 
 @fault()
 def wall_clock_set_back(bench: FaultBench) -> None:
-    """An hour back: the jump is counted and reported as WARN, stamps never go back, no TPDO is late for it."""
+    """The clock goes back an hour. The driver counts the jump with WARN. Stamps never go back, and no TPDO is late."""
     _set_clock(bench, -3600.0)
 
 
 @fault()
 def wall_clock_set_forward(bench: FaultBench) -> None:
-    """An hour on: the jump is counted and reported as WARN, stamps follow at once."""
+    """The clock goes forward an hour. The driver counts the jump with WARN, and stamps follow immediately."""
     _set_clock(bench, 3600.0)
 
 
@@ -740,7 +740,7 @@ def _set_clock(bench: FaultBench, seconds: float) -> None:
 
 @fault(is_running=False)
 def disk_full_while_recording(bench: FaultBench) -> None:
-    """The recording ends with its reason logged, what it lacks is counted; the taxels continue."""
+    """The recording ends. The driver logs the reason and counts the unrecorded CAN frames. The taxels continue."""
     with tempfile.TemporaryDirectory() as folder:
         bench.driver = Supervisor(replace(bench.settings, record=f'{folder}/x.log'), bench.pads, bench.keep)
         bench.run().cause()
@@ -756,7 +756,7 @@ def disk_full_while_recording(bench: FaultBench) -> None:
 
 @fault(is_running=False)
 def fails_while_inactive(bench: FaultBench) -> None:
-    """Bus and device are made ready again; activate then works as ever."""
+    """The driver reopens the bus and configures the device again. Activate then works as usual."""
     bench.driver.open()
     bench.driver.configure()
     bench.cause()
@@ -774,7 +774,7 @@ def fails_while_inactive(bench: FaultBench) -> None:
 
 @fault()
 def guarded_by_another_master(bench: FaultBench) -> None:
-    """Node guarding: requests and answers with the toggle bit change no state, count as no boot, lose no taxel."""
+    """Node guarding with the toggle bit changes no state, does not count as a boot, and loses no taxel."""
     for answer in ('05', '85') * 50:
         bench.other.send(can.Message(arbitration_id=0x720, is_extended_id=False, is_remote_frame=True, dlc=1))
         bench.send(0x720, answer)
@@ -785,19 +785,19 @@ def guarded_by_another_master(bench: FaultBench) -> None:
 
 @fault()
 def other_makers_device_at_work(bench: FaultBench) -> None:
-    """A busy device of another maker: its PDOs, SDOs, EMCY, boot-ups, its own SYNC and TIME disturb nothing."""
+    """PDOs, SDOs, EMCYs, boot-ups, SYNC and TIME of a busy foreign device have no effect."""
     theirs = ((0x185, '0102030405060708'), (0x285, 'FF'), (0x605, '4018100100000000'), (0x585, '4318100100000001'),
               (0x085, '0010010000000000'), (0x705, '00'), (0x705, '7F'), (0x090, ''), (0x100, '000000000000'),
               (0x205, '00'), (0x7E5, '0400000000000000'))
     for times in range(1, 101):
         for can_id, data in theirs:
             bench.send(can_id, data)
-        # Else a busy interpreter, which the simulated device shares, would have ever more to do
+        # Without this wait, the backlog of a busy interpreter and of the simulated device in it would grow
         bench.wait(lambda: bench.driver.statistics().can_frames.get('time', 0) == times, 'not counted')  # noqa: B023
     bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign', 0) == 400, 'not counted')
     bench.end_of_cause().recover()
     counts = bench.driver.statistics()
-    assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is in the range of EMCY
+    assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is an EMCY COB-ID
     assert not bench.complaints and bench.node().emergencies == 0
     bench.assert_no_outage()
     assert counts.pads['pad32'].losses[LossReason.UNKNOWN_ROW] == 0
@@ -805,7 +805,7 @@ def other_makers_device_at_work(bench: FaultBench) -> None:
 
 @fault(is_running=False)
 def refuses_operational_from_the_start(bench: FaultBench) -> None:
-    """activate fails with an error that names which state the device is in; the bus stays open for another try."""
+    """The transition activate fails with the state of the device. The bus stays open for another attempt."""
     bench.device.refuses_start = True
     bench.driver.open()
     bench.driver.configure()
@@ -824,12 +824,12 @@ def refuses_operational_from_the_start(bench: FaultBench) -> None:
     bench.recover()
     second = max(i for i, (_, frame) in enumerate(bench.kept) if frame.sequence == 0)
     assert all(np.isnan(frame.values).all() for _, frame in bench.kept[:second])
-    del bench.kept[:second]  # with each start sequence numbers begin again
+    del bench.kept[:second]  # sequence numbers restart with each activation
 
 
 @fault()
 def tare_under_load(bench: FaultBench) -> None:
-    """A tare while something presses is refused with the taxel that is pressed most; the zero stays as it was."""
+    """The driver refuses a tare under load and names the most pressed taxel. The zero does not change."""
     pad, seen, outcome = TaredPad(ContactGuard.of_unit('N')), len(bench.kept), []
 
     def tare() -> None:
@@ -845,13 +845,13 @@ def tare_under_load(bench: FaultBench) -> None:
             seen += 1
         asking.join(0.01)
     bench.detected = time.monotonic() - bench._begun
-    last = 63  # Coded: the last taxel reads most
+    last = 63  # with Coded, the last taxel has the highest reading
     assert f'row {last // 8}, column {last % 8}' in outcome[0] and pad.offset is None
 
 
 @fault((32, 35), source=uniform(1, 100, 1000, 12, 8), layout='nodes2_12x8_12bit.yaml')
 def one_of_a_pads_nodes_lost(bench: FaultBench) -> None:
-    """Of a pad made of two nodes, only the lost one's taxels are NaN; it is reported, and used again when it boots."""
+    """One of two nodes of a pad is lost. The driver reports it, and only its taxels are NaN until it boots again."""
     second = bench.simulator.devices[35]
     values = _switch_off(bench, second, 12, NodeFault.SILENT).values
     first, lost = bench.driver.health().nodes['pad32']
@@ -862,7 +862,7 @@ def one_of_a_pads_nodes_lost(bench: FaultBench) -> None:
 
 @fault(source=uniform(2, 100, 1000, 16, 10), layout='domain16x10_16bit.yaml')
 def polled_pad_power_cycled(bench: FaultBench) -> None:
-    """A pad read by SDO block upload: its polls fail, are counted and reported; it is configured again as it boots."""
+    """The polls of a restarting pad (SDO block upload) fail. The driver reports this, and configures the booted pad."""
     _switch_off(bench, bench.device, 1,
                 kind=lambda fact: isinstance(fact, (SdoAbortedError, SdoCommunicationError)))
     _switch_on(bench, bench.device)
@@ -870,7 +870,7 @@ def polled_pad_power_cycled(bench: FaultBench) -> None:
 
 @fault(source=uniform(3, 100, 1000, 16, 10), layout='domain16x10_16bit.yaml')
 def polled_uploads_damaged(bench: FaultBench) -> None:
-    """Segments of the uploads are damaged on the bus: the CRC reveals it, those frames are NaN, no value is wrong."""
+    """Segments of uploads are damaged. The CRC detects this. The affected frames are NaN, and no value is wrong."""
     count = itertools.count()
 
     def damage(message: can.Message) -> list[can.Message]:
@@ -890,7 +890,7 @@ def polled_uploads_damaged(bench: FaultBench) -> None:
 
 @fault((32, 64), source=uniform(4, 1e3, 9e4, 16, 16), layout='sim16x16.yaml')
 def adapter_of_two_large_pads_unplugged(bench: FaultBench) -> None:
-    """Two pads of 16x16 taxels, 64 TPDOs to be checked again: both are back."""
+    """The driver checks 64 TPDOs of two 16x16 pads again. Both pads then work."""
     bench.wait_for_whole('pad64')
     bench.adapter.is_plugged = False
     bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
@@ -899,7 +899,7 @@ def adapter_of_two_large_pads_unplugged(bench: FaultBench) -> None:
 
 @fault((32, 64), source=uniform(4, 1e3, 9e4, 16, 16), layout='sim16x16.yaml')
 def two_large_pads_power_cycled(bench: FaultBench) -> None:
-    """Two pads of 16x16 taxels lose their supply together: 64 TPDOs are written again."""
+    """Two 16x16 pads lose power at the same time. The driver writes 64 TPDOs again."""
     bench.wait_for_whole('pad64')
     for device in bench.simulator.devices.values():
         device.power_off()
@@ -911,42 +911,42 @@ def two_large_pads_power_cycled(bench: FaultBench) -> None:
 
 FAULTS += [stall(part, seconds) for seconds in (0.3, 2.0) for part in STALLING]
 LONG_FAULTS = [stall(part, seconds) for seconds in (1.0, 5.0, 10.0, 30.0) for part in STALLING]
-#: Those that `make test` injects, one for each mechanism, and why it is this one; `make faults` injects all.
+#: Faults that `make test` injects, one for each mechanism, with the reason. `make faults` injects all faults.
 ESSENTIAL = {
     'power_cycled_in_mid_stream': 'BOOTED: the boot-up message starts the recovery',
     'absent_at_configure_then_late': 'DeviceAbsentError: configure waits',
-    'one_of_two_pads_lost': 'SILENT, while the other pad goes on',
+    'one_of_two_pads_lost': 'SILENT, while the other pad continues',
     'boot_up_message_lost': 'a device that sends nothing is found by a request',
     'another_device_comes_back': 'the identity is checked, the taxels are distrusted',
     'stopped_by_another_master': 'ForeignCommand, from any master',
     'refuses_operational': 'NOT_OPERATIONAL that stays, with DeviceErrors',
-    'adapter_unplugged': 'RECEPTION_FAILED: the bus is opened again',
+    'adapter_unplugged': 'RECEPTION_FAILED: the driver reopens the bus',
     'sending_fails': 'SENDING_FAILED, while reception works',
     'bus_off': 'BUS_OFF, by an error frame',
-    'heartbeat_switched_off_by_another_master': 'NO_HEARTBEAT, repaired while the taxels flow',
+    'heartbeat_switched_off_by_another_master': 'NO_HEARTBEAT, repaired while the taxels continue',
     'taxels_lost_while_heartbeat_flows': 'NO_TAXELS',
-    'tpdo_remapped_by_another_master': 'RECONFIGURED, by a write that was seen',
-    'one_tpdo_switched_off_unseen': 'TPDO_MISSING, repaired while the others flow',
+    'tpdo_remapped_by_another_master': 'RECONFIGURED, by a write that the driver saw',
+    'one_tpdo_switched_off_unseen': 'TPDO_MISSING, repaired while the others continue',
     'two_devices_from_the_start': 'TwoDevicesError, by two SDO answers',
     'second_sender_of_a_tpdo': 'TWO_SENDERS, by surplus TPDOs',
     'second_sync_producer': 'SECOND_PRODUCER',
     'sync_producer_of_another_period': 'OTHER_PERIOD',
     'sync_of_another_producer_stops': 'NO_SYNC',
-    'emcy_until_it_is_reset': 'Emergency, from its begin to its reset',
+    'emcy_until_it_is_reset': 'Emergency, from its start to its reset',
     'tpdos_duplicated': 'LossReason.DUPLICATE',
     'tpdos_reordered': 'LossReason.OUT_OF_ORDER',
     'short_tpdos': 'LossReason.SHORT',
     'over_long_tpdos': 'LossReason.OVER_LONG',
     'sdo_aborted_in_configuration': 'DeviceError: a write that the device refuses',
     'queue_overrun': 'BEHIND and DROPPED',
-    'wall_clock_set_back': 'the stamps go on while the wall clock goes back',
+    'wall_clock_set_back': 'the stamps advance while the wall clock goes back',
     'polled_uploads_damaged': 'LossReason.BROKEN, of a polled pad',
     'adapter_stalls_for_0.3_s': 'LossReason.LATE: a backlog of one device',
     'driver_stalls_for_2_s': 'STALLED: the driver blames no node'}
 
 
 class Beside:
-    """A process that only sleeps: how late it wakes up shows whether the machine keeps up. Use with ``with``."""
+    """Context with a process that only sleeps. Its wake-up delay shows whether the machine keeps up."""
 
     PROGRAM = ('import select, sys, time\n'
                'worst = 0.0\n'
@@ -971,15 +971,15 @@ class Beside:
         self._process.stdout.close()
 
     def latest(self) -> float:
-        """Return by how much it woke up late at worst since the last call [s]."""
+        """Return the largest wake-up delay since the last call [s]."""
         print(file=self._process.stdin, flush=True)
         return float(self._process.stdout.readline())
 
 
 def main(names: list[str]) -> int:
-    """Print the catalogue, or those of it with these ``names``, each injected now.
+    """Inject the faults with these ``names``, or all faults, and print the results as a table.
 
-    Returns 1 if taxels came too late or a duration was wrong, unless the machine did not keep up meanwhile.
+    Returns 1 if taxels came too late or a duration was wrong while the machine kept up, else 0.
     """
     listed = {each.__name__: each for each in FAULTS + LONG_FAULTS}
     if not listed.keys() >= set(names):
@@ -1003,7 +1003,7 @@ def main(names: list[str]) -> int:
             wrong = [*bench.wrong_durations, *(['taxels too late'] if (bench.publishing_again or 0) > ALLOWED else [])]
             if wrong and (late > KEEPS_UP or is_overloaded()):
                 not_measured.append(each.__name__)
-                print(f'{"":42} this machine did not keep up: {", ".join(wrong)}; a process beside it woke up '
+                print(f'{"":42} this machine did not keep up: {", ".join(wrong)}; a sleeping process woke up '
                       f'{late:.3f} s late, load average {os.getloadavg()[0]:.1f}', flush=True)
             elif wrong:
                 failed.append(f'{each.__name__} ({", ".join(wrong)})')

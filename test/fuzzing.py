@@ -1,8 +1,10 @@
-"""Random and mutated input: files of every kind we read, CAN frames of every kind a bus can carry, and their timing.
+"""Random and mutated input: all kinds of files that the package reads, all kinds of CAN frames, and their timing.
 
-Run by `make fuzz`, or: python test/fuzzing.py [--frames N] [--files N] [--lines N] [--sweeps N] [--seed 1]. What
-breaks the rule (only TactileError, no hang, no loss in silence, no exception in a callback, no growing memory) is
-kept in build/fuzz and belongs, once repaired, into test/data/corpus, which the tests read.
+Run by `make fuzz`, or: python test/fuzzing.py [--frames N] [--files N] [--lines N] [--sweeps N] [--seed 1]
+
+The rule: an input may raise only TactileError. It must not cause a hang, an unreported loss, an exception in a
+callback, or growing memory. The script keeps each file that breaks the rule in build/fuzz. After the defect is fixed,
+move the file to test/data/corpus, which the tests read.
 """
 
 import argparse
@@ -42,9 +44,9 @@ from tactile_node.taxel_frame import TaxelStatus
 
 ROOT = Path(__file__).resolve().parents[1]
 CORPUS = ROOT / 'test/data/corpus'
-TIMEOUT = 20  #: s that one file may take
-GROWTH = 10    #: MB that memory may grow after the first tenth
-BURST = 2000   #: frames sent before the driver may catch up
+TIMEOUT = 20  #: longest time for one file [s]
+GROWTH = 10    #: allowed growth of the memory after the first tenth [MB]
+BURST = 2000   #: number of CAN frames that are sent before the driver catches up
 NASTY = ('', '0', '-1', '1e999', 'nan', '0x', '$NODEID', '$NODEID+', '99999999999999999999', '[', ']', '{', '}',
          ': ', '- ', '=', ';', '#', '\0', '\n', '\t', '\ufeff', '&a', '*a', '!!python/object:os.system', '0x80000180',
          'é', '%s', "'")
@@ -60,14 +62,14 @@ def read_log(path: Path) -> None:
         pass
 
 
-#: what reads a file, by its kind; each may raise TactileError and nothing else
+#: Reader for each kind of file. A reader may raise only TactileError.
 READERS: dict[str, Callable[[Path], object]] = {
     'eds': lambda path: load_eds(path, 32), 'layout': load_layout, 'log': read_log,
     'weights': ShapeRecogniser.from_file, 'curves': lambda path: make_recogniser(VOLF, str(path))}
 
 
 def survives(kind: str, path: Path) -> str:
-    """'read' or 'refused'; any other exception than TactileError passes, HangError after TIMEOUT."""
+    """Return 'read' or 'refused'. Raises HangError after TIMEOUT, and all errors of the reader except TactileError."""
     def hang(*_: object):
         raise HangError(f'{path} takes longer than {TIMEOUT} s')
     before = signal.signal(signal.SIGALRM, hang)
@@ -83,7 +85,7 @@ def survives(kind: str, path: Path) -> str:
 
 
 def originals(folder: Path) -> list[tuple[str, str, bytes]]:
-    """(kind, suffix, content) of sound files of each kind, small ones, so that many can be read."""
+    """Return (kind, suffix, content) of valid files of each kind. They are small, so that reading many is fast."""
     config = ROOT / 'config'
     eds = (config / 'sim8x8_16bit.eds').read_bytes()
     found = [('eds', '.eds', eds), ('eds', '.eds', eds[:3000]), ('layout', '.yaml', TINY.encode()),
@@ -99,7 +101,7 @@ def originals(folder: Path) -> list[tuple[str, str, bytes]]:
 
 
 def mutated(rng: random.Random, content: bytes, is_text: bool) -> bytes:
-    """``content`` with one to four changes of a random kind."""
+    """Return ``content`` with one to four random changes."""
     for _ in range(rng.randint(1, 4)):
         content = rng.choice(_TEXT_CHANGES if is_text else _CHANGES)(rng, content)
     return content
@@ -117,7 +119,7 @@ def _cut(rng: random.Random, content: bytes) -> bytes:
 
 
 def _moved(rng: random.Random, content: bytes) -> bytes:
-    """Take a piece out, or put it in elsewhere too."""
+    """Move a piece to another place, or copy it there."""
     begin, to = rng.randint(0, len(content)), rng.randint(0, len(content))
     piece = content[begin:begin + rng.choice((1, 8, 80))]
     if rng.random() < 0.5:
@@ -126,7 +128,7 @@ def _moved(rng: random.Random, content: bytes) -> bytes:
 
 
 def _line(rng: random.Random, content: bytes) -> bytes:
-    """Drop, double or swap lines."""
+    """Delete a line, duplicate a line, or swap two lines."""
     lines = content.splitlines(keepends=True) or [b'']
     at, other = rng.randrange(len(lines)), rng.randrange(len(lines))
     change = rng.randrange(3)
@@ -140,7 +142,7 @@ def _line(rng: random.Random, content: bytes) -> bytes:
 
 
 def _nasty(rng: random.Random, content: bytes) -> bytes:
-    """Replace a word by one that has broken parsers before."""
+    """Replace a word with a text that often breaks parsers."""
     words = content.replace(b'=', b' = ').split(b' ')
     words[rng.randrange(len(words))] = rng.choice(NASTY).encode()
     return b' '.join(words).replace(b' = ', b'=')
@@ -151,13 +153,13 @@ _TEXT_CHANGES = (*_CHANGES, _line, _line, _nasty, _nasty)
 
 
 def mutated_files(seed: int, folder: Path) -> Iterator[tuple[str, Path]]:
-    """One broken file after the other, as (kind, path); each is overwritten by a later one."""
+    """Yield broken files as (kind, path). A later file overwrites each of them."""
     rng, sound = random.Random(seed), originals(folder)
     number = 0
     while True:
         for kind, suffix, content in sound:
             is_text = suffix != '.blf'
-            if suffix == '.log.gz' and rng.random() < 0.5:  # broken inside, or the archive itself
+            if suffix == '.log.gz' and rng.random() < 0.5:  # change the content, or else the archive itself
                 content = gzip.compress(mutated(rng, gzip.decompress(content), True))
             else:
                 content = mutated(rng, content, is_text and suffix != '.log.gz')
@@ -168,12 +170,12 @@ def mutated_files(seed: int, folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def random_message(rng: random.Random, ids: list[int]) -> can.Message:
-    """A CAN message of any kind; every other one has an identifier that somebody listens to."""
+    """Return a random CAN message. Half of all messages have an identifier from ``ids``."""
     extended, fd = rng.random() < 0.03, rng.random() < 0.02
     can_id = rng.choice(ids) if rng.random() < 0.5 else rng.randrange(0x800)
     size = rng.choice((0, 1, 2, 4, 7, 8, 8, 8, 8)) if not fd else rng.choice((8, 12, 64))
     if rng.random() < 0.01:
-        size = rng.randrange(16)  # more than 8: no controller does so, an adapter's firmware may
+        size = rng.randrange(16)  # a controller never reports more than 8, but the firmware of an adapter may
     kind = rng.random()
     stamp = rng.choice((0.0, -1.0, 1e18, float('nan'))) if kind < 0.02 else time.time()
     return can.Message(timestamp=stamp, arbitration_id=can_id | rng.getrandbits(18) << 11 if extended else can_id,
@@ -182,7 +184,7 @@ def random_message(rng: random.Random, ids: list[int]) -> can.Message:
 
 
 class FrameFuzz:
-    """A supervised driver of one pad on a bus that carries everything; use with ``with``."""
+    """Context with a supervised driver of one pad, on a bus with random CAN messages."""
 
     def __init__(self, channel: str, seed: int):
         self._rng = random.Random(seed)
@@ -210,7 +212,7 @@ class FrameFuzz:
         for _ in range(count):
             self._other.send(random_message(self._rng, self._ids))
         self.sent += count
-        while self._other.recv(0) is not None:  # what others have sent waits for the sender too
+        while self._other.recv(0) is not None:  # empty the queue of this participant, which also receives
             pass
         assert wait_until(lambda: self.seen() >= self.sent, 60), f'{self.sent} sent, {self.seen()} seen'
 
@@ -219,7 +221,7 @@ class FrameFuzz:
         return sum(statistics.can_frames.values()) + statistics.queue_overruns
 
     def right_again(self) -> bool:
-        """After a reset of the node: whole frames again, of the taxels that nothing presses."""
+        """Reset the node, and return True if whole frames of untouched taxels are published again."""
         self._other.send(can.Message(arbitration_id=0, data=[0x81, 32], is_extended_id=False))
         self._still = 0
         return wait_until(lambda: self._still > 10, 30)
@@ -234,7 +236,7 @@ class FrameFuzz:
 
 
 class Tracebacks(logging.Handler):
-    """Counts exceptions that were caught and logged, by logger and type: nothing else reports those of callbacks."""
+    """Counts logged exceptions by logger and type, because exceptions in callbacks appear only in the log."""
 
     def __init__(self):
         super().__init__(logging.ERROR)
@@ -247,12 +249,12 @@ class Tracebacks(logging.Handler):
 
     @property
     def ours(self) -> int:
-        """Those of the package; the simulated skin's SDO server is canopen's and gets the same garbage."""
+        """Number of exceptions in the package. Others may come from canopen's SDO server in the simulated skin."""
         return sum(count for where, count in self.counts.items() if where.startswith('tactile_node'))
 
 
 class SerialFuzz:
-    """An slcan adapter on a line that damages what passes; use with ``with``."""
+    """Context with an slcan adapter on a serial line that damages its data."""
 
     def __init__(self, seed: int):
         self._rng, self._stack = random.Random(seed), ExitStack()
@@ -269,7 +271,7 @@ class SerialFuzz:
         self._stack.close()
 
     def send(self, count: int) -> None:
-        """Broken lines, each followed by a sound one that must come as it was sent."""
+        """Send broken lines, each followed by a valid line that must arrive unchanged."""
         for _ in range(count):
             self.sent += 1
             mark = self.sent.to_bytes(8, 'big')
@@ -277,13 +279,13 @@ class SerialFuzz:
                                                                               is_extended_id=False)))
             while True:
                 message = self.bus.recv(TIMEOUT)
-                assert message is not None, f'sound line {self.sent} did not come'
+                assert message is not None, f'valid line {self.sent} did not arrive'
                 if message.arbitration_id == 0x7FF and bytes(message.data) == mark:
                     break
                 self.outcome['reported as damaged' if message.is_error_frame else 'a frame by chance'] += 1
             assert len(self.bus._buffer) <= LONGEST_LINE
             try:
-                os.read(self._adapter, 1 << 16)  # what the driver's side has sent to the adapter
+                os.read(self._adapter, 1 << 16)  # discard the data that the driver sent to the adapter
             except BlockingIOError:
                 pass
 
@@ -300,7 +302,7 @@ def resident() -> float:
 
 
 class Growth:
-    """How much memory grows after the first tenth of ``count``."""
+    """Growth of the memory after the first tenth of ``count`` steps."""
 
     def __init__(self, count: int):
         self._tenth, self._warm = count // 10, 0.0
@@ -310,14 +312,14 @@ class Growth:
             self._warm = resident()
 
     def report(self) -> bool:
-        """Print it; return whether it is too much."""
+        """Print the growth, and return True if it exceeds GROWTH."""
         grown = resident() - self._warm
         print(f'memory {grown:+.1f} MB after the first tenth', flush=True)
         return grown > GROWTH
 
 
 def fuzz_files(count: int, seed: int) -> int:
-    """Print the outcome of ``count`` files; return how many broke the rule."""
+    """Read ``count`` broken files, print the outcome, and return the number of violations of the rule."""
     outcome, broken, kept, growth = Counter(), 0, ROOT / 'build/fuzz', Growth(count)
     kept.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
@@ -335,7 +337,7 @@ def fuzz_files(count: int, seed: int) -> int:
 
 
 def fuzz_frames(count: int, seed: int) -> int:
-    """Print the outcome of ``count`` CAN messages; return how many rules were broken."""
+    """Send ``count`` random CAN messages, print the outcome, and return the number of violations."""
     bursts = count // BURST
     with FrameFuzz('fuzz', seed) as fuzz:
         growth = Growth(bursts)
@@ -351,18 +353,18 @@ def fuzz_frames(count: int, seed: int) -> int:
 
 
 def fuzz_lines(count: int, seed: int) -> int:
-    """Print the outcome of ``count`` broken slcan lines; return how many rules were broken."""
+    """Send ``count`` broken slcan lines, print the outcome, and return the number of violations."""
     growth = Growth(10)
     with SerialFuzz(seed) as fuzz:
         for tenth in range(10):
             growth.look(tenth)
             fuzz.send(count // 10)
-    print(f'slcan lines: {fuzz.sent} broken, {dict(fuzz.outcome)}; every sound line after them came')
+    print(f'slcan lines: {fuzz.sent} broken, {dict(fuzz.outcome)}; every valid line after them arrived')
     return growth.report()
 
 
 def fuzz_timings(count: int, seed: int) -> int:
-    """Print the outcome of ``count`` sweeps with random timings; return how many taxel frames were wrong."""
+    """Simulate ``count`` sweeps with random timings, print the outcome, and return the number of wrong taxel frames."""
     worlds = itertools.cycle(itertools.product((ONE, TWO, TWO_NODES), (HOST, WIRE)))
     sent = whole = wrong = 0
     for number, (pads, clock) in enumerate(worlds):
@@ -379,8 +381,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--frames', type=int, default=1_000_000)
     parser.add_argument('--files', type=int, default=10_000)
-    parser.add_argument('--lines', type=int, default=100_000, help='of slcan')
-    parser.add_argument('--sweeps', type=int, default=1_000_000, help='with random timings')
+    parser.add_argument('--lines', type=int, default=100_000, help='number of broken slcan lines')
+    parser.add_argument('--sweeps', type=int, default=1_000_000, help='number of sweeps with random timings')
     parser.add_argument('--seed', type=int, default=1)
     args = parser.parse_args()
     tracebacks = Tracebacks()

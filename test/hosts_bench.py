@@ -1,7 +1,7 @@
-"""The chain of a gripper on two hosts: skin and driver on the first, the planner on the second, a link between them.
+"""The chain of a gripper on two hosts: skin and driver on the first host, the planner on the second host.
 
-Every process is started as a user starts it, by `tactile bringup`. Claims, records and what may be believed are those
-of misled_bench.py; all processes share the steady clock of this machine.
+The nodes are started with `tactile bringup`, as by a user. Claims, records and allowed times are those of
+misled_bench.py. All processes share the steady clock of this machine.
 """
 
 import json
@@ -21,9 +21,9 @@ from two_hosts import Host, Hosts
 
 DRIVER = 'skin_driver'
 TOPICS = ('grasp=grasp', 'left=left/shape', 'right=right/shape', 'health=/diagnostics', 'status=skin_driver/status')
-SIDES = {'bus': 'bus', 'thinking': 'perception'}  #: host -> side of `tactile bringup`
-DISCOVERY_PORT = 11811  # Fast DDS's default of a discovery server
-SENDING = 'sock_alloc_send'  # function of the kernel in which a thread waits for room in a socket
+SIDES = {'bus': 'bus', 'thinking': 'perception'}  #: side of `tactile bringup` for each host
+DISCOVERY_PORT = 11811  # default port of a discovery server of Fast DDS
+SENDING = 'sock_alloc_send'  # kernel function in which a thread waits for room in a socket
 
 
 NODES = {'/skin_driver', *(f'/{pad}/{role}' for pad in PADS for role in ('processor', 'classifier')), '/grasp'}
@@ -31,13 +31,13 @@ CLIENT = Path(__file__).with_name('hosts_client.py')
 
 
 def missing(shapes: list[Record]) -> int:
-    """Return how many frames between these neither came nor were left out on purpose."""
+    """Return the number of frames between ``shapes`` that were lost, without those that were left out on purpose."""
     return sum(max(0, after['sequence'] - before['sequence'] - 1 - after['left_out'])
                for before, after in zip(shapes, shapes[1:]))
 
 
 def _text(file: Path) -> str:
-    """Return a file of /proc; '' where its thread has ended."""
+    """Return the text of a file in /proc, or '' if its thread has ended."""
     try:
         return file.read_text(encoding='ascii')
     except OSError:
@@ -45,14 +45,29 @@ def _text(file: Path) -> str:
 
 
 class HostsWorld(World):
-    """A gripper that holds an object, its nodes on both of ``hosts``; the consumer is on the second.
+    """A gripper that holds an object. Its nodes run on both ``hosts``, and the consumer runs on the second host.
 
-    ``topics``: of the consumer. ``here``: topics of another consumer on the first host, whose records are
-    `here_records`. ``discovery_server``: on the first host, in place of the addresses of peers. ``given``: ROS
-    parameters of all nodes.
+    Parameters
+    ----------
+    hosts
+        The two hosts.
+    held
+        Attributes of the held object.
+    topics
+        Topics of the consumer.
+    here
+        Topics of another consumer on the first host. It adds its records to `here_records`.
+    period
+        Time between two frames [s].
+    discovery_server
+        True to run a discovery server on the first host, which replaces the addresses of the peers.
+    environment
+        Further environment variables of all processes.
+    given
+        ROS parameters of all nodes.
     """
 
-    has_sides = True  #: False: all nodes are on the first host
+    has_sides = True  #: False if all nodes run on the first host
 
     def __init__(self, hosts: Hosts, held: dict[str, Any] | None = None, *,
                  topics: tuple[str, ...] = TOPICS, here: tuple[str, ...] = (), period: float = PERIOD,
@@ -67,7 +82,7 @@ class HostsWorld(World):
             self._environment |= {'ROS_DISCOVERY_SERVER': f'{hosts.first.address}:{DISCOVERY_PORT}',
                                   'ROS_STATIC_PEERS': ''}
         self.here_records: list[Record] = []
-        self.bringups: dict[str, subprocess.Popen] = {}  #: by host: 'bus', 'thinking'
+        self.bringups: dict[str, subprocess.Popen] = {}  #: key: host, 'bus' or 'thinking'
 
     def _start(self, stack: ExitStack) -> None:
         first, second = self.hosts.both
@@ -110,7 +125,7 @@ class HostsWorld(World):
         return self._on(self.hosts.second)(command, **keywords)
 
     def driver_waits(self, seconds: float) -> int:
-        """Return in how many of ten looks a second a thread of the bus host's nodes waited for the link."""
+        """Check every 0.1 s if a thread of the bus host's nodes waits for the link; return how often one did."""
         ends, found = time.monotonic() + seconds, 0
         while time.monotonic() < ends:
             time.sleep(0.1)
@@ -119,20 +134,20 @@ class HostsWorld(World):
         return found
 
     def skipped(self, node: str) -> int:
-        """Messages that ``node`` has reported as skipped or dropped."""
+        """Return the number of messages that ``node`` has reported as skipped or dropped."""
         return sum(int(value) for key, value in self.values.get(node, {}).items()
                    if key == 'skipped' or key.startswith('dropped_'))
 
     @property
     def values(self) -> dict[str, dict[str, str]]:
-        """What each node has reported on /diagnostics last."""
+        """The latest values of each node on /diagnostics."""
         return {node: values for record in self.received('health', 0.0) for node, values in record['nodes'].items()}
 
     def received(self, topic: str, since: float) -> list[Record]:
         return [record for record in list(self.records) if record['topic'] == topic and record['time'] > since]
 
     def hold_again(self, since: float) -> float:
-        """Wait for a stable grasp that came after ``since`` [s, monotonic]; return how long after."""
+        """Wait for a stable grasp after ``since`` [s, monotonic]; return the time from ``since`` to its arrival [s]."""
         stable = lambda: [record for record in self.received('grasp', since) if record['stable']]  # noqa: E731
         self.wait(stable, 'a stable grasp again')
         return float(stable()[0]['time']) - since
@@ -160,7 +175,7 @@ class HostsWorld(World):
 
 
 def use_from_other_host(world: HostsWorld) -> None:
-    """Call services and actions across the link: check_grasp is asked where the grasp node runs, tare at the driver."""
+    """Call services and actions across the link: check_grasp of the grasp node, and tare of the driver."""
     world.hold(0.0)
     with world.on_second([sys.executable, str(CLIENT)], stdout=subprocess.PIPE, text=True) as client:
         answer = json.loads(client.communicate(timeout=3 * TIMEOUT)[0])

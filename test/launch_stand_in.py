@@ -36,7 +36,7 @@ MODULES = {
 
 
 def put_stand_ins(monkeypatch):
-    """Replace the modules of launch by stand-ins."""
+    """Replace the modules of launch with stand-ins."""
     for name, classes in MODULES.items():
         module = ModuleType(name)
         for each in classes:
@@ -56,7 +56,7 @@ def declared(path):
 
 
 def actions_of(path, given):
-    """Return the actions of the launch file for ``given`` launch configurations, also those of an including file."""
+    """Return the actions of the launch file for the ``given`` launch configurations, including inherited ones."""
     found, function = declared(path)
     return function(Context({each.given[0]: each.named['default_value'] for each in found} | given))
 

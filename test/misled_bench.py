@@ -1,8 +1,8 @@
-"""Where consumers are misled on purpose: the whole chain, between a skin and a consumer in processes of their own.
+"""A bench that tries to mislead consumers. It runs the whole chain; the skin and the consumer are separate processes.
 
-An object is held by both pads of a simulated gripper. A case changes what the skin, the bus, the nodes or the way
-between them do, and names the claims that are false from then on. `World.false` gives for how long the consumer's
-latest message made such a claim.
+Both pads of a simulated gripper hold an object. A case disturbs the skin, the bus, the nodes or the messages between
+them, and names the claims that are false from then on. `World.false` measures for how long the latest message of the
+consumer made such a claim.
 """
 
 import gc
@@ -32,26 +32,26 @@ from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.nodes.spinning import FrameExecutor
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
-PERIOD = 0.02  # s between two frames
-WITHDRAWN = max(0.1, 3 * PERIOD)  # s in which freshness must be withdrawn
+PERIOD = 0.02  # time between two frames [s]
+WITHDRAWN = max(0.1, 3 * PERIOD)  # time within which a grasp must lose `fresh` [s]
 QOS = QoSProfile(depth=100)
-PAUSE = 0.005  # s
+PAUSE = 0.005  # pause of the thread that detects stalls [s]
 MESSAGES = {'taxels': TaxelArray, 'contact': Contact, 'shape': ContactShape}
 READERS = {'taxels': 'processor', 'contact': 'classifier', 'shape': 'grasp'}
-TIMEOUT = 60.0  # s, for a busy machine
-Record = dict[str, Any]  # a line of the consumer
+TIMEOUT = 60.0  # longest wait, long enough for a busy machine [s]
+Record = dict[str, Any]  # a line that the consumer printed
 Claim = Callable[[Record], bool]
 Popen = Callable[..., subprocess.Popen]  # starts a process, on this host or on another
 
 
 def empty(record: Record) -> bool:
-    """It says, of a pad or of both, that nothing touches."""
+    """Return True if the message reports a pad or both pads as empty."""
     return (record.get('contact') in ('NO_CONTACT', 'ONE_SIDED') or 'SIDE_EMPTY' in record.get('sides', ())
             or record.get('shape') == 'NONE' or 'NONE' in record.get('shapes', ()))
 
 
 def current(record: Record) -> bool:
-    """It says that it is of now."""
+    """Return True if the message claims to be current."""
     return bool(record.get('fresh') or record.get('stable'))
 
 
@@ -73,7 +73,7 @@ class SkinProcess:
         assert self._process.stdout.readline() == 'ready\n'
 
     def set(self, **attributes: Any) -> None:
-        """Change what the pads hold: `misled_skin.Object`."""
+        """Change attributes of the held object, `misled_skin.Object`."""
         self._send(set=attributes)
 
     def lose(self, can_ids: Iterable[int]) -> None:
@@ -83,7 +83,7 @@ class SkinProcess:
         self._send(power_off=node_id)
 
     def unplug(self) -> None:
-        """Take the adapter away."""
+        """Unplug the adapter."""
         self._send(unplug=True)
 
     def _send(self, **command: Any) -> None:
@@ -97,25 +97,25 @@ class SkinProcess:
 
 
 class FalseClaim(NamedTuple):
-    """What is false from some time on."""
+    """A claim that is false from a certain time on."""
 
     name: str
-    is_made: Claim       #: by a message
-    bound: float = 0.0   #: for how long it may be made still [s]; 0: it may never be made
+    is_made: Claim       #: returns True if a message makes the claim
+    bound: float = 0.0   #: time for which it may still be made [s]; 0 if it may never be made
     topic: str = 'grasp'
 
 
 class Finding(NamedTuple):
-    """What a consumer was led to believe in one case."""
+    """The result for one false claim in one case."""
 
-    claim: str       #: what would be false
-    seconds: float   #: for how long its latest message said so
-    messages: int    #: how many messages said so
-    bound: float     #: for how long it may [s]
-    latency: float   #: from an acquisition to the consumer, before: what is on its way still comes [s]
-    stall: float     #: for how long the machine itself did not run meanwhile [s]
-    seen: str        #: what it was shown instead
-    has_ended: bool  #: its latest message no longer says so
+    claim: str       #: name of the false claim
+    seconds: float   #: time for which the latest message made the claim [s]
+    messages: int    #: number of messages that made the claim
+    bound: float     #: allowed time [s]
+    latency: float   #: time from acquisition to consumer before the fault; data in transit still arrives [s]
+    stall: float     #: time for which the machine itself stood still [s]
+    seen: str        #: the states that the consumer saw
+    has_ended: bool  #: True if the latest message no longer makes the claim
 
     @property
     def holds(self) -> bool:
@@ -123,12 +123,12 @@ class Finding(NamedTuple):
 
 
 class Relay:
-    """A link on which messages can be held back: then it keeps so many, and loses all after them."""
+    """A relay between two topics. While it holds messages back, it keeps the first ones and drops all later ones."""
 
     def __init__(self, node: Any, kind: type, topic: str, relayed: str):
         self._publisher = node.create_publisher(kind, relayed, QOS)
         self._subscription = node.create_subscription(kind, topic, self._pass, QOS)
-        self._room: int | None = None  # None: nothing is held back
+        self._room: int | None = None  # number of messages to keep; None while messages pass
         self._kept: list[Any] = []
 
     @property
@@ -150,17 +150,17 @@ class Relay:
 
 
 class Watch:
-    """What consumers have printed, line by line, and what they were led to believe by it."""
+    """The lines that consumers have printed, and the evaluation of false claims in them."""
 
     def __init__(self) -> None:
-        self.latency = 0.0  #: the longest from an acquisition to the consumer, before anything was wrong [s]
-        self.unstable = 0.0  #: part of the time that the consumer saw no stable grasp, before anything was wrong
+        self.latency = 0.0  #: longest time from acquisition to consumer before the fault [s]
+        self.unstable = 0.0  #: share of the time before the fault without a stable grasp
         self.records: list[Record] = []
-        self.stalls: list[tuple[float, float]] = []  #: when this process did not run, and for how long
+        self.stalls: list[tuple[float, float]] = []  #: start and duration of each stall of this process [s]
         self._stop = threading.Event()
 
     def tick(self) -> None:
-        """Record when this process was given no processor, or its interpreter was held: a pause that came late."""
+        """Record each stall: a time without processor, or in which a thread kept the interpreter's lock."""
         before = time.monotonic()
         while not self._stop.wait(PAUSE):
             now = time.monotonic()
@@ -177,14 +177,14 @@ class Watch:
 
     @staticmethod
     def failure(text: str) -> Exception:
-        """Return the error of a wait that was in vain: on an overloaded machine the test is skipped."""
+        """Return the error for a wait that timed out. On an overloaded machine, this error skips the test."""
         return TooSlowError(text) if is_overloaded() else AssertionError(text)
 
     def latest(self, topic: str) -> Record:
         return next((record for record in reversed(self.records) if record['topic'] == topic), {})
 
     def hold(self, seconds: float = 1.0) -> None:
-        """Wait until the consumer sees a grasp that is stable, and for some time more, in which nothing is wrong."""
+        """Wait until the consumer sees a stable grasp, and measure the undisturbed chain for further ``seconds``."""
         self.wait(lambda: self.latest('grasp').get('stable'), 'a stable grasp')
         began = time.monotonic()
         time.sleep(seconds)
@@ -193,7 +193,7 @@ class Watch:
         self.unstable = self.false(FalseClaim('not stable', negated(stable)), began).seconds / max(seconds, 1e-9)
 
     def watch(self, since: float, seconds: float, *claims: FalseClaim) -> list[Finding]:
-        """What was claimed after ``since`` [s, monotonic]: for ``seconds``, and until what may be claimed has ended."""
+        """Watch for ``seconds`` after ``since`` [s, monotonic], and until the claims with a bound have ended."""
         end = since + seconds
         time.sleep(max(0.0, end - time.monotonic()))
         while True:
@@ -203,7 +203,7 @@ class Watch:
             time.sleep(PERIOD)
 
     def false(self, claim: FalseClaim, since: float) -> Finding:
-        """For how long after ``since`` [s, monotonic] the latest message has made this ``claim``."""
+        """Return for how long after ``since`` [s, monotonic] the latest message has made ``claim``."""
         until = time.monotonic()
         records = [record for record in list(self.records)
                    if record['topic'] == claim.topic and record['time'] <= until]
@@ -218,7 +218,7 @@ class Watch:
                        not claim.is_made(records[-1]))
 
     def _seen(self, topic: str, since: float, until: float) -> str:
-        """The states that were shown, in their order."""
+        """Return the states that the consumer saw, in their order."""
         seen: list[str] = []
         for record in list(self.records):
             if record['topic'] == topic and since < record['time'] <= until:
@@ -229,12 +229,13 @@ class Watch:
 
 
 class World(Watch):
-    """The chain of a gripper; nodes may be left out, or get other parameters, by role.
+    """The chain of a gripper. A case may leave nodes out, or set parameters of a node by its role.
 
-    ``period`` [s]: between two frames. What is allowed is of PERIOD; a busy machine keeps up with a longer one.
+    ``period`` is the time between two frames [s]. The allowed times are based on PERIOD; with a longer ``period``, a
+    busy machine keeps up.
     """
 
-    hands_over = True  #: results go from stage to stage by a call, as in one process; False: by messages alone
+    hands_over = True  #: True if stages pass results by function calls, as in one process; False if only by messages
 
     def __init__(self, held: dict[str, Any] | None = None, *, without: Sequence[str] = (),
                  topics: Sequence[str] = ('grasp=grasp', 'left=left/shape'), relayed: str = '', period: float = PERIOD,
@@ -287,7 +288,7 @@ class World(Watch):
         stack.callback(self._stop.set)
         if 'driver' in self.nodes:
             self.nodes['driver'].autostart()
-        gc.freeze()  # as in each process of ours: a full collection takes as long as a silence may
+        gc.freeze()  # as in our processes, because a full collection takes as long as an allowed silence
 
     def _make_nodes(self) -> None:
         driver = {'interface': 'slcan', 'channel': self._port, 'pads': list(PADS), 'node_ids': list(NODE_IDS),
@@ -306,7 +307,7 @@ class World(Watch):
                            for pad in PADS]
 
     def peer(self) -> Any:
-        """Another node beside the chain."""
+        """Make and return a node that does not belong to the chain."""
         node = rclpy.create_node('peer', context=self.context)
         self.nodes['peer'] = node
         self.executor.add_node(node)
@@ -319,14 +320,14 @@ class World(Watch):
         self.executor.add_node(node)
 
     def _remappings(self, name: str) -> list[str]:
-        """The reader of a relayed topic takes it from the relay."""
+        """Return the arguments that make the reader of a relayed topic subscribe to the relay."""
         if not self._relayed or name.split('_')[0] != READERS[self._relayed]:
             return []
         rules = [f'{pad}/shape:={pad}/relayed' for pad in PADS] if name == 'grasp' else [f'{self._relayed}:=relayed']
         return ['--ros-args', *(word for rule in rules for word in ('-r', rule))]
 
     def remove(self, name: str) -> None:
-        """End a node as a crash would: without a message; on the executor's thread, which may be using it."""
+        """End a node without a message, like a crash, on the thread of the executor, which may be using the node."""
         node = self.nodes.pop(name)
         done = threading.Event()
 
@@ -339,7 +340,7 @@ class World(Watch):
 
     def _destroy_nodes(self) -> None:
         self.executor.shutdown()
-        for name in sorted(self.nodes, key='driver'.__ne__):  # the driver, which feeds the others, first
+        for name in sorted(self.nodes, key='driver'.__ne__):  # the driver first, because it feeds the other nodes
             self.nodes[name].destroy_node()
         self.nodes.clear()
 

@@ -1,7 +1,8 @@
-"""Who could be misled, when, and for how long: each case changes one thing while an object is held by both pads.
+"""Cases that try to mislead a consumer. Each case disturbs one thing while both pads hold an object.
 
-`python test/misled_catalogue.py` (`make misled`) runs every case and prints what a consumer, which looks at the latest
-message only, was led to believe, for how long, and what is allowed. `test_misled.py` runs some, and times none.
+The consumer looks only at the latest message. `python test/misled_catalogue.py` (`make misled`) runs every case. It
+prints the false claims that the consumer saw, for how long it saw them, and the allowed time. `test_misled.py` runs
+some of the cases and measures no times.
 """
 
 import argparse
@@ -42,20 +43,20 @@ from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_skin.msg import Contact, ContactEvent, ContactMotion, ContactShape, GripperOutcome, TaxelArray
 from tactile_skin.srv import Tare
 
-FROZEN_AFTER = 0.5  # s, parameter of the driver
-HELD_BACK = 5.0  # s
-SMALL = {'side': 5.0}  # taxels, of an object that nine rows cover
-BURST = 10  # messages
-SETTLED = 0.3  # s after which the truth must be seen again
+FROZEN_AFTER = 0.5  # parameter of the driver [s]
+HELD_BACK = 5.0  # time for which a relay holds messages back [s]
+SMALL = {'side': 5.0}  # side of an object that nine rows cover [taxels]
+BURST = 10  # number of messages that a relay keeps
+SETTLED = 0.3  # time after which the messages must be true again [s]
 MINUTE = 60.0
-SLIDES_ON = 0.5  # s after a movement in which it is still said, a little more than a fast one takes to have stopped
+SLIDES_ON = 0.5  # time for which a movement is reported after its end [s]; the end of a fast one takes a little less
 EMPTY, LEFT_EMPTY = FalseClaim('empty', empty), FalseClaim('empty', empty, topic='left')
 NOT_EMPTY = FalseClaim('not empty', lambda record: record['contact'] != 'NO_CONTACT', SETTLED)
-Case = Callable[..., list[Finding]]  # some may be given a period
+Case = Callable[..., list[Finding]]  # some cases accept a period
 
 
 def skin_freezes() -> list[Finding]:
-    """The skin repeats its last values to the bit; the driver has frozen_after."""
+    """The skin repeats its last values exactly. The driver has the parameter frozen_after."""
     with World(driver={'frozen_after': FROZEN_AFTER}) as world:
         world.hold()
         world.skin.set(is_frozen=True)
@@ -77,7 +78,7 @@ def unplugged(world: World) -> list[Finding]:
 
 
 def one_pad_loses_power() -> list[Finding]:
-    """The right pad goes silent, the left one continues."""
+    """The right pad goes silent, and the left pad continues."""
     with World() as world:
         world.hold()
         world.skin.power_off(NODE_IDS[1])
@@ -89,12 +90,12 @@ def driver_ends() -> list[Finding]:
     """The driver is destroyed; the other nodes continue."""
     with World() as world:
         world.hold()
-        world.remove('driver')  # which stops the devices first; meanwhile no node of this process runs
+        world.remove('driver')  # the driver first stops the devices, and no other node of this process runs meanwhile
         return _after(world, 1.0, WITHDRAWN + PERIOD)
 
 
 def classifier_ends() -> list[Finding]:
-    """One of the two classifiers is gone without a message."""
+    """One of the two classifiers ends without a message."""
     with World() as world:
         world.hold()
         since = time.monotonic()
@@ -103,7 +104,7 @@ def classifier_ends() -> list[Finding]:
 
 
 def nodes_start_while_held() -> list[Finding]:
-    """Processing and classifier of a pad start again; the object was held all the time."""
+    """The processor and the classifier of a pad restart while the object is held."""
     with World() as world:
         world.hold()
         since = time.monotonic()
@@ -131,7 +132,7 @@ def rows_lost(world: World) -> list[Finding]:
 
 
 def a_part_is_hidden() -> list[Finding]:
-    """The lower rows of the object are hidden: what is seen is shorter, lighter, and its centre is another one."""
+    """The lower rows of the object are hidden. The visible part is shorter and lighter, and has another centre."""
     with World() as world:
         world.hold()
         layout = gripper_pads()[0].layout
@@ -143,7 +144,7 @@ def a_part_is_hidden() -> list[Finding]:
 
 
 def taxels_saturate() -> list[Finding]:
-    """The object presses 2.5 times harder than the taxels can measure."""
+    """The object presses with 2.5 times the pressure that the taxels can measure."""
     since = time.monotonic()
     with World({'pressure': 2.5}) as world:
         world.wait(lambda: world.latest('left').get('taxels'), 'a contact')
@@ -152,7 +153,7 @@ def taxels_saturate() -> list[Finding]:
 
 
 def object_creeps(period: float = PERIOD) -> list[Finding]:
-    """The object slides at 0.5 mm/s from the first moment."""
+    """The object slides at 0.5 mm/s from the beginning."""
     since = time.monotonic()
     with World({'speed': 0.5e-3}, period=period) as world:
         world.wait(lambda: world.latest('grasp').get('contact') == 'TWO_SIDED', 'contact')
@@ -161,7 +162,7 @@ def object_creeps(period: float = PERIOD) -> list[Finding]:
 
 
 def object_creeps_slowly() -> list[Finding]:
-    """At 0.05 mm/s for a minute: the grasp is held, and to deny it would be false, too."""
+    """The object slides at 0.05 mm/s for a minute. The grasp is stable, and a message that denies this is false."""
     with World({'speed': 0.05e-3}) as world:
         world.hold()
         since = time.monotonic()
@@ -169,7 +170,7 @@ def object_creeps_slowly() -> list[Finding]:
 
 
 def messages_held_back(link: str = 'shape') -> list[Finding]:
-    """Ten messages of each pad are held back for 5 s on their way, then come at once."""
+    """A relay holds back ten messages of each pad for 5 s, and then sends all of them at once."""
     with World(relayed=link) as world:
         world.hold()
         relays = world.relays
@@ -185,7 +186,7 @@ def messages_held_back(link: str = 'shape') -> list[Finding]:
 
 
 def malformed_messages() -> list[Finding]:
-    """Default-constructed and contradictory messages on every topic of the left pad, every 50 ms."""
+    """Another node sends default-constructed and contradictory messages for the left pad every 50 ms."""
     with World() as world:
         return malformed_sent(world)
 
@@ -207,7 +208,7 @@ def malformed_sent(world: World) -> list[Finding]:
 
 
 def tare_is_requested() -> list[Finding]:
-    """Someone asks for a tare while the object is held; tare_limit is above the pressure of the object."""
+    """A client requests a tare while the object is held. tare_limit is above the pressure of the object."""
     with World(driver={'tare_limit': 1e6}) as world:
         world.hold()
         client = world.peer().create_client(Tare, 'skin_driver/tare')
@@ -223,7 +224,7 @@ def tare_is_requested() -> list[Finding]:
 
 
 def taxels_are_dead() -> list[Finding]:
-    """Of each pad eight scattered taxels (3 %) are dead: this must not cost the grasp, nor an empty pad."""
+    """Eight scattered taxels (3 %) of each pad are dead. The grasp, and later the empty pads, are still reported."""
     places = {pad: np.random.default_rng(number).permutation(256)[:8] for number, pad in enumerate(PADS)}
     with TemporaryDirectory() as folder:
         file = Path(folder) / 'faults.yaml'
@@ -239,7 +240,7 @@ def taxels_are_dead() -> list[Finding]:
 
 
 def object_is_taken_away() -> list[Finding]:
-    """Both pads are empty from then on: to deny it for long would be false, too."""
+    """The object is removed, and both pads are empty. A message that denies this for long is false."""
     with World() as world:
         world.hold()
         world.skin.set(is_there=False)
@@ -247,7 +248,7 @@ def object_is_taken_away() -> list[Finding]:
 
 
 def _after(world: World, seconds: float, bound: float, since: float | None = None) -> list[Finding]:
-    """Of a chain that is cut: nothing is empty, and nothing is current for longer than ``bound``."""
+    """Watch an interrupted chain. It must never report empty, and report current results only for up to ``bound``."""
     since = time.monotonic() if since is None else since
     return world.watch(since, seconds, EMPTY, FalseClaim('current', current, bound))
 
@@ -266,7 +267,7 @@ def named(name: str, function: Callable[..., list[Finding]]) -> Case:
 
 
 def one_pad_never_answers() -> list[Finding]:
-    """No result of the right pad has come yet."""
+    """The right pad has not sent a result yet."""
     with World(without=['classifier_right']) as world:
         since = time.monotonic()
         world.wait(lambda: world.latest('grasp'), 'a grasp')
@@ -275,7 +276,7 @@ def one_pad_never_answers() -> list[Finding]:
 
 
 def joint_states_end() -> list[Finding]:
-    """The opening comes from joint states, which end: an old width would be taken for the present one."""
+    """The joint states that give the opening stop. An old width must not pass for the current width."""
     limit = 0.3
     with World(grasp={'gap_source': 'joint_states', 'gap_joints': ['finger'], 'max_gap_age': limit}) as world:
         controller = world.peer()
@@ -294,7 +295,7 @@ def joint_states_end() -> list[Finding]:
 
 
 def opening_is_not_known() -> list[Finding]:
-    """No source gives the opening: there is no width, not that of a closed gripper."""
+    """No source gives the opening. No width may be reported, in particular not that of a closed gripper."""
     since = time.monotonic()
     with World() as world:
         world.hold()
@@ -306,7 +307,7 @@ def _has(name: str) -> Claim:
 
 
 def event_of_a_stale_skin() -> list[Finding]:
-    """The skin freezes, and the object is taken away: of what is not sampled nothing moves, and nothing is lost."""
+    """The skin freezes, and the object is removed. A frozen skin must not report a movement or a lost contact."""
     with World(driver={'frozen_after': FROZEN_AFTER}) as world:
         world.hold()
         world.skin.set(is_frozen=True)
@@ -319,13 +320,13 @@ def event_of_a_stale_skin() -> list[Finding]:
 
 
 def latched_event_is_no_present_one() -> list[Finding]:
-    """The object slips by 1.5 taxels, once: it slides then, and not for as long as this is the last event."""
+    """The object slips once by 1.5 taxels. `moving` must not report the slip for as long as `last_event`."""
     with World() as world:
         world.hold()
         since = time.monotonic()
         world.skin.set(x=9.1)
         found = world.watch(since, 2.5, FalseClaim('sliding', _slides, SLIDES_ON + PERIOD))
-        assert any(_slides(record) for record in world.records if record['topic'] == 'grasp'), 'the slip was not seen'
+        assert any(_slides(record) for record in world.records if record['topic'] == 'grasp'), 'no slip was reported'
         latest = world.latest('grasp')
         for event, age in zip(latest['last_events'], latest['event_ages']):
             assert event != ContactEvent.SLIDING or age >= 1, latest
@@ -338,9 +339,9 @@ def _slides(record: Record) -> bool:
 
 def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Callable[[World, GripperBench], None],
            held: dict, parameters: dict, **given: dict) -> Case:
-    """Return the case of a gripper that closes by its node while ``spoil`` spoils what its pads see.
+    """Return a case in which ``spoil`` disturbs the data of the pads while the gripper node moves the gripper.
 
-    It must stop, and a goal to close that is sent meanwhile must not move it.
+    The gripper must stop, and a new goal to close must not move it.
     """
     def case() -> list[Finding]:
         with World(held, **given) as world, ExitStack() as stack:
@@ -349,9 +350,9 @@ def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Calla
             stack.callback(rclpy.try_shutdown)
             bench = GripperBench(stack, parameters={'max_age': MAX_AGE, 'fast_speed': 0.01, **parameters}, pads=None)
             begin(world, bench)
-            # A late frame stops it for a moment: on a busy machine it closes in steps, while all is well
+            # A late frame stops the gripper for a moment, so on a busy machine it closes in steps even without a fault
             bench.until(lambda: bench.motor.moves and bench.motor.opening < START - 0.001,
-                        'it does not close while all is well')
+                        'it does not close without a fault')
             since = time.monotonic()
             spoiler = threading.Thread(target=spoil, args=(world,))
             spoiler.start()
@@ -372,26 +373,26 @@ def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Calla
 
 
 def _closes(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
-    """Of a goal to close, on nothing."""
+    """Return a case with a goal to close and no object."""
     return _moves(f'gripper_closes_while_{what}', spoil, bound, lambda _, bench: bench.client.send(position=0.0),
                   {'is_there': False}, {}, **given)
 
 
 def _presses(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
-    """Of a hold whose object presses less and less: its pads lie, or the gripper would follow."""
+    """Return a case with a hold whose object yields, so that the gripper closes further until the fault stops it."""
     def begin(world: World, bench: GripperBench) -> None:
         world.hold()
         tries = (bench.close(position=0.0, effort=0.9 * world.latest('left')['force'])[2] for _ in range(TRIES))
-        assert any(outcome.outcome == GripperOutcome.FORCE_REACHED for outcome in tries), 'a busy machine sees too late'
+        assert any(outcome.outcome == GripperOutcome.FORCE_REACHED for outcome in tries), 'the machine is too busy'
         world.skin.set(pressure=0.25)
         bench.until(lambda: bench.motor.moves)
     return _moves(f'gripper_presses_while_{what}', spoil, bound, begin, {},
                   {'hold': True, 'hold_travel': 0.05}, **given)
 
 
-MAX_AGE = 0.15  # s, parameter of the gripper node
+MAX_AGE = 0.15  # parameter of the gripper node [s]
 TRIES = 5
-STOPPED = MAX_AGE + PERIOD + 0.03  # s; a message, and the way of a cancel
+STOPPED = MAX_AGE + PERIOD + 0.03  # allows for one more message and for the transport of a cancel [s]
 LOST_ROWS = [tpdo.cob_id.of(NODE_IDS[0]) for tpdo in gripper_pads()[0].layout.tpdos[6:24]]
 CLOSING = (
     _closes('skin_freezes', lambda world: world.skin.set(is_frozen=True), FROZEN_AFTER + STOPPED,
@@ -408,7 +409,7 @@ CLOSING = (
     _presses('rows_are_hidden', lambda world: world.skin.lose(LOST_ROWS), STOPPED))
 
 
-#: with `make misled SHORT=1`
+#: Cases that `make misled SHORT=1` runs.
 SHORT: Sequence[Case] = (
     skin_freezes, bus_fails, rows_are_hidden, a_part_is_hidden, taxels_saturate, object_creeps, malformed_messages,
     tare_is_requested, event_of_a_stale_skin, latched_event_is_no_present_one)
@@ -426,7 +427,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--only', default='', help='run the cases whose name contains this')
     parser.add_argument('--short', action='store_true', help='leave out the long cases')
-    parser.add_argument('--apart', action='store_true', help='stages get messages alone, as in processes of their own')
+    parser.add_argument('--apart', action='store_true', help='pass results only by messages, as between processes')
     args = parser.parse_args()
     World.hands_over = not args.apart
     cases = [case for case in (*SHORT, *(() if args.short else LONG)) if args.only in case.__name__]
@@ -438,7 +439,7 @@ def main() -> int:
 
 
 def _run(case: Case) -> int:
-    """Print what ``case`` finds; how many of the claims lasted too long."""
+    """Run ``case``, print its findings, and return the number of claims that lasted too long."""
     findings = case()
     for finding in findings:
         times = (finding.bound, finding.latency, finding.stall)

@@ -1,8 +1,8 @@
-"""A consumer of our messages in a separate process: prints what it receives, one JSON line each, when it comes.
+"""A consumer of our messages in a separate process. It prints each message on arrival as one line of JSON.
 
     python test/misled_consumer.py grasp=grasp left=left/shape taxels=left/taxels status=skin_driver/status
 
-It knows the message types and `InputAge` only, as a planner on another machine would.
+Like a planner on another machine, it uses only the message types and `InputAge` of the package.
 """
 
 import json
@@ -21,7 +21,7 @@ from tactile_node.ros.message_age import InputAge
 from tactile_skin.msg import ContactShape, Grasp, SkinStatus, TaxelArray
 
 BEST_EFFORT = '--best-effort'
-DEPTH = 100  # messages
+DEPTH = 100  # length of the queue [messages]
 SHAPES = ('NOT_KNOWN', 'NONE', 'UNKNOWN', 'CIRCLE', 'SQUARE', 'RECTANGLE', 'RIGHT_TRIANGLE', 'ISOSCELES_TRIANGLE')
 CONTACTS = ('NOT_KNOWN', 'UNSEEN', 'NO_CONTACT', 'ONE_SIDED', 'TWO_SIDED')
 SIDES = ('SIDE_NOT_KNOWN', 'SIDE_UNSEEN', 'SIDE_EMPTY', 'SIDE_TOUCHED')
@@ -65,7 +65,7 @@ def taxel_facts(message: TaxelArray) -> dict:
 
 
 def diagnostic_facts(message: DiagnosticArray) -> dict:
-    """Of the nodes in the message: what they report, and what of it are counts."""
+    """Return the values of each node in the message, and those of them that are counts."""
     return {'nodes': {status.name: {value.key: value.value for value in status.values} for status in message.status},
             'counts': {status.name: {value.key: int(value.value) for value in status.values if value.value.isdigit()}
                        for status in message.status}}
@@ -104,13 +104,13 @@ def status_facts(message: SkinStatus) -> dict:
 
 
 def name_of(kind: type, names: tuple[str, ...], number: int) -> str:
-    """The name of a constant; a message of an older version has fewer."""
+    """Return the name of a constant, or the number if this version of the message has no such constant."""
     return next((name for name in names if getattr(kind, name, None) == number), str(number))
 
 
 KINDS = {'grasp': (Grasp, grasp_facts), 'shape': (ContactShape, shape_facts), 'taxels': (TaxelArray, taxel_facts),
          'status': (SkinStatus, status_facts),
-         'diagnostics': (DiagnosticArray, diagnostic_facts)}  # by the last part of the topic
+         'diagnostics': (DiagnosticArray, diagnostic_facts)}  # key: last part of the topic
 
 
 if __name__ == '__main__':

@@ -1,9 +1,9 @@
-"""The skin of a gripper that holds an object, in a separate process: two pads behind a serial CAN adapter.
+"""The skin of a gripper that holds an object: two pads behind a serial CAN adapter, in a separate process.
 
     python test/misled_skin.py /tmp/port '{"side": 7.0}'
 
-Lines of JSON on stdin change it while it runs: {"set": {"is_frozen": true}}, {"lose": [417, 418]} (CAN identifiers that
-the adapter loses from then on), {"power_off": 48}, {"unplug": true}.
+Each line on stdin is a command in JSON: {"set": {"is_frozen": true}}, {"lose": [417, 418]}, {"power_off": 48} or
+{"unplug": true}. After "lose", the adapter loses all CAN frames with these identifiers.
 """
 
 import fcntl
@@ -25,8 +25,8 @@ from tactile_node.simulator.world import Contact as Touching
 from tactile_node.skin.pads import LivePad, make_pads, with_dictionaries
 
 PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 48), 'sim16x16.yaml'
-PITCH = 0.002  # m, of the layout
-FULL_SCALE = 100e3  # Pa
+PITCH = 0.002  # pitch of the layout [m]
+FULL_SCALE = 100e3  # [Pa]
 
 
 def gripper_pads() -> tuple[LivePad, ...]:
@@ -34,16 +34,16 @@ def gripper_pads() -> tuple[LivePad, ...]:
 
 
 class Object:
-    """What the pads hold; every attribute may be changed while the skin runs."""
+    """The held object. Every attribute may be changed while the skin runs."""
 
     def __init__(self, **attributes: Any):
-        self.side = 7.0  #: of the square [taxels]
+        self.side = 7.0  #: side of the square [taxels]
         self.pressure = 0.5  #: [fraction of full scale]
         self.angle = 0.2  #: [rad]
         self.is_there = True
-        self.x = 7.6  #: of its centre while it does not creep [taxels]
-        self.is_frozen = False  #: the skin has stopped sampling
-        self.speed = 0.0  #: along x, from the left part of the pad [m/s]
+        self.x = 7.6  #: place of the centre if ``speed`` is 0 [taxels]
+        self.is_frozen = False  #: True if the skin repeats its last values
+        self.speed = 0.0  #: speed along x, starting in the left part of the pad [m/s]
         self._began = time.monotonic()
         self._random = np.random.default_rng(5)
         self._last = {pad: np.zeros((16, 16)) for pad in PADS}
@@ -70,14 +70,14 @@ class Object:
 
 
 class LossyPort(SlcanPty):
-    """An adapter that loses frames of some identifiers."""
+    """An adapter that loses the CAN frames with some identifiers."""
 
     def __init__(self, link: str):
         self.lost_ids: frozenset[int] = frozenset()
         super().__init__(link)
 
     def lose(self, can_ids: frozenset[int]) -> None:
-        """Return when all that was sent before has left, too: a busy host reads it later."""
+        """Lose frames with these identifiers. Returns after the host has read all earlier frames, which takes time."""
         self.lost_ids = can_ids
         waiting = array('i', [1])
         while waiting[0] or self._unsent:

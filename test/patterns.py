@@ -46,7 +46,7 @@ def shapes(area: float) -> list[np.ndarray]:
 
 
 def assorted() -> dict[str, np.ndarray]:
-    """Return one pattern of every kind that has ever been a special case."""
+    """Return one pattern for each known special case."""
     named = {'one taxel': np.ones((1, 1), bool), 'row': np.ones((1, 20), bool),
              'column': np.ones((15, 1), bool),
              'diagonal': np.eye(9, dtype=bool), 'two apart': np.array([[True, False, False, True]]),

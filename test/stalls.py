@@ -1,7 +1,7 @@
 """Stalls of skin, adapter or driver, after which they continue. Skin and serial adapter run in a separate process.
 
 `python test/stalls.py` is that process. Each taxel value shows the SYNC that it answers, so that tests find an old
-value with a present stamp. The process reads commands from its standard input. `hold` and `release` stop and continue
+value with a current stamp. The process reads commands from its standard input. `hold` and `release` stop and continue
 the data from the adapter to the host. `report` prints the time at which each SYNC was answered.
 """
 
@@ -192,7 +192,7 @@ class StallBench:
                 if 0 < number <= len(self._asked) and not begun <= self._asked[number - 1] <= ended}
 
     def _check(self, answered: dict[int, float]) -> None:
-        """Assert that no old value was published with a present stamp, and no present value with an old stamp."""
+        """Assert that no old value was published with a current stamp, and no current value with an old stamp."""
         for pad in self._pads:
             check_stamps([frame for name, _, frame in self.kept if name == pad], Coded(), self._asked, answered)
 
@@ -214,7 +214,7 @@ def stall(part: str, seconds: float) -> Callable[[str], StallBench]:
                                           if not seconds - 0.5 < one.seconds < seconds + ALLOWED]
         return bench
     fault.__name__ = f'{part}_stalls_for_{seconds:g}_s'
-    fault.__doc__ = {'skin': 'The skin is reported as silent. Its old values are not published as present values.',
+    fault.__doc__ = {'skin': 'The skin is reported as silent. Its old values are not published as current values.',
                      'adapter': 'The data that the adapter held back is counted as late, and as data of one device.',
                      'driver': 'This process did not run. No device is reported as faulty or configured again.'}[part]
     return fault

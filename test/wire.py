@@ -21,7 +21,7 @@ def frame_seconds(size: int) -> float:
 class Carried(NamedTuple):
     """A frame that was sent over the wire."""
 
-    offered: float  #: time at which its sender had it ready [s]
+    offered: float  #: time at which its sender was ready to send it [s]
     end: float      #: end of its last bit [s]
     can_id: int
     number: int     #: number of the SYNC, or of the SYNC that it answers

@@ -21,7 +21,7 @@ class Kind(Enum):
     ROS2 = 'needs a ROS 2 installation'
     NETWORK = 'needs a network or root'
     MINUTES = 'takes minutes'
-    SHELL = 'for the shell that you type in'
+    SHELL = 'for an interactive shell'
 
 
 class Rule(NamedTuple):

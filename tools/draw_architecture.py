@@ -36,7 +36,7 @@ def lines_of(room: str) -> int:
 
 
 def imports_of(room: str) -> list[str]:
-    """Return the other rooms that a room imports, also inside functions and by a name in COMMANDS."""
+    """Return the other rooms that a room imports, including imports inside functions and names in COMMANDS."""
     found = set()
     for path in (PACKAGE / room).rglob('*.py'):
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):

@@ -21,7 +21,7 @@ Maintainer: tactile_skin maintainers <maintainers@tactile-skin.org>
 Depends: python3, {depends}
 Homepage: https://github.com/canopen-python/canopen
 Description: {summary}
- Made of the files that PyPI has, by tactile_skin; the licence is in them.
+ Built by tactile_skin from the files on PyPI, which contain the licence.
 """
 
 

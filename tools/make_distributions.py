@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LOG = ROOT / 'test/data/sim16x16_two_pads.log.gz'
-#: All archives contain this date, so that the same sources make the same files.
+#: All archives contain this date, so that the same sources give identical files.
 EPOCH = '1735689600'  # 2025-01-01
 OFFLINE = ('--quiet', '--disable-pip-version-check', '--no-index', '--no-build-isolation', '--no-deps')
 SHAPES = {'circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle'}

@@ -3,7 +3,7 @@
     python tools/seed_faults.py [--all-tests] [NAME ...]
 
 The faults are in seeded_faults.yaml. Each names a file, a text in it, the text that replaces it, and the test files
-that should notice. With ``--all-tests`` all tests run instead. The exit code is 1 if a fault was not found.
+that should notice. With ``--all-tests``, all tests run instead. The exit code is 1 if the tests miss a fault.
 """
 
 import argparse

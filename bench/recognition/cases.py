@@ -29,7 +29,7 @@ CLEAN = 'clean'
 #: Evaluation seeds serve one report only, because a report leads to changes. The next report raises this number.
 ROUND = 7
 PUNCHES, PUNCH_AREAS = 'flat punches', (12, 25, 50, 100)
-FEWER = 10           #: There are this many times as many flat punches as other indenters.
+FEWER = 10           #: Ratio of the number of flat punches to that of each other indenter.
 DEVELOPMENT = 500    #: Round of seeds for development, which is never reported.
 #: Changes to the nominal conditions, for both kinds of frames.
 FIELD: dict[str, dict] = {

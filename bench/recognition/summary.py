@@ -36,8 +36,8 @@ KNOWN = (
          'answers right / unknown / none. In frames without the object, any shape is wrong.',
          'Real recordings', ('recording', 'labelled', 'frames'), across('contestant', _recorded),
          lambda row: row['labelled'] != 'unclear'),
-    View('By size', 'Clean frames, {patterns} in each cell. Each cell shows the share that is recognised by ours / CNN '
-         '/ contours + trees.', 'Clean frames', ('area',), across('frames', THREE)),
+    View('By size', 'The frames are clean. Each cell shows the share of {patterns} frames that is recognised by ours '
+         '/ CNN / contours + trees.', 'Clean frames', ('area',), across('frames', THREE)),
     View('Expected calibration error', 'This is the error for the same frames, over all sizes, with 15 bins.',
          'Expected calibration error', ('frames',), names('ours', 'CNN', 'contours + trees')),
     View('Contact mechanics', 'Computed indenters press an elastic half-space with a mean pressure of 5 to 80 % of '
@@ -50,14 +50,14 @@ KNOWN = (
          'as a separate contact / that are recognised / that are recognised when they are alone on the pad.',
          'Several contacts on a pad', ('punches', 'pitches between'),
          across('area', of('apart, %', 'recognised, %', 'alone, %'))),
-    View('Time of a single frame', 'Median time on one core, one frame per call [us]. Each cell shows ours / CNN / '
-         'contours + trees. The time of our method begins with the contact pattern. The time of the anchors begins '
-         'with a finished patch, so the time to make the patch is not included.', 'Time of a single frame',
+    View('Time of a single frame', 'Each cell shows the median time for one frame per call on one core [us], for ours '
+         '/ CNN / contours + trees. The time of our method begins with the contact pattern. The time of the anchors '
+         'begins with a finished patch, so the time to make the patch is not included.', 'Time of a single frame',
          ('area',), across('frames', of('ours', 'CNN', 'contours + trees'))))
 FAULTS = (
-    View('By noise and by faults of the skin', 'One condition differs from the nominal conditions, {patterns} contacts '
-         'in each cell. The columns are areas. Each cell shows the share that our method recognises, on/off '
-         '/ pressures.',
+    View('By noise and by faults of the skin', 'In each row, one condition differs from the nominal conditions. Each '
+         'cell has {patterns} contacts. The columns are areas. Each cell shows the share that our method recognises, '
+         'on/off / pressures.',
          'Field conditions', ('condition',), across('area', of('ours, %'))),
     View('Hidden taxels', 'Contacts of 12-100 taxels lie in general position. Each TPDO carries 8 taxels of a row '
          '(`python bench/bench_hidden.py`, 600 contacts in each cell). Each cell shows the share of right answers / of '
@@ -72,27 +72,26 @@ FAULTS = (
          across('frames', of('wrong and sure, fused, %', 'right and sure, fused, %', 'of which little is hidden')),
          lambda row: bool(row['of which little is hidden'])))
 OTHERS = (
-    View('Nothing presses', 'Sequences of 50 frames at 50 Hz on square pads of 8 to 64 taxels a side, {frames} frames '
-         'in each row. *Called a shape* is the share of single frames that are reported as one of the five shapes, '
-         'with its 95 % interval. Left-over taxels are known only from earlier frames, so their frames are processed '
-         'in sequence. *On the topic* is the longest '
-         'time for which a stream of frames has a shape, when it is processed as in the nodes. Required: at most 0.1 % '
-         'and 0.1 s.', 'Nothing presses', ('kind',),
+    View('Nothing presses', 'The sequences have 50 frames at 50 Hz, on square pads with 8 to 64 taxels per side. Each '
+         'row has {frames} frames. *Called a shape* is the share of single frames that are reported as one of the five '
+         'shapes, with its 95 % interval. Left-over taxels are known only from earlier frames, so their frames are '
+         'processed in sequence. *On the topic* is the longest time for which a stream of frames has a shape, when it '
+         'is processed as in the nodes. Required: at most 0.1 % and 0.1 s.', 'Nothing presses', ('kind',),
          names('called a shape, %', 'most often', 'on the topic, s')),
-    View('Foreign shapes', 'The figures overlap with each of the five shapes by less than 0.85, {patterns} figures in '
-         'each cell. The columns are areas. Each cell shows the share that our method reports as unknown, on/off / '
-         'pressures. Required: 98 % from 40 taxels.',
+    View('Foreign shapes', 'The figures overlap with each of the five shapes by less than 0.85. Each cell has '
+         '{patterns} figures. The columns are areas. Each cell shows the share that our method reports as unknown, '
+         'on/off / pressures. Required: 98 % from 40 taxels on.',
          'Foreign shapes', ('shape',), across('area', of('ours, as shipped'))),
-    View('Foreign shapes taken for one of the five', 'All families of figures together, {patterns} figures in each '
-         'row. *Sure* is the share that our method reports as one of the five at a confidence above 0.9. The other '
-         'columns show the share that is reported as unknown if the limit for unknown is set so that 2 % of the known '
-         'shapes of the same size and kind of frame are lost. The limits come from validation patterns. For the '
-         'anchors, the limit applies to the highest probability.', 'Foreign shapes', ('frames', 'area'),
+    View('Foreign shapes taken for one of the five', 'The table combines all families of figures. Each row has '
+         '{patterns} figures. *Sure* is the share that our method reports as one of the five at a confidence above '
+         '0.9. The other columns show the share that is reported as unknown if the limit for unknown is set so that 2 '
+         '% of the known shapes of the same size and kind of frame are lost. The limits come from validation patterns. '
+         'For the anchors, the limit applies to the highest probability.', 'Foreign shapes', ('frames', 'area'),
          columns(sure=of('called a shape, > 0.9 sure'), ours=lambda row: row['ours, 2 % loss'].split()[0],
                  CNN=of('CNN, 2 % loss'), trees=of('contours + trees, 2 % loss')), lambda row: row['shape'] == 'all'),
-    View('Known shapes with a blemish', 'The contacts overlap with their shape by 0.92 to 0.98, {patterns} in each '
-         'cell. The columns are areas. Each cell shows the share that our method recognises, on/off / pressures. '
-         'Required: 90 % from 100 taxels.', 'Known shapes with a blemish', ('blemish',),
+    View('Known shapes with a blemish', 'The contacts overlap with their shape by 0.92 to 0.98. Each cell has '
+         '{patterns} contacts. The columns are areas. Each cell shows the share that our method recognises, on/off / '
+         'pressures. Required: 90 % from 100 taxels on.', 'Known shapes with a blemish', ('blemish',),
          across('area', of('ours'))),
     View('Taught shapes', 'In `python bench/bench_teach.py`, one shape at a time is taught from 30 touches of about 50 '
          'taxels on 16x16 taxels. Touches come from one of two worlds. The generator (*flat*) draws blurred coverage '

@@ -1,4 +1,4 @@
-"""Figures 6 to 8 of the paper, the planes with our patterns and curves, and recognition against size."""
+"""Figures 6 to 8 of the paper with our patterns and curves, and the recognition rate as a function of the size."""
 
 from collections.abc import Sequence
 
@@ -11,23 +11,23 @@ from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, Plane
 from training.curve_fitting import Samples
 
-#: Okabe and Ito's colours, for every kind of colour vision; marks differ too
+#: Colours by Okabe and Ito, which people with any colour vision can distinguish. The marks differ as well.
 COLOURS = {Shape.RECTANGLE: '#e69f00', Shape.RIGHT_TRIANGLE: '#d55e00', Shape.ISOSCELES_TRIANGLE: '#cc79a7',
            Shape.SQUARE: '#0072b2', Shape.CIRCLE: '#009e73'}
 MARK_OF = {Shape.RECTANGLE: '|', Shape.RIGHT_TRIANGLE: '4', Shape.ISOSCELES_TRIANGLE: '^', Shape.SQUARE: 's',
            Shape.CIRCLE: 'o'}
-SHOWN = 600  #: patterns of each class in a cloud
-HIGHEST = 0.97  #: quantile up to which a cloud is shown; a few lie far above
+SHOWN = 600  #: number of patterns of each class in a cloud
+HIGHEST = 0.97  #: quantile up to which a cloud is shown, because a few patterns lie far above
 LABELS = {('value', 'N'): 'N', ('dif', 'alpha9'): 'dif α9 [degrees]', ('min', 'P05'): 'min P05',
           ('min', 'info_norm5'): 'min I5', ('dif', 'P05'): 'dif P05', ('dif', 'info_norm5'): 'dif I5'}
-#: colour, mark and line of each method, the published one first
+#: Colour, mark and line of each method. The published method is the first.
 STYLES = (('black', 'o', '-'), ('#0072b2', 's', '--'), ('#d55e00', 'D', '-.'), ('#009e73', '^', ':'),
           ('#cc79a7', 'v', (0, (5, 1))), ('#e69f00', 'P', (0, (3, 1, 1, 1, 1, 1))), ('#56b4e9', 'X', (0, (1, 1))))
-BESIDE = 1.012  #: ratio of the places of two methods at one size, or their intervals would hide each other
+BESIDE = 1.012  #: factor between the x of two methods at one size, so that their intervals do not overlap
 
 
 def first_plane(samples: Samples, planes: dict[str, Plane], counted: str = 'N') -> Figure:
-    """Fig. 6: two curves, rectangle | right triangle | the rest; ``counted``: what N is."""
+    """Fig. 6: two curves separate rectangles, right triangles and all others. ``counted`` is the label of N."""
     figure = _cloud(samples, [planes['rectangle'], planes['right_triangle']], ANSWERS)
     figure.axes[0].set_xlabel(counted)
     return figure
@@ -47,7 +47,7 @@ def _cloud(samples: Samples, curves: list[Plane], shapes: Sequence[Shape]) -> Fi
     figure = Figure(figsize=(6.4, 4.3), layout='constrained')
     horizontal, vertical = curves[0].horizontal, curves[0].vertical
     axes = figure.add_subplot(xlabel=LABELS[horizontal], ylabel=LABELS[vertical])
-    jitter = np.random.default_rng(0)  # counts are whole numbers; spread out to be seen
+    jitter = np.random.default_rng(0)  # spread the points, because equal counts would hide each other
     for shape in shapes:
         chosen = np.flatnonzero(samples.labels == ANSWERS.index(shape))[:SHOWN]
         x = samples.of(horizontal)[chosen] + jitter.uniform(-0.35, 0.35, len(chosen))
@@ -63,7 +63,7 @@ def _cloud(samples: Samples, curves: list[Plane], shapes: Sequence[Shape]) -> Fi
 
 
 def rates_by_size(methods: Sequence[Method], size: str) -> Figure:
-    """Recognition of every method against ``size``, with 95 % intervals, and the published points."""
+    """Draw the recognition rate of every method by size, with 95 % intervals and the published points."""
     figure = Figure(figsize=(9.6, 5.6), layout='constrained')
     axes = figure.add_subplot(xlabel=size, ylabel='recognised', xscale='log')
     lowest = min(rate.interval[0] for method in methods for rate in method.rates.values())

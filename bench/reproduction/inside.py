@@ -1,8 +1,9 @@
-"""One more reading of the paper: N counts inside taxels only, and the isosceles triangles are equilateral.
+"""Another reading of the paper: N counts only the inside taxels, and the isosceles triangles are equilateral.
 
-Section 7 calls N once the number of sensors "inside" and once of those active in the area, and one class once
-isosceles and once equilateral triangles. Each change is measured alone, then both together. The worlds differ
-in one class, so that the patterns of the four others are shared, and a difference is not that of two draws.
+Section 7 uses two definitions of N: the number of sensors "inside", and the number of active sensors in the area. It
+also uses two names for one class: isosceles and equilateral triangles. Each change is measured alone, and then both
+together. The worlds differ only in this class and share the patterns of the other four classes. Therefore a difference
+of the rates is not caused by different draws.
 """
 
 from typing import NamedTuple
@@ -19,31 +20,31 @@ from training.ground_truth.seeds import Purpose
 WORLD = 'equilateral triangles'
 TRIANGLE = Shape.ISOSCELES_TRIANGLE
 LARGEST = SIZES[-1]
-ACTIVE = COLUMNS[0]  #: the number of active taxels, N by the matrix A
-GROWTH = (0.7, 3.6)  #: √area grows by more and by less than this from a pattern's inside to the whole [pitches]
+ACTIVE = COLUMNS[0]  #: number of active taxels, which is N in the matrix A
+GROWTH = (0.7, 3.6)  #: bounds of √(area of a pattern) - √(its inside taxels) [pitches]
 
 
 class InsideReading(NamedTuple):
-    """What each change gives, and the planes of both together."""
+    """Results of each change, and of both changes together."""
 
-    equilateral: Method         #: the triangles alone
-    read_inside: Method         #: only what recognition is read off at; curves as published
-    inside: Method              #: that and plane 1 over inside taxels
+    equilateral: Method         #: only the triangles are changed
+    read_inside: Method         #: sizes are inside taxels; curves as published
+    inside: Method              #: sizes and plane 1 use inside taxels
     both: Method
-    kept: Method                #: both, vanishing angles left out
-    active: dict[int, float]    #: mean number of active taxels of patterns with N inside ones
-    lost: dict[int, float]      #: with both, by plane, at the largest size
-    clouds: Samples             #: training patterns of both
-    classifier: VolfClassifier  #: of both
+    kept: Method                #: both changes, without the vanishing angles
+    active: dict[int, float]    #: mean number of active taxels of patterns with N inside taxels
+    lost: dict[int, float]      #: lost patterns with both changes, by plane, largest size
+    clouds: Samples             #: training patterns with both changes
+    classifier: VolfClassifier  #: classifier with both changes
 
     @property
     def methods(self) -> list[Method]:
-        """The rows of the table."""
+        """The methods in the order of the table."""
         return [self.equilateral, self.read_inside, self.inside, self.both, self.kept]
 
 
 def wanted_inside(patterns: int, training: int) -> dict[str, Wanted]:
-    """Return what is drawn besides the benchmark, of which ``patterns`` at each size and ``training``."""
+    """Return the patterns to draw in addition to the benchmark. ``patterns`` is the number at each size."""
     triangles, training_triangles = _triangles_among(patterns), _triangles_among(training)
     wanted = {'triangles training': Wanted(WORLD, Purpose.TRAINING, training_triangles, AREAS, (TRIANGLE,))}
     for size in SIZES:
@@ -56,7 +57,7 @@ def wanted_inside(patterns: int, training: int) -> dict[str, Wanted]:
 
 
 def measure_inside(drawn: dict[str, Drawn], published: VolfClassifier) -> InsideReading:
-    """Measure the reading; ``published`` has the curves of the method as published."""
+    """Measure this reading. ``published`` contains the curves of the method as published."""
     training = drawn['benchmark training']
     triangles = replaced(training, drawn['triangles training'])
     by_area = {size: replaced(drawn[f'benchmark {size}'], drawn[f'triangles {size}']).every for size in SIZES}
@@ -67,7 +68,7 @@ def measure_inside(drawn: dict[str, Drawn], published: VolfClassifier) -> Inside
     classifier = best_fit(by_inside(triangles.every))
     return InsideReading(
         equilateral=measured('equilateral triangles', best_fit(triangles.every), by_area),
-        read_inside=measured('read off at N inside taxels, curves as published', published,
+        read_inside=measured('N inside taxels only as the size, curves as published', published,
                              {size: each.every for size, each in inside.items()}),
         inside=measured('N inside taxels', best_fit(by_inside(training.every)),
                         {size: by_inside(each.every) for size, each in inside.items()}),
@@ -82,28 +83,29 @@ def measure_inside(drawn: dict[str, Drawn], published: VolfClassifier) -> Inside
 
 
 def areas_around(inside: int) -> tuple[float, float]:
-    """Return the least and the greatest area [taxels] at which a class may have so many inside taxels.
+    """Return the smallest and the largest area [taxels] at which a pattern may have ``inside`` inside taxels.
 
-    The border takes 0.7 to 1 pitch from each side, by its direction, so that √area of a polygon around a circle
-    shrinks by as much times perimeter / (2 √area): 1.3 for a circle, at most 2.8 for a right triangle of legs 5:2.
-    GROWTH leaves room for how a pattern lies on the lattice, 0.4 in 60,000 patterns.
+    The border takes 0.7 to 1 pitch from each side, depending on the direction of the side. The square root of the area
+    of a polygon around a circle therefore shrinks by this width times perimeter / (2 √area): by 1.3 for a circle,
+    and by at most 2.8 for a right triangle with legs of 5:2. GROWTH also allows for the position of a pattern on the
+    lattice, which changed the value by up to 0.4 in 60,000 patterns.
     """
     least, most = ((np.sqrt(inside) + growth) ** 2 for growth in GROWTH)
     return float(least), float(most)
 
 
 def by_inside(samples: Samples) -> Samples:
-    """Return ``samples`` with inside taxels in the place of N, so that plane 1 is drawn over them."""
+    """Return ``samples`` with the number of inside taxels as N, which plane 1 then uses."""
     return Samples({**samples.columns, ACTIVE: samples.of(INSIDE)}, samples.labels)
 
 
 def replaced(drawn: Drawn, triangles: Drawn) -> Drawn:
-    """Return the patterns of ``drawn`` with others in the place of its isosceles triangles."""
+    """Return ``drawn`` with its isosceles triangles replaced by ``triangles``."""
     return Drawn(*(_joined(old, new) for old, new in zip(drawn, triangles)))
 
 
 def _triangles_among(patterns: int) -> int:
-    """How many of ``patterns`` are triangles where the classes take turns."""
+    """Return the number of isosceles triangles among ``patterns`` patterns whose classes take turns."""
     return len(range(ANSWERS.index(TRIANGLE), patterns, len(ANSWERS)))
 
 

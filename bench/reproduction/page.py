@@ -1,4 +1,4 @@
-"""The page of the reproduction: one HTML file that needs nothing else, and its numbers as CSV."""
+"""The page of the reproduction: a self-contained HTML file, and its numbers as CSV files."""
 
 import base64
 import csv
@@ -28,24 +28,24 @@ figure { display: inline-block; margin: 1em 1em 1em 0; vertical-align: top } fig
 figcaption { font-size: 13px; color: #555; max-width: 44em } small { color: #777 }
 td { white-space: nowrap } td:first-child { white-space: normal }'''
 PAGE_FILE, TABLES = 'index.html', ('rates.csv', 'inside.csv', 'lost.csv', 'confusion.csv')
-INTERVALS = 'Recognition with 95 % intervals (Wilson); stars: published.'
+INTERVALS = 'Recognition rate with 95 % intervals (Wilson). Stars mark the published rates.'
 PAGE = Template('''<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Volf, Dvořák, Vlček: re-drawn and re-measured</title>
 <style>$style</style></head><body>
 <h1>Volf, Dvořák, Vlček: re-drawn and re-measured</h1>
-<p>Written by <code>$command</code>. Every picture and every number on this page is computed by that command.</p>
-<h2>Recognition against size</h2>
+<p>The command <code>$command</code> computed every picture and every number on this page.</p>
+<h2>Recognition rate by size</h2>
 $rates
 $chart
 <h2>Findings</h2>
 <ul>$findings</ul>
-<h2>One more reading: N inside taxels, equilateral triangles</h2>
+<h2>Another reading: N inside taxels, equilateral triangles</h2>
 $inside_rates
 $inside_chart
 <p>$explained</p>
-<h2>Which plane loses what (as published)</h2>
+<h2>Share of patterns that each plane loses (as published)</h2>
 $lost
-<h2>Confusion (as published): share of each true class by answer</h2>
+<h2>Confusion (as published): share of each answer for each true class</h2>
 <details><summary>At every size</summary>$confusions</details>
 <h2>The figures</h2>
 $figures
@@ -54,7 +54,7 @@ $figures
 
 
 def write_page(folder: Path, results: Results, command: str) -> list[Path]:
-    """Write PAGE_FILE and TABLES into ``folder``; return their paths."""
+    """Write PAGE_FILE and TABLES into ``folder``, and return their paths."""
     lost, confusions = _lost_rows(results), _confusion_rows(results)
     beside = [results.methods[0], *results.inside.methods]
     page = PAGE.substitute(
@@ -105,7 +105,7 @@ def _method_row(method: Method) -> str:
 
     count = next(iter(method.rates.values())).total
     cells = ''.join(f'<td>{cell(rate)}</td>' for rate in method.rates.values())
-    return f'<tr><td>{escape(method.name)}<br><small>{count} patterns a point</small></td>{cells}</tr>'
+    return f'<tr><td>{escape(method.name)}<br><small>{count} patterns per point</small></td>{cells}</tr>'
 
 
 def _table(rows: list[Row], percent: bool) -> str:
@@ -126,17 +126,17 @@ def _figures(results: Results) -> str:
     return ''.join(_figure(figure, caption) for figure, caption in (
         (sketches.discrete_circle(), 'Fig. 1. The discrete pattern of a circle.'),
         (sketches.circle_border(), 'Fig. 2. Border P05 (black) of the pattern of a circle.'),
-        (sketches.centre_of_gravity(), 'Fig. 3. The centre of gravity of the normalised matrix A9, of a rectangle.'),
+        (sketches.centre_of_gravity(), 'Fig. 3. The centre of gravity of the normalised matrix A9 of a rectangle.'),
         (sketches.fictive_points(), 'Fig. 4. A triplet of taxels completed by fictive points.'),
         (sketches.hole_rules(), 'Fig. 5. Rules for holes: before (above), after (below).'),
-        (clouds.first_plane(samples, planes), 'Fig. 6. dif α9 = f(N). Above the solid curve rectangles, down to '
-                                              'the dashed one right triangles, below it the rest.'),
+        (clouds.first_plane(samples, planes), 'Fig. 6. dif α9 = f(N). Rectangles are above the solid curve, '
+                                              'right triangles between the curves, all others below.'),
         (clouds.second_plane(samples, planes), 'Fig. 7. min I5 = f(min P05).'),
         (clouds.third_plane(samples, planes), f'Fig. 8. dif I5 = f({" ".join(planes["square"].horizontal)}).'),
-        (clouds.first_plane(*long), 'Fig. 6 again, in a world of one proportion a class with rectangles '
-                                    f'{LONG_RECTANGLES.rectangle:g}:1.'),
+        (clouds.first_plane(*long), 'Fig. 6 again, in a world with one aspect ratio per class and with '
+                                    f'rectangles of {LONG_RECTANGLES.rectangle:g}:1.'),
         (clouds.first_plane(*inside, counted='N, inside taxels'),
-         'Fig. 6 again, over inside taxels, isosceles triangles equilateral.')))
+         'Fig. 6 again, with inside taxels as N and equilateral triangles.')))
 
 
 def _figure(figure: Figure, caption: str, wide: bool = False) -> str:

@@ -1,4 +1,4 @@
-"""Draws patterns and the features of the paper's planes, on several processes."""
+"""Draw patterns, and compute the features of the paper's planes in several processes."""
 
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
@@ -16,26 +16,26 @@ from tactile_node.shape.volf import ANSWERS
 from training.curve_fitting import COLUMNS, Samples
 from training.ground_truth.seeds import Purpose, generator
 
-BATCH = 250  #: patterns a process draws at a time
-INSIDE = ('value', 'inside')  #: the number of inside taxels (the paper's Fig. 1 and section 7)
+BATCH = 250  #: number of patterns that a process draws at a time
+INSIDE = ('value', 'inside')  #: number of inside taxels (Fig. 1 and section 7 of the paper)
 
 
 class Wanted(NamedTuple):
-    """Patterns to draw: ``areas`` are equal for one size, else log-uniform between the two [taxels].
+    """Patterns to draw. Their areas are log-uniform between the two ``areas`` [taxels], which may be equal.
 
-    Only those with ``inside`` inside taxels are kept, unless that is None.
+    If ``inside`` is not None, only patterns with this number of inside taxels are kept.
     """
 
     world: str
     purpose: Purpose
     patterns: int
     areas: tuple[float, float]
-    shapes: tuple[Shape, ...] = ANSWERS  #: they take turns
+    shapes: tuple[Shape, ...] = ANSWERS  #: the shapes take turns
     inside: int | None = None
 
 
 class Task(NamedTuple):
-    """What one process draws at a time: so many of the wanted patterns, from number ``first`` on."""
+    """Patterns that one process draws at a time: ``patterns`` of the ``wanted`` ones, from number ``first`` on."""
 
     wanted: Wanted
     first: int
@@ -44,14 +44,14 @@ class Task(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Features of the planes over all 46 angles, and over those only that keep half of the taxels."""
+    """Features of the planes over all 46 angles, and over the angles that keep at least half of the taxels."""
 
     every: Samples
     kept: Samples
 
 
 def draw(wanted: dict[str, Wanted], seed: int, jobs: int) -> dict[str, Drawn]:
-    """Draw what is ``wanted``, by name. The result does not depend on ``jobs``."""
+    """Draw the ``wanted`` patterns, by name. The result does not depend on ``jobs``."""
     parts: list[tuple[Wanted, int, int]] = []
     names: list[str] = []
     for name, each in wanted.items():
@@ -63,14 +63,14 @@ def draw(wanted: dict[str, Wanted], seed: int, jobs: int) -> dict[str, Drawn]:
     rows: dict[str, list[np.ndarray]] = {name: [] for name in wanted}
     with ProcessPoolExecutor(jobs) if jobs > 1 else nullcontext() as pool:
         batches = tqdm(map(draw_batch, tasks) if pool is None else pool.map(draw_batch, tasks), 'drawing patterns',
-                       len(tasks), disable=None)  # None: shown on a terminal only
+                       len(tasks), disable=None)  # with None, the bar is shown only on a terminal
         for batch, name in zip(batches, names):
             rows[name].append(batch)
     return {name: _samples(np.concatenate(batches)) for name, batches in rows.items()}
 
 
 def draw_batch(task: Task) -> np.ndarray:
-    """Rows of the features of COLUMNS over all angles, over those kept, inside taxels and the label; (n, 14)."""
+    """Return rows of features over all angles, features over the kept angles, inside taxels and label; (n, 14)."""
     wanted, first, count, rng = task
     low, high = np.log(wanted.areas)
     rows: list[list[float]] = []
@@ -81,13 +81,13 @@ def draw_batch(task: Task) -> np.ndarray:
         if wanted.inside not in (None, inside):
             continue
         row = [*plane_features(mask), inside, ANSWERS.index(shape)]
-        if not np.isnan(row).any():  # alpha9 is undefined where no two taxels are neighbours
+        if not np.isnan(row).any():  # alpha9 is undefined if no two taxels are neighbours
             rows.append(row)
     return np.array(rows)
 
 
 def count_inside(mask: np.ndarray) -> int:
-    """Return how many active taxels of ``mask``, bool, shape (rows, cols), are inside: N - P05.
+    """Return the number of inside taxels (N - P05) of ``mask``, bool, shape (rows, cols).
 
     >>> count_inside(np.ones((3, 4), bool))
     2
@@ -96,7 +96,7 @@ def count_inside(mask: np.ndarray) -> int:
 
 
 def plane_features(mask: np.ndarray) -> list[float]:
-    """Features of COLUMNS over all angles, then over the angles that keep at least half of the taxels."""
+    """Return the features of COLUMNS over all angles, then over the angles that keep at least half of the taxels."""
     at = features_at_angles(mask, Group.INFORMATION5 | Group.GRAVITY9)
     count = int(mask.sum())
     found = []

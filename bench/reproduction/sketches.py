@@ -19,7 +19,7 @@ RULES = {'rule 1, axis y': ['.#.', '...', '.#.'], 'rule 2, axis x': ['...', '#.#
 
 
 def discrete_circle() -> Figure:
-    """Fig. 1: a taxel is active when its centre is inside."""
+    """Fig. 1: a taxel is active if its centre lies inside the circle."""
     figure, axes = _lattice()
     mask = CIRCLE.pattern(ROOM, ROOM)
     _dots(axes, ~mask, FAINT, 12)
@@ -30,7 +30,7 @@ def discrete_circle() -> Figure:
 
 
 def circle_border() -> Figure:
-    """Fig. 2: the border by the five-point operator, black."""
+    """Fig. 2: the border taxels of the five-point operator, in black."""
     figure, axes = _lattice()
     mask = CIRCLE.pattern(ROOM, ROOM)
     rim = border(mask, Stencil.FIVE)
@@ -75,7 +75,7 @@ def fictive_points() -> Figure:
 
 
 def hole_rules() -> Figure:
-    """Fig. 5: each rule on the hole it is for, before (above) and after (below)."""
+    """Fig. 5: the holes that each rule fills, before (above) and after (below)."""
     figure = Figure(figsize=(5.2, 3.6), layout='constrained')
     for column, (title, rows) in enumerate(RULES.items()):
         mask = np.array([[cell == '#' for cell in row] for row in rows])

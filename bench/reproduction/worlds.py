@@ -1,4 +1,4 @@
-"""The worlds whose patterns are measured: the benchmark, and others that show why the paper saw more."""
+"""The worlds from which patterns are drawn: the benchmark, and others that explain the higher rates of the paper."""
 
 from typing import NamedTuple
 
@@ -9,18 +9,18 @@ from training.ground_truth.seeds import random_pattern
 
 
 class Fixed(NamedTuple):
-    """A world in which each class of ``shapes`` has one proportion only; position and angle stay random."""
+    """A world in which each class of ``shapes`` has only one aspect ratio. Position and angle remain random."""
 
-    rectangle: float = 2.0       #: ratio of sides
-    right_triangle: float = 2.0  #: ratio of legs
-    apex: float = 60.0           #: of the isosceles triangle [degrees]
-    shapes: tuple[str, ...] = CLASSES  #: the others vary as in the benchmark
+    rectangle: float = 2.0       #: ratio of the sides
+    right_triangle: float = 2.0  #: ratio of the legs
+    apex: float = 60.0           #: apex angle of the isosceles triangle [degrees]
+    shapes: tuple[str, ...] = CLASSES  #: all other shapes vary as in the benchmark
 
 
 ONE_PROPORTION = Fixed()
 LONG_RECTANGLES = Fixed(rectangle=4.0)
 EQUILATERAL_TRIANGLES = Fixed(apex=60.0, shapes=('isosceles_triangle',))
-#: by name; None is the benchmark's world, whose proportions vary
+#: Worlds by name. None is the benchmark, in which the aspect ratios vary.
 WORLDS: dict[str, Fixed | None] = {
     'benchmark': None, 'one proportion': ONE_PROPORTION, 'long rectangles': LONG_RECTANGLES,
     'equilateral triangles': EQUILATERAL_TRIANGLES}
