@@ -31,7 +31,7 @@ SURE = 0.9
 WITHOUT_SHAPE = ('foreign', 'none')  #: Labels for which any of the five shapes is a wrong answer.
 PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
 SEED, DRAWS = 20_261_123, 2000
-BINS = 10  #: Number of bins of confidence for the calibration error.
+BINS = 10  #: Number of confidence intervals from which the calibration error is computed.
 
 
 class Answer(NamedTuple):

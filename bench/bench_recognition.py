@@ -42,7 +42,7 @@ from training.ground_truth.seeds import Purpose
 
 
 class Clock:
-    """Prints the progress with the time since the start."""
+    """Prints progress messages with the time since the start."""
 
     def __init__(self):
         self._begin = perf_counter()

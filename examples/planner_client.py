@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE
 
-MIN_CONFIDENCE = 0.8         # smallest probability of the class of a fully visible object; below it, try elsewhere
+MIN_CONFIDENCE = 0.8         # below this probability of the shape, grasp a fully visible object at another place
 MAX_OFFSET = 0.002           # largest offset of the contacts' centres across the closing direction [m]
 MAX_ANGLE = 5 * pi / 180     # largest angle between the object's edges and the pad's [rad]
 MAX_MISALIGNMENT = 3 * pi / 180  # largest angle of faces, or of the contacts' line, to the closing direction [rad]

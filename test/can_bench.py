@@ -217,7 +217,10 @@ class Bench:
         return [self.frames.get(timeout=60) for _ in range(count)]
 
     def take_whole(self, count: int) -> list:
-        """Return the next frames that are whole. On a busy machine, some TPDOs are late, so other frames are not."""
+        """Return the next complete frames.
+
+        Incomplete frames are skipped, because some TPDOs arrive late on a busy machine.
+        """
         frames = []
         while len(frames) < count:
             frames += [item for item in self.take(1) if item[1].missing_can_frames == 0]

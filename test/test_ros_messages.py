@@ -374,7 +374,7 @@ def test_what_reaches_the_edge_is_a_bound_for_a_grasp_also_where_the_finger_ends
     """The object may reach beyond the finger. Its centre may then lie elsewhere, and it may creep along itself."""
     message = shape(bar(), kind)
     assert message.at_edge and message.force_is_bound and message.centre_of_pressure_is_bound
-    # These fields are set like this at the end of the finger.
+    # If the finger ends at the edge, the message has these values.
     message.force_is_bound = message.centre_of_pressure_is_bound = False
     assert side_result(message, 5.0).is_bound and side_result(message, 5.0).hides_creep
 

@@ -78,7 +78,7 @@ class TopicBagReader:
     topics
         Topic -> type.
     unread
-        For each reason, the number of messages or parts that the last reading left out.
+        Number of messages or parts that the last reading could not use, by reason.
     problem
         Description of the last part that was left out.
     damages

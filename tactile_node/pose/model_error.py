@@ -174,7 +174,7 @@ class NoiseScale(NamedTuple):
     #: noise of a taxel that feels the whole outline, because the model leaves something out [fraction of level]
     rim: float
     pressure: float  #: factor of the covariance for pressures
-    on_off: float    #: factor of the covariance for on/off patterns, whose noise only stands for missing knowledge
+    on_off: float    #: factor of the covariance for on/off patterns
     at_edge: float   #: additional factor for pressures at the pad's edge, because the part beyond it is a guess
 
 

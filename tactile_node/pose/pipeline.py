@@ -109,7 +109,7 @@ class StreamedContact(NamedTuple):
     fit: ShapeFit | None      #: fit of the fused shape; None if nothing with an outline touches the pad
     found: FoundContact       #: the same contact with its visibility and its box
     moments: ContactMoments   #: moments of the same contact
-    motion: Motion            #: movement of the contact; not known if each frame is answered alone
+    motion: Motion            #: movement of the contact; not known if the pipeline answers each frame on its own
 
 
 class _Answer(NamedTuple):

@@ -25,7 +25,7 @@ def skin_responses(pads: tuple[PadSettings, ...], settings: DriverSettings) -> d
     Raises
     ------
     ConfigurationError
-        If a file cannot be used, or if it was made for another unit or pitch than the pad's.
+        If a file cannot be used, or if its unit or pitch differs from that of the pad.
     """
     found = {}
     for pad, path in zip(pads, one_for_each('response_files', settings.response_files, pads)):

@@ -111,7 +111,10 @@ def _transform(message: TransformStamped) -> RejectReason | None:
 
 
 def why_not_known(opening: Opening, remedy: str) -> str:
-    """Return the reason why the gap of ``opening`` is NaN; ``remedy`` says what its source needs."""
+    """Return the reason why the gap of ``opening`` is not known.
+
+    If no source has given an opening yet, the reason is ``remedy``, which says what the source needs.
+    """
     if opening.source is GapSource.NOT_KNOWN:
         return remedy
     if opening.age == math.inf:

@@ -15,7 +15,7 @@ the taxels do not support is treated in the same way, because the next frame doe
 If nothing is seen in a frame, the frame adds no evidence. It is reported as not seen, and the evidence of the frames
 before it is kept for the next frame.
 
-The classes are the classes of the frames: the shapes and the taught shapes.
+Fused results have the same classes as the frames: the five shapes and the taught shapes.
 """
 
 from dataclasses import dataclass

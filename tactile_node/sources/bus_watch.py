@@ -179,7 +179,8 @@ class BusWatch:
     def opened(self) -> None:
         """Log the planned load if it is high, when the bus is opened for the first time."""
         if self._planned_load > MOST_LOAD:
-            logger.warning('By layouts and sync_period %s. Raise sync_period, or move some pads to another bus.',
+            logger.warning('According to the layouts and sync_period, %s. Raise sync_period, or move some pads to '
+                           'another bus.',
                            load_text(self._planned_load, self._pads), extra={'fact': self._planned_load})
 
     def look_at_traffic(self, now: float) -> None:
