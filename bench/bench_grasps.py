@@ -41,9 +41,13 @@ from examples.simulated_gripper.world import AIM, SIDES, Place, random_place
 FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
 OWN_SESSION = ('hold', 'sensor')  #: Columns that need other parameters or another world.
 ENDS = ('held', 'dropped', 'broken', 'refused')  #: Refused: the planner gave up before the item was squeezed.
-SPEEDS, REPEATS, LIMIT, OPENED = (0.005, 0.02, 0.05), 5, 3.0, 0.055  # [m/s]; number; [N]; gap [m]
+SPEEDS = 0.005, 0.02, 0.05  # closing speeds [m/s]
+REPEATS = 5  # number of closes at each speed
+LIMIT = 3.0  # limit of the force [N]
+OPENED = 0.055  # gap of the open gripper [m]
 FAST = {'slow_speed': 0.05, 'fast_speed': 0.05, 'latency': 0.02, 'gripper_effort': 20.0}
-FRAME_RATE, FILM_PRESSURE = 10, 40e3  # frames per second of the film; pressure of the brightest colour [Pa]
+FRAME_RATE = 10  # of the film [frames per second]
+FILM_PRESSURE = 40e3  # pressure of the brightest colour [Pa]
 
 
 def main() -> None:

@@ -27,8 +27,13 @@ from tactile_node.simulator.world import Contact
 
 STARTS, SEED = 50, 4000
 KINDS = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle', 'ball')
-BEGIN, PERIOD, OPEN_TIME = 100.0, 0.08, 0.24  # first time, frame period, and time with an open gripper [s]
-GAIN, SHIFT_ERROR, TURN_ERROR = 0.05, 0.0003, radians(0.5)  # standard deviations of the errors of a move
+BEGIN = 100.0  # time of the first frame [s]
+PERIOD = 0.08  # time between two frames [s]
+OPEN_TIME = 0.24  # time with an open gripper [s]
+# Standard deviations of the errors of a move
+GAIN = 0.05
+SHIFT_ERROR = 0.0003  # [m]
+TURN_ERROR = radians(0.5)
 TOLERANCE = 1.25  #: Factor on the planner's limits, because the planner measures with errors.
 FAULTS = ('misses a pad', 'nothing there', 'a pad is silent', 'half a pad is hidden', 'larger than a pad')
 

@@ -24,7 +24,9 @@ from training.samples import LABELS, LEVEL_STEPS, UNKNOWN, Samples
 
 DATA = Path(__file__).resolve().parents[2] / 'test/data'
 BY_HAND, FRAME_LABELS = Path(__file__).parent / 'labels', ('object', 'not', 'unclear')
-PRESS, RELEASE = 0.3, 0.24  #: Fixed thresholds for pressures; the drifting thresholds are multiples of these.
+#: Fixed thresholds for pressures. The drifting thresholds are multiples of these.
+PRESS = 0.3
+RELEASE = 0.24
 CLEAN = 'clean'
 #: Evaluation seeds serve one report only, because a report leads to changes. The next report raises this number.
 ROUND = 7

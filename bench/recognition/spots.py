@@ -12,7 +12,11 @@ from tactile_node.simulator.figures import coverage
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 
 AREAS = 16.0, 200.0    #: Range of the areas, log-uniform, in cells that do not vary the size [taxels].
-PRESSURE, TILT, BLUR, NOISE = 0.5, 0.2, 0.5, 0.01  #: Nominal conditions, as in training.field.
+#: Nominal conditions, as in training.field.
+PRESSURE = 0.5
+TILT = 0.2
+BLUR = 0.5
+NOISE = 0.01
 MARGIN = 4             #: Margin around a contact [taxels].
 ANGLES = range(0, 91, 5)                   #: [degrees], plus a random number of quarter turns.
 PLACES = (0.0, 0.25, 0.5)                  #: Distance of the centre of area from a taxel's centre [pitches].

@@ -10,7 +10,8 @@ from tactile_node.simulator.touches import SimulatedTouch
 
 SIZE_TOLERANCE = 0.25  #: allowed error of a length [pitches]
 MOST_SKIN_LATE = 0.01  #: lateness (99 %) of the simulated skin's CAN frames above which the machine is too slow [s]
-#: Share of the time for which the nodes may wait for a processor. Above it, the machine is too busy.
+#: Time for which all threads of the nodes together may wait for a processor, as a share of the session. Above it, the
+#: machine is too busy: it was 0.37 on two idle cores, and 0.57 beside two processes that keep both cores busy.
 MOST_WAITED = 0.5
 
 
@@ -24,7 +25,7 @@ class Performance(NamedTuple):
     latency: Sequence[float]  #: time from SYNC to the arrival of each shape [s]
     frames: int               #: number of frames that all pads acquired during this time
     skin_late: float          #: lateness that 99 % of the skin's CAN frames did not exceed [s]
-    waited: float = 0.0       #: share of the time for which a thread of the nodes waited for a processor
+    waited: float = 0.0       #: time for which threads of the nodes waited for a processor, as a share of the session
 
     @property
     def answered(self) -> float:

@@ -16,7 +16,7 @@ TAKEN_SPREADS = 2.5
 #: The limit above leaves out the upper 1 % of normally distributed values. The mean of the remaining values is too low
 #: by this many of their standard deviations.
 CLIPPED_SHIFT = 0.023
-CLIPPED_WIDTH = 0.972  #: The same limit makes the standard deviation too small by this factor.
+CLIPPED_WIDTH = 0.972  #: Factor by which the same limit makes the standard deviation too small.
 #: Let d be the distance between the lowest quartile and the lowest octile of the values. Values that lie more than this
 #: many d below the octile are far below the others. Normally distributed values reach at most 5 d.
 FAR_DISTANCES = 10.0

@@ -24,7 +24,7 @@ from tactile_node.shape.recognition import Shape
 
 #: Corners of a triangle are tried if their angles, or the logarithms of their lengths, differ by at most this much.
 CORNER_MARGIN = 0.15
-CORNER_MARGIN_ON_OFF = 0.35  #: The same for on/off taxels.
+CORNER_MARGIN_ON_OFF = 0.35  #: CORNER_MARGIN for on/off taxels.
 AMBIGUOUS_MISFIT = 6.0  #: Two fits cannot be distinguished if their sums of squares differ by less than this.
 EDGE_AMBIGUITY = 20.0  #: Factor of AMBIGUOUS_MISFIT at the pad's edge, because the part beyond the edge is a guess.
 PUNCH_RATIO = 1.4  #: A punch is not refined if a dome's sum of squares is smaller by this factor.

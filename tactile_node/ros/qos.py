@@ -7,7 +7,7 @@ REPLAY_DEPTH = 5000  #: number of messages that a replay keeps, also for late su
 
 
 STATUS_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-TF_QOS = QoSProfile(depth=100)  # the same as in tf2_ros
+TF_QOS = QoSProfile(depth=100)  # depth as in tf2_ros
 TF_STATIC_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 

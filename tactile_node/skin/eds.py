@@ -70,7 +70,9 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
     return dictionary
 
 
-@lru_cache(maxsize=8)  # pickled, because callers may change their copy; reading anew takes canopen ten times as long
+# The dictionary is cached as a pickle, because callers may change their copy. To read the EDS again takes ten times as
+# long.
+@lru_cache(maxsize=8)
 def _pickled(path: Path, text: str, node_id: int) -> bytes:
     """Return the pickled object dictionary of an EDS with the content ``text``. Raises ConfigurationError."""
     checked = _checked(path, text)
