@@ -1,4 +1,4 @@
-"""The SROS 2 policy in examples/ allows the running nodes exactly the access that they need."""
+"""Tests that the SROS 2 policy in examples/ grants the running nodes exactly the access that they need."""
 
 import time
 from contextlib import ExitStack
@@ -21,15 +21,15 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 ROOT = Path(__file__).resolve().parents[1]
 POLICY = ElementTree.parse(ROOT / 'examples/sros2_policy.xml').getroot()
 PADS, LAYOUT = ['left', 'right'], 'sim16x16.yaml'
-TIMEOUT = 60.0  # Time limit for a wait on a busy machine [s].
+TIMEOUT = 60.0  # Timeout for discovery, long enough for a busy machine [s].
 SUBSCRIBED = 'topics', 'subscribe'
-#: Name that ROS uses for the endpoint behind each entry of a policy.
+#: Type of the ROS endpoint that each kind of policy entry allows.
 ENDPOINTS = {('topics', 'publish'): 'publisher', SUBSCRIBED: 'subscriber', ('services', 'reply'): 'service',
              ('services', 'request'): 'client'}
 
 
 def graph_of(watcher, nodes) -> dict:
-    """Return the topics and services of each running node by (kind, attribute) and then by (namespace, node)."""
+    """Return the topics and services by (kind, attribute) of the policy and then by (namespace, node)."""
     keys = [(node.get_namespace(), node.get_name()) for node in nodes]
     return {kind: {(space, name): {topic for topic, _ in getattr(watcher, f'get_{endpoint}_names_and_types_by_node')(
         name, space)} for space, name in keys} for kind, endpoint in ENDPOINTS.items()}
@@ -37,7 +37,7 @@ def graph_of(watcher, nodes) -> dict:
 
 @pytest.fixture(scope='module')
 def graph() -> dict:
-    """Return the endpoints of all nodes of two active pads."""
+    """Return the endpoints of all nodes that run for two active pads."""
     rclpy.init()
     with ExitStack() as stack:
         stack.callback(rclpy.shutdown)
@@ -51,8 +51,8 @@ def graph() -> dict:
         watcher = rclpy.create_node('watcher')
         stack.callback(watcher.destroy_node)
         stack.enter_context(spinning(system.nodes))
-        # The nodes would have the same subscriptions in separate processes. Once active, nodes in one process hand
-        # messages over and drop some subscriptions.
+        # The policy must also fit nodes in separate processes. Once active, nodes in one process pass messages directly
+        # to each other and drop some subscriptions, so the subscriptions are read before the activation.
         before = settled(watcher, system.nodes)[SUBSCRIBED]
         system.autostart(Event())
         found = settled(watcher, system.nodes)
@@ -61,7 +61,7 @@ def graph() -> dict:
 
 
 def settled(watcher, nodes) -> dict:
-    """Return the graph once it has not changed for two seconds, because discovery takes time."""
+    """Return the graph as soon as discovery has left it unchanged for two seconds."""
     deadline, before, since = time.monotonic() + TIMEOUT, None, time.monotonic()
     while True:
         now = graph_of(watcher, nodes)
@@ -73,8 +73,8 @@ def settled(watcher, nodes) -> dict:
         time.sleep(0.2)
 
 
-#: Topics and services that ROS 2 creates for an action (design.ros2.org, "Actions"). SROS 2 allows them to the node
-#: that executes the action.
+#: Topics and services that ROS 2 creates for an action (design.ros2.org, "Actions"). SROS 2 grants them to the node
+#: that runs the action server.
 OF_ACTION = {('topics', 'publish'): ('feedback', 'status'),
              ('services', 'reply'): ('send_goal', 'cancel_goal', 'get_result')}
 

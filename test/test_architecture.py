@@ -1,4 +1,4 @@
-"""Checks the import rules of docs/architecture.md."""
+"""Tests that the modules follow the import rules of docs/architecture.md."""
 
 import ast
 import re
@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
 NUMERICAL = {'conditioning', 'contact', 'helmholtz', 'shape', 'pose', 'grasp', 'learning'}
 CAN_SIDE = {'cia301', 'skin', 'assembly', 'logs', 'bus', 'sources'}
-#: Maps each subpackage to our other subpackages that it may import. Every subpackage may import itself and the
+#: Maps each subpackage to the other subpackages that it may import. Every subpackage may also import itself and the
 #: top-level modules.
 ALLOWED = {
     'contact': set(), 'helmholtz': set(), 'conditioning': set(), 'shape': {'contact', 'helmholtz'},
@@ -30,7 +30,8 @@ ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 
        'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
 
-#: Modules of bench/recognition/ that draw the reported test data: worlds that training has never seen.
+#: Modules of bench/recognition/ that generate the test data for the reported results. Training must never have seen
+#: this kind of data.
 REPORTED = ('foreign', 'blemish', 'stamp', 'idle', 'spots', 'mechanics')
 
 
@@ -80,7 +81,7 @@ def test_only_commands_import_nodes():
 def test_every_thread_reports_the_exception_that_ends_it():
     starts = re.compile(r'\b(?:threading\.Thread[()]|Thread\(|_thread\.start_new_thread)')
     found = [path.name for path in PACKAGE.rglob('*.py') if starts.search(path.read_text(encoding='utf-8'))]
-    assert found == ['threads.py']  # Only the line that defines the class matches.
+    assert found == ['threads.py']  # This file defines the thread class of the project.
 
 
 def test_training_knows_nothing_of_the_report():
@@ -93,7 +94,7 @@ def test_training_knows_nothing_of_the_report():
 @pytest.mark.parametrize('module', REPORTED)
 def test_what_is_reported_on_is_drawn_without_training(module):
     seen, waiting = set(), [f'bench.recognition.{module}']
-    while waiting:  # Follow indirect imports, too.
+    while waiting:  # The search also follows indirect imports.
         name = waiting.pop()
         if name in seen or not name.startswith(('bench.', 'training.')):
             continue

@@ -1,4 +1,7 @@
-"""The assembler is fed byte by byte. Node 1 sends 3 TPDOs (0x181, 0x281, 0x381), each with a row of 2 taxels."""
+"""Tests that feed the frame assembler byte by byte.
+
+Node 1 sends 3 TPDOs (0x181, 0x281, 0x381), and each TPDO carries one row of 2 taxels.
+"""
 
 import os
 
@@ -24,7 +27,7 @@ def assembler(tmp_path):
 
 
 def send(assembler, *frames, at=0.5):
-    """Feed pairs of COB-ID and hex bytes; return the last result."""
+    """Feed CAN frames, given as pairs of COB-ID and hex bytes, and return the last result."""
     results = [assembler.feed(can_id, bytes.fromhex(data), at) for can_id, data in frames]
     return only(results[-1])
 
@@ -43,7 +46,7 @@ def test_whole_period_is_given_with_its_last_tpdo(assembler):
     frame = send(assembler, (ROW_3, '00FE'), at=7.3)
     check(frame, [[0, 2], [4, 6], [-20, 488]])
     assert frame.stamp == 7.25 and (frame.status == VALID).all()
-    assert only(assembler.sync(8.25)) is None  # The assembler gives no frame twice.
+    assert only(assembler.sync(8.25)) is None  # The assembler returns each taxel frame only once.
     assert assembler.statistics()[:5] == (1, 0, 3, 3, 3) and is_balanced(assembler)
 
 
@@ -58,7 +61,7 @@ def test_full_scale_is_saturated_and_still_given(assembler):
     (ROW_1, [[NAN, NAN], [2, 2], [4, 4]], True), (ROW_2, [[0, 0], [NAN, NAN], [4, 4]], True),
     (ROW_3, [[0, 0], [2, 2], [NAN, NAN]], False)])
 def test_missing_tpdo_gives_nan_as_soon_as_it_cannot_come(assembler, lost, values, at_sync):
-    """The frame is given at the next SYNC if the sweep has ended, otherwise when the next sweep begins."""
+    """The assembler returns a frame at the next SYNC if the sweep has ended, otherwise when the next sweep begins."""
     period = [(ROW_1, '0A0A'), (ROW_2, '0B0B'), (ROW_3, '0C0C')]
     assembler.sync(0)
     send(assembler, *(f for f in period if f[0] != lost))
@@ -66,13 +69,16 @@ def test_missing_tpdo_gives_nan_as_soon_as_it_cannot_come(assembler, lost, value
     frame = only(ended) if at_sync else began
     check(frame, values, missing=1)
     assert (frame.status == np.where(np.isnan(values), STALE, VALID)).all()
-    # The next period is complete again.
+    # No TPDO of the next period is missing.
     check(send(assembler, *period[1:], at=1.5), [[0, 0], [2, 2], [4, 4]], sequence=1)
     assert assembler.statistics().missing == 1 and is_balanced(assembler)
 
 
 def test_silent_periods_are_all_stale(assembler):
-    """The first silent period waits for late TPDOs. After the second, TPDOs can no longer be assigned without doubt."""
+    """During the first silent period, the assembler waits for late TPDOs.
+
+    After the second silent period, the assembler can no longer tell to which period a TPDO belongs.
+    """
     assembler.sync(0)
     assert assembler.sync(1) == ()
     first, second = assembler.sync(2)
@@ -82,7 +88,7 @@ def test_silent_periods_are_all_stale(assembler):
 
 
 def test_sweeps_after_silence_are_given_up_until_a_free_bus_proves_that_none_is_late(assembler):
-    """Each of these sweeps may belong to the period before it."""
+    """After a silence, each sweep may belong to the previous period."""
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     assembler.sync(0)
     assembler.sync(1)
@@ -113,7 +119,7 @@ def test_a_sweep_that_is_late_as_a_whole_goes_back_to_its_period(assembler):
 
 
 def test_a_node_that_was_started_owes_nothing(assembler):
-    """The supervisor starts a node like this after a power cycle, here in mid-period."""
+    """After a power cycle, the supervisor starts the node in the middle of a period."""
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     for stamp in range(50):
         assembler.sync(stamp)
@@ -124,11 +130,14 @@ def test_a_node_that_was_started_owes_nothing(assembler):
 
 
 def test_a_late_tail_goes_back_to_its_period_once_the_next_sweep_begins(assembler):
-    """A sender keeps its order, so TPDOs that arrive before the first TPDO of this period belong to an earlier one."""
+    """A node sends its TPDOs in a fixed order.
+
+    TPDOs that arrive before the node's first TPDO of the current period therefore belong to an earlier period.
+    """
     assembler.sync(0)
     send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'))
     assert assembler.sync(1) == ()
-    # This TPDO belongs to the previous period and arrives after the SYNC.
+    # This TPDO belongs to the previous period but arrives after the SYNC.
     assert send(assembler, (ROW_3, '0F0F'), at=1.1) is None
     first = only(assembler.feed(ROW_1, b'\x0B\x0B', 1.2))
     check(first, [[0, 0], [0, 0], [10, 10]])
@@ -142,7 +151,7 @@ def test_a_late_tail_goes_back_to_its_period_once_the_next_sweep_begins(assemble
 @pytest.mark.parametrize('after', [[ROW_1, ROW_2], [ROW_2, ROW_1], [ROW_1, ROW_1, ROW_2, ROW_3]],
                          ids=['end lost', 'order lost', 'begun twice'])
 def test_once_the_order_was_changed_a_late_tail_needs_a_whole_sweep_after_it(assembler, after):
-    """If the bus or the adapter changes the order, the apparent tail may belong to the new period."""
+    """If the bus or the adapter reorders TPDOs, the apparent end of a late sweep may belong to the new period."""
     assembler.sync(-1)
     for row in (ROW_1, ROW_3, ROW_2):
         assembler.feed(row, b'\x0A\x0A', -0.5)
@@ -163,7 +172,7 @@ def test_lone_possible_tail_is_not_published_as_fresh(assembler):
     assembler.sync(0)
     send(assembler, (ROW_1, '0A0A'))
     assembler.sync(1)
-    # This is either the tail of period 0, or period 1 without its first TPDO.
+    # These two TPDOs are either the end of sweep 0, or sweep 1 without its first TPDO.
     send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=1.1)
     first, second, late = assembler.sync(2)
     check(first, [[0, 0], [NAN, NAN], [NAN, NAN]], missing=2)
@@ -172,7 +181,10 @@ def test_lone_possible_tail_is_not_published_as_fresh(assembler):
 
 
 def test_an_order_that_was_changed_once_is_forgotten(assembler):
-    """One lost SYNC can look like a changed order. If the order were remembered, every later tail would be lost."""
+    """One lost SYNC can look like a changed order.
+
+    If the assembler never forgot the changed order, it would drop the end of every later sweep.
+    """
     assembler.sync(-1)
     for row in (ROW_1, ROW_3, ROW_2):
         assembler.feed(row, b'\x0A\x0A', -0.5)
@@ -190,7 +202,7 @@ def test_part_of_them_too_and_what_is_older_still_is_late(assembler):
     send(assembler, (ROW_1, '0F0F'), at=10.1)
     assembler.sync(11.0)
     check(send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=10.2), np.full((3, 2), 10))
-    # The frame of that period has already been given.
+    # The frame of the earlier period has already been returned.
     assert send(assembler, (ROW_1, '0E0E'), at=10.3) == Loss(LossReason.LATE)
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=11.2), np.zeros((3, 2)), sequence=1)
     assert is_balanced(assembler)
@@ -198,7 +210,10 @@ def test_part_of_them_too_and_what_is_older_still_is_late(assembler):
 
 @pytest.mark.parametrize('older', [1, 2, 3])
 def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, older):
-    """The driver lags by two periods: it sees SYNCs 1 and 2, then the end of period 0, then periods 1 and 2."""
+    """The driver lags by two periods.
+
+    The driver receives SYNCs 1 and 2 first, then the rest of sweep 0, and then sweeps 1 and 2.
+    """
     sweeps = [(row, bytes([11 + period] * 2), 10.5 + period) for period in range(3) for row in (ROW_1, ROW_2, ROW_3)]
     assembler.sync(10.0)
     for sent in sweeps[:3 - older]:
@@ -216,8 +231,8 @@ def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, ol
 def played(assembler, script):
     """Play a script and return the sweeps found in each frame, by sequence number.
 
-    In the script, S2 is a SYNC at 2 s and F is a free bus. A1@1.5 is row A of sweep 1 with stamp 1.5 s. B1 is row B of
-    sweep 1, stamped now.
+    In the script, S2 is a SYNC at 2 s, and F is a free bus. A1@1.5 is row A of sweep 1 with the stamp 1.5 s. B1 is row
+    B of sweep 1 with a stamp 0.5 s after the last SYNC.
     """
     given, rows, now = [], {'A': ROW_1, 'B': ROW_2, 'C': ROW_3}, 0.0
     for word in script.split():
@@ -261,7 +276,7 @@ def test_a_sender_that_often_leaves_out_a_period_is_not_given_up_for_ever(assemb
 def test_a_bus_that_is_free_when_an_answer_is_due_proves_that_there_is_none(taken, foreign, until, is_over):
     """The answer to the SYNC at 1.0 s is due at 1.01 s.
 
-    Unless a TPDO has arrived since that SYNC, the adapter may be holding all TPDOs back, and a free bus proves nothing.
+    If no TPDO has arrived since that SYNC, the adapter may be holding back all TPDOs. A free bus then proves nothing.
     """
     bus = FreeBus(1_000_000)
     for stamp in (0.98, 1.0):
@@ -282,7 +297,7 @@ def test_a_bus_that_seemed_free_because_the_adapter_was_held_up_gives_no_wrong_s
     assembler.sync(1.02)
     assembler.settle()
     results = []
-    for data in (b'\x0A\x0A', b'\x0B\x0B'):  # The late sweep and the current one arrive at once.
+    for data in (b'\x0A\x0A', b'\x0B\x0B'):  # The late sweep and the current sweep arrive together.
         for row in (ROW_1, ROW_2, ROW_3):
             results += assembler.feed(row, data, 1.021)
     check(results[0], np.zeros((3, 2)), sequence=1)
@@ -304,7 +319,10 @@ def test_repeated_frame_is_a_duplicate(assembler):
 
 
 def test_same_cob_id_with_other_bytes_begins_a_new_run(assembler):
-    """Two TPDOs of row 2 arrive without a SYNC between them. The rows received before belong to the earlier period."""
+    """Row 2 arrives twice without a SYNC in between.
+
+    The rows received before the second TPDO of row 2 belong to the earlier period.
+    """
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_2, '0B0B')) == Loss(LossReason.LATE, 2)
     send(assembler, (ROW_3, '0B0B'))
@@ -317,7 +335,7 @@ def test_frames_after_a_complete_one_are_surplus(assembler):
     send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'))
     assert send(assembler, (ROW_1, '0F0F')) == Loss(LossReason.SURPLUS)
     assert only(assembler.sync(1)) is None
-    send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=1.1)  # The rest of the surplus sweep.
+    send(assembler, (ROW_2, '0F0F'), (ROW_3, '0F0F'), at=1.1)  # The surplus sweep continues after the SYNC.
     send(assembler, (ROW_1, '0B0B'), (ROW_2, '0B0B'), at=1.5)
     frame, late = assembler.feed(ROW_3, b'\x0B\x0B', 1.5)
     check(frame, np.full((3, 2), 2), sequence=1)
@@ -336,7 +354,10 @@ def test_wrong_length_makes_its_taxels_stale(assembler, data, reason):
 
 
 def test_the_first_bytes_of_a_padded_tpdo_are_used_and_the_padding_is_reported_once(assembler, caplog):
-    """If a PDO is longer than its mapping, CiA 301 uses its first bytes. Some devices always send 8 bytes."""
+    """If a PDO is longer than its mapping, CiA 301 uses only its first bytes.
+
+    Some devices pad every TPDO to 8 bytes.
+    """
     for number, padding in enumerate(('00' * 6, 'FF' * 6, 'FF')):
         assembler.sync(number)
         send(assembler, (ROW_1, '0A0B' + padding), (ROW_2, '0A0A'), at=number + 0.5)
@@ -366,9 +387,10 @@ def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
 @pytest.mark.slow
 @pytest.mark.parametrize(('loss', 'most_delayed', 'given'), [(0.1, 2, 1000), (0.0, 2, 2850), (0.0, 8, 2500)])
 def test_random_loss_and_delay_never_mixes_periods(tmp_path, loss, most_delayed, given):
-    """Each period sends its number in all taxels.
+    """In each period, the node sends the period's number in all taxels.
 
-    Frames are lost, or delayed across SYNCs without a change of order. Without loss, most late frames are used.
+    TPDOs are lost or delayed beyond later SYNCs, but they stay in order. Without losses, the assembler uses most late
+    TPDOs.
     """
     assembler = FrameAssembler(tiny_layout(tmp_path), (1,))
     rng = np.random.default_rng(5)
@@ -413,9 +435,9 @@ def test_incomplete_sweeps_can_be_dropped(tmp_path):
 
 
 def fates(periods, of=(), begin=0):
-    """Yield every combination of fates for 3 TPDOs a period.
+    """Yield every combination of losses and delays for 3 TPDOs in each period.
 
-    A TPDO is lost (None), or it arrives in its own period or in the next one. The TPDOs stay in order.
+    A TPDO is lost (None), arrives in its own period, or arrives in the next period. The TPDOs stay in order.
     """
     if len(of) == 3 * periods:
         yield of
@@ -429,10 +451,10 @@ def fates(periods, of=(), begin=0):
 @pytest.mark.slow
 @pytest.mark.parametrize(('periods', 'ways', 'step'), [(2, 400, 1), (3, 8000, 1 if LONG else 5)])
 def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, periods, ways, step):
-    """TPDOs of the first ``periods`` are lost or late; all later TPDOs arrive in time.
+    """TPDOs of the first ``periods`` are lost or late, and all later TPDOs arrive in time.
 
-    With two periods the test tries every combination. With three it tries every fifth one, or all with TACTILE_LONG.
-    The first taxel holds the number of the period in which its TPDO was sent.
+    With two periods, the test tries every combination. With three periods, the test tries every fifth combination, or
+    all of them with TACTILE_LONG. The first taxel holds the number of the period in which its TPDO was sent.
     """
     layout, fate_of_all = tiny_layout(tmp_path), list(fates(periods))
     for fate in fate_of_all[::step]:
@@ -457,9 +479,9 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, period
 @pytest.mark.parametrize('a_period', [4, 5, 7, 10, 30, 1000])
 @pytest.mark.parametrize('lost', [0, 1, 3])
 def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost, a_period):
-    """An adapter that has held TPDOs back hands over ``a_period`` of them in each period until its queue is empty.
+    """An adapter that has held back TPDOs releases ``a_period`` of them in each period until its queue is empty.
 
-    Sweep n is sampled at SYNC n and has the value 2 * (n // 2).
+    The device samples sweep n at SYNC n with the value 2 * (n // 2).
     """
     assembler = telling(FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False))
     waiting, frames = [], []
@@ -481,12 +503,12 @@ def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost,
     assert np.isfinite(frames[-1].values).all() and is_balanced(assembler)
 
 
-UNSORTED = TINY.replace('number: 1,', 'number: 8,')  # The TPDOs have the numbers 8, 2 and 3.
+UNSORTED = TINY.replace('number: 1,', 'number: 8,')  # In row order, the TPDOs have the numbers 8, 2 and 3.
 
 
 @pytest.mark.parametrize('order', [(1, 0, 2), (0, 2, 1), (2, 1, 0), (1, 2, 0), (2, 0, 1)])
 def test_the_order_in_which_a_device_sends_is_named_and_no_two_periods_are_mixed(tmp_path, order):
-    """Two of these orders also look like the end of a late sweep followed by the start of the next, in every period."""
+    """In two of these orders, every period also looks like the end of a late sweep and the start of the next sweep."""
     assembler = telling(FrameAssembler(tiny_layout(tmp_path, UNSORTED), (1,)))
     frames = []
     for number in range(3 * ORDER_MEMORY):
@@ -498,7 +520,7 @@ def test_the_order_in_which_a_device_sends_is_named_and_no_two_periods_are_mixed
     assert frames and all(len(values) <= 1 for values in seen)
     names = '8', '2', '3'
     assert assembler.statistics().orders == (TpdoOrder(1, tuple(names[place] for place in order), names),)
-    for number in range(3 * ORDER_MEMORY, 3 * ORDER_MEMORY + 3):  # The device now sends in the correct order.
+    for number in range(3 * ORDER_MEMORY, 3 * ORDER_MEMORY + 3):  # The device now sends in the order of the layout.
         assembler.sync(number)
         send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=number + 0.2)
     assembler.sync(number + 1)
@@ -525,7 +547,7 @@ def test_of_two_nodes_each_has_its_own_order(tmp_path):
 
 
 def test_without_sync_the_order_of_tpdos_takes_no_memory(assembler):
-    """A period lasts until the next SYNC, which may never arrive."""
+    """A period lasts until the next SYNC, but that SYNC may never arrive."""
     assembler.sync(0.0)
     for number in range(1000):
         assembler.feed((ROW_1, ROW_2, ROW_3)[number % 3], bytes([number % 250] * 2), 0.1)

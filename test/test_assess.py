@@ -1,6 +1,6 @@
-"""Assessing recognition on a skin: the counts, and the adaptation.
+"""Tests for assessing recognition on a skin and for adapting the recogniser to it.
 
-The tests show when an adaptation is kept, what it changes, and where it is loaded.
+The tests check when an adaptation is kept, what an adaptation changes, and where it is loaded.
 """
 
 import json
@@ -31,9 +31,9 @@ from training.ground_truth.seeds import Purpose, generator
 
 SIDE = 16
 FOREIGN = 'cross', 'l', 't'
-# The gains differ by up to 3:1.
+# The gains of the taxels differ by a factor of up to 3.
 GAINS = np.exp(generator(Purpose.TEST, 780_000).uniform(-0.5, 0.5, (SIDE, SIDE)) * np.log(3))
-BLUR = 1.2  # Together with the gains, this blur makes the recogniser overconfident.
+BLUR = 1.2  # This blur and the uneven gains make the recogniser overconfident.
 
 
 def frame_of(name, rng, gains=GAINS, blur=BLUR):
@@ -49,7 +49,7 @@ def label_of(name):
 
 
 def frames_of(names, number, count=8, **skin):
-    """Yield the name and the touch frame for ``count`` touches of each object."""
+    """Yield ``count`` touches of each object as pairs of object name and touch frame."""
     rng = generator(Purpose.TEST, 780_000 + number)
     for name in names:
         for _ in range(count):
@@ -96,14 +96,14 @@ def test_the_counts_are_those_of_a_list_made_up():
     assert answers.counts(Shape.CIRCLE) == (3, 2, 0, 2, 1)
     assert answers.counts(Shape.SQUARE) == (2, 0, 2, 0, 0)
     assert answers.counts(Shape.UNKNOWN) == (2, 1, 0, 1, 1)
-    # Brier scores: 2 * 0.05² for the first answer and 2 * 0.4² for the second. A wrong answer given with certainty
-    # scores 2.
+    # The Brier score is 2 * 0.05² for answer 0 and 2 * 0.4² for answer 1. A wrong answer with a confidence of 1 scores
+    # 2.
     assert answers.scores()[[0, 1, 4]] == pytest.approx([0.005, 0.32, 2.0])
     assert [(group.right.right, group.right.total) for group in answers.groups()] == [(0, 0), (1, 1), (0, 1), (2, 5)]
 
 
 def test_a_recogniser_that_is_too_sure_is_better_on_touches_that_it_has_not_seen(base, assessed):
-    """Fresh touches of all eight objects come from the assessed skin, but were not used in the assessment."""
+    """The fresh touches cover all eight objects on the assessed skin and were not used in the assessment."""
     fresh = touches_of(EVERY, 2)
     before, after = answers_to(base, fresh), answers_to(adapted(base, assessed), fresh)
     gained = before.scores() - after.scores()
@@ -113,7 +113,7 @@ def test_a_recogniser_that_is_too_sure_is_better_on_touches_that_it_has_not_seen
 
 
 def test_the_gain_that_is_reported_is_that_of_fresh_touches(base, assessed):
-    """Touches that an adaptation was fitted to would show a larger gain than fresh touches."""
+    """The touches that fitted the adaptation would overstate its gain, so the test uses fresh touches."""
     fresh = touches_of(EVERY, 3, count=16)
     gained = (answers_to(base, fresh).scores() - answers_to(adapted(base, assessed), fresh).scores()).mean()
     low, high = assessed.gain.interval
@@ -167,7 +167,7 @@ def test_contacts_of_too_few_taxels_are_counted_and_not_adapted_to(base):
 
 
 def test_every_contact_counts_but_those_cut_by_the_edge():
-    """`tactile teach` leaves out touches that show no shape. An assessment counts the answers to them."""
+    """`tactile teach` skips touches that show no shape, but an assessment must count their answers."""
     speck = np.pad(np.full((2, 2), 5e4), ((6, 8), (6, 8)))
     frames = [load * each for each in (speck, np.roll(speck, 5, 0) + np.roll(speck, -5, 0), np.roll(speck, -6, 0))
               for load in LOADS]
@@ -178,7 +178,8 @@ def test_every_contact_counts_but_those_cut_by_the_edge():
 
 
 def test_the_skin_is_measured():
-    """Gains of 3:1, uniform in the logarithm, have a standard deviation of log(3) / sqrt(12) = 0.317."""
+    """Gains with a log-uniform distribution over a range of 3:1 have a standard deviation of log(3) / sqrt(12) = 0.317.
+    """
     skins = {'gains': 1.0, 'blur': 0.0}, {'blur': 0.0}, {'gains': 1.0, 'blur': 2.0}
     even, uneven, blurred = (measure_skin([frame for _, frame in frames_of(EVERY, 9, count=12, **skin)])
                              for skin in skins)
@@ -222,7 +223,7 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
         before, after = base.recognise(contact), of_library.recognise(contact)
         assert of_node.recognise(contact) == after and line['probabilities'] == pytest.approx(
             {shape.value: p for shape, p in after.probabilities.items()})
-        # If one of the two answers is in doubt, a rule has limited its confidence.
+        # An answer in doubt has a limited confidence, so its probabilities cannot be compared.
         if {before.doubt, after.doubt} != {UnknownReason.NOT_UNKNOWN}:
             continue
         expected = {shape: max(before.probabilities[shape], 1e-6) ** 0.5 * np.exp(bias)
@@ -236,9 +237,9 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
 
 @pytest.mark.parametrize('taxels, is_sure', [(3, False), (8, True)])
 def test_an_adaptation_makes_no_name_sure_that_the_taxels_do_not_support(taxels, is_sure, arrays, tmp_path):
-    """A name that rests on too few taxels stays unsure, even with many agreeing frames or a large bias.
+    """A name based on too few taxels stays unsure, even with many agreeing frames or a large bias.
 
-    A rectangle takes 9 taxels; 2 x 3 taxels are too few.
+    A rectangle needs at least 9 taxels to be named with certainty, and 2 x 3 taxels are too few.
     """
     biases = [50.0 * (shape is Shape.RECTANGLE) for shape in OUTPUTS]
     np.savez(tmp_path / 'skin.npz', **changed('biases', biases)(arrays))
@@ -278,7 +279,7 @@ def test_a_file_that_is_no_assessed_file_is_refused_with_our_error(arrays, chang
 
 
 def test_shapes_taught_afterwards_leave_the_adaptation_out(arrays, tmp_path):
-    """The biases of an adaptation apply only to the classes without the taught shapes."""
+    """The biases of an adaptation no longer fit once further shapes are taught."""
     with (tmp_path / 'taught.npz').open('wb') as stream:
         write_taught(stream, arrays, [], {}, {})
     assert not any('_skin_' in name for name in read_arrays(tmp_path / 'taught.npz'))
@@ -286,7 +287,7 @@ def test_shapes_taught_afterwards_leave_the_adaptation_out(arrays, tmp_path):
 
 @pytest.fixture(scope='module')
 def recordings(tmp_path_factory):
-    """Write one file for each object, with a time series of touches on the uneven skin."""
+    """Record a time series of touches on the uneven skin, in one file for each object."""
     folder, rng = tmp_path_factory.mktemp('touches'), generator(Purpose.TEST, 780_011)
     for name in EVERY:
         frames = [load * frame_of(name, rng) + 100 * rng.standard_normal((SIDE, SIDE)) for _ in range(8)
@@ -313,7 +314,7 @@ def test_the_command_reports_and_writes_a_file_that_changes_the_answers(recordin
 
 
 def test_the_command_assesses_an_adapted_file_as_it_is_and_replaces_its_adaptation(recordings, capsys):
-    """On the same touches, a second adaptation can gain little."""
+    """A second adaptation from the same touches brings too little gain to be kept."""
     output = recordings / 'once.npz'
     assert main([*words_of(recordings, *EVERY), '-o', str(output)]) == 0
     assert main([*words_of(recordings, *EVERY), '--model', str(output), '-o', str(recordings / 'twice.npz')]) == 1

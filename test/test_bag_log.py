@@ -1,6 +1,6 @@
-"""CAN frames in ROS 2 bags.
+"""Tests for CAN frames in ROS 2 bags.
 
-Other libraries read our bags, we read theirs, and both are replayed like any other log.
+Other libraries must read our bags, our reader must read their bags, and both kinds must replay like any other log.
 """
 
 import gzip
@@ -53,7 +53,7 @@ def store():
 
 
 def bag(folder, plugin, topics=(('/from_can_bus', CAN_TYPE),), stamped=True, compressed=False):
-    """Write a bag in the form of rosbag2 with an independent writer.
+    """Write a rosbag2 bag with an independent library.
 
     Each topic carries the data frames of SENT at intervals of 0.25 s.
     """
@@ -80,7 +80,10 @@ def test_every_kind_of_frame_comes_back(tmp_path):
 
 
 def test_what_we_write_others_read(tmp_path):
-    """MCAP's own indexed reader reads the file; the type comes only from the schema in the file."""
+    """The indexed reader of the MCAP library reads our file.
+
+    The test takes the message type only from the schema in the file.
+    """
     with written(tmp_path / 'x.mcap').open('rb') as file:
         reader = mcap.make_reader(file)
         assert reader.get_header().profile == 'ros2' and reader.get_summary().statistics.message_count == 5
@@ -152,13 +155,14 @@ def test_a_session_replays_from_a_bag_as_from_the_log(tmp_path):
 
 
 def of_sqlite(folder, name):
-    """Write the first three messages of SENT as an SQLite bag, or as a log in python-can's SQLite format (.db)."""
+    """Write the first three messages of SENT as an SQLite bag or as a python-can SQLite log (.db)."""
     if name == 'bag':
         return bag(folder / name, 'SQLITE3')
     writer = can.Logger(str(folder / name))
     for message in SENT[:3]:
         writer.on_message_received(message)
-    while writer.num_frames < 3:  # When python-can's writer is stopped, it loses its queued messages.
+    # A stopped python-can writer discards its queued messages, so wait until all are written.
+    while writer.num_frames < 3:
         time.sleep(0.01)
     writer.stop()
     return folder / name
@@ -168,7 +172,7 @@ def of_sqlite(folder, name):
 def other_threads():
     """Yield two threads that live as long as the test.
 
-    If a thread ended earlier, the next one could get its number.
+    If one thread ended earlier, the next thread could get its identifier.
     """
     with ThreadPoolExecutor(1) as one, ThreadPoolExecutor(1) as another:
         yield one, another
@@ -176,9 +180,9 @@ def other_threads():
 
 @pytest.mark.parametrize('name', ['bag', 'x.db'])
 def test_each_frame_of_a_log_in_sqlite_may_be_read_by_another_thread(tmp_path, name, other_threads):
-    """One thread opens a log; other threads play it, resume it after a pause, and close it.
+    """One thread opens a log, and other threads play, pause, resume and close it.
 
-    SQLite binds a connection to the thread that has opened it.
+    SQLite allows a connection to be used only in the thread that opened it.
     """
     reader = CanLogReader(of_sqlite(tmp_path, name))
     messages = iter(reader)

@@ -1,4 +1,4 @@
-"""`tactile scan --bitrate auto` listens at each bit rate and sends nothing on a bus in use."""
+"""Tests that `tactile scan --bitrate auto` listens at each bit rate and sends nothing on a busy bus."""
 
 import json
 import threading
@@ -18,7 +18,7 @@ HEARTBEAT = can.Message(arbitration_id=0x705, is_extended_id=False, data=[5])
 
 
 class Adapter(SlcanPty):
-    """Adapter that records every command. At a bit rate other than that of the bus, it delivers ``noise``."""
+    """Adapter that records every command and delivers ``noise`` at any bit rate other than that of the bus."""
 
     def __init__(self, bitrate, noise=b''):
         super().__init__(bitrate=bitrate)
@@ -36,7 +36,7 @@ class Adapter(SlcanPty):
 
 @contextmanager
 def bus_of(adapter, sends=True):
-    """Run the adapter, and a node 5 that sends a heartbeat every 20 ms."""
+    """Run the adapter together with node 5, which sends a heartbeat every 20 ms."""
     ends = threading.Event()
 
     def serve():
@@ -67,7 +67,7 @@ def scan(capsys, adapter, *words):
 
 @pytest.mark.parametrize(('bitrate', 'noise'), [(800_000, b''), (500_000, b't7051AB0\r'), (1_000_000, b'')])
 def test_the_bit_rate_is_the_one_at_which_frames_are_sound(bitrate, noise):
-    """At a wrong bit rate, the adapter delivers nothing, or bytes that are not a frame."""
+    """At a wrong bit rate, the adapter delivers either nothing or bytes that do not form a frame."""
     with bus_of(Adapter(bitrate, noise)) as adapter:
         assert find_bit_rate('slcan', adapter.port, 0.2) == bitrate
 
@@ -75,13 +75,13 @@ def test_the_bit_rate_is_the_one_at_which_frames_are_sound(bitrate, noise):
 def test_the_scan_goes_on_at_the_bit_rate_that_was_found(capsys):
     with bus_of(Adapter(500_000)) as adapter:
         code, out, _ = scan(capsys, adapter, '--passive', '--json')
-        assert not adapter.received  # With --passive, the scan also sends nothing after the bit rate is found.
+        assert not adapter.received  # With --passive, the scan sends nothing even after it has found the bit rate.
     node = json.loads(out)
     assert code == 0 and node['bitrate'] == 500_000 and node['node_id'] == 5
 
 
 def test_nothing_is_said_at_a_wrong_bit_rate(capsys):
-    """A controller that takes part at a wrong bit rate destroys every frame with its error flags."""
+    """A controller that is active at a wrong bit rate destroys every frame with error flags."""
     with bus_of(Adapter(125_000)) as adapter:
         code, out, _ = scan(capsys, adapter, '--node-id', '9')
         commands = list(adapter.commands)

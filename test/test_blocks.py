@@ -1,4 +1,4 @@
-"""Sums over the taxels of a contact in blocks, and the kernel of an elastic layer."""
+"""Tests for the averages over blocks of taxels and for the pressure kernel of an elastic layer."""
 
 import numpy as np
 import pytest
@@ -22,10 +22,11 @@ def test_no_contact_is_wider_than_so_many_blocks(extent, size):
 def test_blocks_are_means_of_what_is_seen_and_lie_in_the_middle_of_their_taxels():
     values, mask = np.arange(40.0 * 30).reshape(40, 30), np.zeros((40, 30), bool)
     mask[10:20, 9:14] = True
-    values[4, 3], values[6:8, 5:7] = np.nan, np.nan  # One taxel of block (0, 0), and all taxels of block (1, 1).
-    values[8, 4:6] = np.nan  # One taxel each of the blocks (2, 0) and (2, 1).
+    # One taxel of block (0, 0) and all taxels of block (1, 1) have no value.
+    values[4, 3], values[6:8, 5:7] = np.nan, np.nan
+    values[8, 4:6] = np.nan  # One taxel in each of the blocks (2, 0) and (2, 1) has no value.
     blocks = in_blocks(values, mask, 2)
-    # The blocks reach three blocks beyond the contact's first taxel, (10, 9).
+    # The blocks begin three blocks before the first taxel of the contact, which is (10, 9).
     assert (blocks.x, blocks.y) == (3.5, 4.5)
     assert blocks.values.shape == blocks.mask.shape == (11, 9)
     assert blocks.values[0, 0] == pytest.approx(np.mean([values[4, 4], values[5, 3], values[5, 4]]))
@@ -90,9 +91,9 @@ def test_a_line_that_no_block_is_half_full_of_is_fitted_in_taxels():
 
 @pytest.mark.parametrize('depth', [0.3, 1.0, 2.0])
 def test_far_away_a_pressed_taxel_is_a_point_force(depth):
-    """The reference is Boussinesq's formula for a point force: 3 z^3 / (2 pi (r^2 + z^2)^(5/2)).
+    """The expected value is Boussinesq's formula for a point force: 3 z^3 / (2 pi (r^2 + z^2)^(5/2)).
 
-    The formula holds for small taxels. Averages over two taxels are 6 % larger.
+    The formula holds for small taxels. The kernel averages over both taxels and is 6 % larger.
     """
     far, z = 6.0, depth
     assert kernel(depth)[KERNEL_REACH, KERNEL_REACH + 6] == pytest.approx(
@@ -101,7 +102,7 @@ def test_far_away_a_pressed_taxel_is_a_point_force(depth):
 
 def test_a_taxel_under_itself_feels_the_integral_over_both_squares():
     def under(y, x):
-        """Return the pressure under one point of the taxel, integrated over the pressed area."""
+        """Return the pressure at the point (x, y) under the taxel, integrated over the pressed area."""
         return dblquad(lambda v, u: 3 * 0.5 ** 3 / (2 * np.pi * ((u - x) ** 2 + (v - y) ** 2 + 0.25) ** 2.5),
                        -0.5, 0.5, -0.5, 0.5, epsabs=1e-6)[0]
     points = (np.arange(6) + 0.5) / 6 - 0.5
@@ -110,7 +111,7 @@ def test_a_taxel_under_itself_feels_the_integral_over_both_squares():
 
 
 def test_a_wide_pressure_passes_through():
-    """The layer preserves the force, except for the part that it spreads beyond the reach of the kernel."""
+    """The layer preserves the total force, except for the part that spreads beyond the reach of the kernel."""
     assert kernel(0.3).sum() == pytest.approx(1, abs=0.01)
     assert kernel(1.0).sum() == pytest.approx(1, abs=0.04)
 

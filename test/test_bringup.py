@@ -1,4 +1,4 @@
-"""`tactile bringup` and `make demo` as a user meets them: results, and a clear sentence for every failure."""
+"""Tests that `tactile bringup` and `make demo` deliver results, or explain every failure in one sentence."""
 
 import csv
 import gzip
@@ -75,7 +75,8 @@ def short_timeout(tmp_path):
     (['--interface', 'virtual', '--channel', 'empty', '--wait-at-start', 'false'],
      'Check power, wiring, termination, bit rate and node-ID'),
     (['--interface', 'slcn'], 'got \'slcn\'. Did you mean "slcan"?'),
-    (['--interface', 'nosuch'], ', socketcan, '),  # The command must not wait, because waiting would not help.
+    # Waiting for an interface that does not exist would not help, so the command must end at once.
+    (['--interface', 'nosuch'], ', socketcan, '),
     (['--interface', 'virtual', '--layout', '/nowhere.yaml'], '/nowhere.yaml'),
     (['--interface', 'virtual', '--pads', 'left,right'], 'a node-ID for each of the pads'),
     (['--interface', 'virtual', '--pads', 'left right', '--node-id', '32,64'], 'Commas separate several pads'),
@@ -102,9 +103,9 @@ def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short
 
 @pytest.mark.parametrize('rule', ['-r', '--remap'])
 def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
-    """launch_ros passes these arguments inside PushRosNamespace.
+    """Inside PushRosNamespace, launch_ros passes the node name and namespace as remapping arguments.
 
-    With rcl alone, both processors would be named /robot/hand/processor.
+    Without our handling, rcl would name both processors /robot/hand/processor.
     """
     from tactile_node.cli.bringup import describe_nodes
     from tactile_node.cli.main import _parser
@@ -121,16 +122,16 @@ def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
         assert {node.get_parameter('queue_depth').value for node in system.nodes} == {7}
         published = {publisher.topic_name for node in system.nodes for publisher in node.publishers}
         assert {'/robot/hand/left/shape', '/robot/hand/right/shape', '/robot/hand/held'} <= published
-        # The value is the same as without the command.
+        # `tactile bringup` keeps the driver's default for wait_at_start.
         assert system.driver.get_parameter('wait_at_start').value is True
 
 
 def test_the_force_on_a_simulated_skin_has_a_standard_deviation_and_the_process_ends_with_another_one():
-    """The force has the expected standard deviation, and the process ends with another one.
+    """The force has the expected standard deviation, and the process ends with the process of --end-with.
 
-    The deviation of a taxel is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels. Taxels near the
-    threshold increase the deviation of the force. The test therefore waits for ten messages whose deviation is near the
-    expected one.
+    The standard deviation of a taxel is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels. Taxels
+    near the press threshold increase the standard deviation of the force. The test therefore waits for ten messages
+    with nearly the expected standard deviation.
     """
     import rclpy
 
@@ -207,7 +208,7 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
     assert 'touches recognised' in printed and 'as seen by a planner in another process: median' in printed
     assert demo(['--output', str(tmp_path)]) == 2
     assert '--force' in capsys.readouterr().err, 'earlier results are kept'
-    # The output is complete except for one touch, which may have ended before its frames were read.
+    # On a busy machine, a touch may end before the demo has read its frames. All other output is complete.
     if code == 1 and 'too slow or too busy' in printed:
         raise TooSlowError('the demo missed touches')
     assert code == 0

@@ -1,6 +1,6 @@
-"""Message counts alone reveal faults of a bus: two senders, another SYNC producer, or a process that is too slow.
+"""Tests that message counts alone reveal two senders, another SYNC producer, or a process that is too slow.
 
-These tests need neither a clock nor a bus.
+The tests need neither a clock nor a bus.
 """
 
 import time
@@ -17,7 +17,7 @@ from tactile_node.sources.bus_watch import OverloadWatch, SyncWatch
 from tactile_node.sources.node_monitor import NodeMonitor
 from tactile_node.sources.node_traffic import BusSeen, HeartbeatWatch, NodeTraffic, SurplusTpdos
 
-STEP = 0.02  # Time between two rounds [s].
+STEP = 0.02  # Time between two updates of the watches [s].
 DELAY = 0.5  # Delay [s].
 
 
@@ -26,9 +26,9 @@ def times(seconds: float, begin: float = 0.0) -> list[float]:
 
 
 def rounds_of(count: float, seconds: float = 10.0):
-    """Return the time and the number of heartbeats so far for each round.
+    """Return the time of each update and the number of heartbeats received until then.
 
-    The heartbeat period is 0.1 s; ``count`` heartbeats arrive in each period.
+    The heartbeat period is 0.1 s, and ``count`` heartbeats arrive in each period.
     """
     return [(now, int(count * now / 0.1)) for now in times(seconds)]
 
@@ -54,7 +54,10 @@ def test_answers_to_node_guarding_are_no_second_producer():
 
 
 def surplus(rates: tuple[float, ...], held=lambda now: 0.0, seconds: float = 5.0) -> list[tuple[int, ...]]:
-    """Return the findings of each round while TPDOs arrive ``rates`` times in each SYNC period of 20 ms."""
+    """Return the surplus TPDOs found at each update.
+
+    In each SYNC period of 20 ms, TPDO i arrives ``rates[i]`` times.
+    """
     watch = SurplusTpdos()
     return [watch.update(now, int(now / 0.02), [int(rate * (now - held(now)) / 0.02) for rate in rates], DELAY)
             for now in times(seconds)]
@@ -73,7 +76,7 @@ def test_a_second_sender_that_begins_later_is_found_within_a_second():
 
 
 def test_tpdos_that_an_adapter_has_held_back_are_of_one_sender():
-    """SYNCs were counted while their TPDOs waited in the adapter; then all TPDOs arrive at once."""
+    """SYNCs continue while the adapter holds their TPDOs back, and later all these TPDOs arrive at once."""
     assert set(surplus((1.0,), lambda now: now % 1.0 if now % 1.0 < 0.45 else 0.0)) == {()}
 
 
@@ -82,7 +85,10 @@ def test_tpdos_that_are_lost_are_no_proof_of_a_second_sender():
 
 
 def overloads(late: dict[float, float], dropped_at: float = 99.0, held: tuple[float, float] = (99.0, 99.0)):
-    """Return the overload found in each round. During the interval ``held``, the assembler does nothing."""
+    """Return the overload found at each update and the number of stalls.
+
+    During the interval ``held``, the assembler processes nothing.
+    """
     calls, found = [], {}
     watch = OverloadWatch(calls.append, 0.25)
     for now in times(3.0, begin=100.0):
@@ -143,9 +149,9 @@ def test_a_producer_that_begins_within_a_window_has_its_own_period():
 
 
 def looks(sent: Callable[[float], int], seconds: float = 12.0) -> list[tuple[float, bool]]:
-    """Return, for each time, whether a node counts as two devices.
+    """Return the time of each update with True if the node counts as two devices.
 
-    ``sent`` gives the number of heartbeats received up to a time.
+    ``sent`` returns the number of heartbeats received up to a given time.
     """
     heartbeats = Heartbeats()
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
@@ -172,7 +178,8 @@ def test_heartbeats_of_a_silence_are_of_one_device_and_a_second_one_after_it_is_
 
 @pytest.mark.parametrize(('stalls', 'is_reported'), [([5.0], False), ([1.0, 1.05], False), ([0.4] * 60, True)])
 def test_a_stall_excuses_a_silence_and_stalls_without_end_do_not(stalls, is_reported):
-    """A node falls silent after its first heartbeat. This process stalls for each of the times in ``stalls`` [s]."""
+    """A node falls silent after its first heartbeat, while this process stalls for each of the times in ``stalls`` [s].
+    """
     bus = BusMonitor([32])
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
     monitor, pad = NodeMonitor(node, bus, 0.5, 0.5), FrameAssembler(node.layout, (32,)).statistics()

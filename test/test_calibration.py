@@ -1,6 +1,6 @@
-"""Calibrate the response of a skin by presses of one known disc, then measure other objects.
+"""Tests that calibrate the response of a skin with presses of one known disc and then measure other objects.
 
-The response of the simulated skin is hidden from the calibration. With TACTILE_LONG, each press has more frames and the
+The calibration does not know the response of the simulated skin. With TACTILE_LONG, each press has more frames, and the
 other objects are pressed more often.
 """
 
@@ -32,7 +32,7 @@ LONG = bool(os.environ.get('TACTILE_LONG'))
 FRAMES = 4 if LONG else 2  #: Number of frames for each press of the disc.
 OTHER_PRESSES, OTHER_FRAMES = (6, 6) if LONG else (4, 4)
 RADIUS = 0.0104  #: Radius of the known disc [m].
-#: Lengths of the objects that are pressed after the calibration [m].
+#: Side lengths of the objects that are pressed after the calibration [m].
 OTHERS = {'square': (0.0150,), 'rectangle': (0.0180, 0.0110)}
 
 
@@ -43,7 +43,7 @@ def rng():
 
 @pytest.fixture(scope='module')
 def response_file(rng, tmp_path_factory):
-    """Return the file that `tactile calibrate` writes after presses of the known disc."""
+    """Return the response file that `tactile calibrate` writes after presses of the known disc."""
     folder = tmp_path_factory.mktemp('calibrated')
     write_log(folder / 'presses.log', pressed(rng, *solved('circle', (RADIUS,), 0.02), presses=6, frames=FRAMES))
     output = folder / 'skin.response.yaml'
@@ -53,7 +53,7 @@ def response_file(rng, tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def other_log(rng, tmp_path_factory):
-    """Write presses of the other objects, with their shapes and lengths, into one log."""
+    """Write a log with presses of the other objects, and return its path."""
     path = tmp_path_factory.mktemp('others') / 'others.log'
     write_log(path, [frame for shape, lengths in OTHERS.items()
                      for frame in pressed(rng, *solved(shape, lengths, 0.15), OTHER_PRESSES, OTHER_FRAMES)])
@@ -61,7 +61,7 @@ def other_log(rng, tmp_path_factory):
 
 
 def length_errors(lines: str) -> dict[str, list[float]]:
-    """Return the mean relative errors of the lengths for each recognised shape."""
+    """Return the mean relative length error of each measurement, grouped by the recognised shape."""
     errors: dict[str, list[float]] = {shape: [] for shape in OTHERS}
     for record in map(json.loads, lines.splitlines()):
         if record['shape'] in OTHERS and record['N'] > 20:
@@ -72,7 +72,7 @@ def length_errors(lines: str) -> dict[str, list[float]]:
 
 @pytest.mark.slow
 def test_sizes_of_other_objects_are_right_after_one_calibration(response_file, other_log, tmp_path, capsys):
-    """The sizes are right within 1.5 % with the response, and at least 2.5 % too large without it."""
+    """The median lengths are right within 1.5 % with the response, and at least 2.5 % too large without it."""
     frames = tmp_path / 'others.npy'
     assert main(['replay', str(other_log), '--output', str(frames)]) == 0
     raw = np.load(frames)
@@ -108,12 +108,12 @@ def test_the_file_says_what_it_was_found_from(response_file):
     response = load_response(response_file)
     assert 0.5 * 0.7 * PITCH < response.layer.depth < 2 * 0.7 * PITCH
     ratio = response.curve.pressures[1:] / response.curve.readings[1:]
-    # The skin saturates: the larger a reading, the more pressure one count stands for.
+    # The skin saturates, so the pressure per count grows with the reading.
     assert (np.diff(ratio) > 0).all()
 
 
 def test_a_square_is_no_disc(rng, tmp_path, capsys):
-    """A square was once accepted as a disc of the same area. Other objects then came out 12 % too large."""
+    """A square was once accepted as a disc of the same area, and other objects then came out 12 % too large."""
     write_log(tmp_path / 'square.log', pressed(rng, *solved('square', (0.0168,), 0.02), presses=6, frames=FRAMES))
     output = tmp_path / 'r.yaml'
     assert main(['calibrate', str(tmp_path / 'square.log'), '--radius', '0.0095', '-o', str(output)]) == 2
@@ -132,17 +132,14 @@ def test_a_ball_is_no_flat_disc(rng):
 
 
 def test_light_contacts_stay_as_they_are_under_a_response(response_file):
-    """The curve was once too steep below the lightest press.
-
-    Contacts of 3-5 kPa then fell below the reporting threshold.
-    """
+    """The curve was once too steep below the lightest press, so contacts of 3-5 kPa were not reported."""
     curve = load_response(response_file).curve
     assert curve(np.array([3e3]))[0] > 2e3
 
 
 @pytest.mark.parametrize('depth', [1.5, 1e-60, 1e-5])
 def test_a_depth_that_does_not_fit_the_pitch_is_refused(depth):
-    """Depths in millimetres were once accepted in place of metres."""
+    """A depth given in millimetres was once accepted as metres."""
     with pytest.raises(ConfigurationError):
         fit_shape(disc(12, 12), disc(12, 12) > 25e3, Shape.CIRCLE, PITCH, Layer(depth, 0.1))
 

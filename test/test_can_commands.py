@@ -1,4 +1,4 @@
-"""``tactile simulate``, ``record`` and ``replay``, alone and as programs joined by a pseudo-terminal."""
+"""Tests of ``tactile simulate``, ``record`` and ``replay``, alone and connected through a pseudo-terminal."""
 
 import argparse
 import os
@@ -66,14 +66,15 @@ def test_driver_and_skin_are_two_programs_joined_by_slcan(tmp_path):
 
 
 def _whole_and_touched(frame) -> bool:
-    return frame.missing_can_frames == 0 and frame.values.max() > 30e3  # Smallest peak pressure [Pa].
+    # A pad with a peak above 30 kPa counts as touched.
+    return frame.missing_can_frames == 0 and frame.values.max() > 30e3
 
 
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.mcap'])
 def test_killed_recording_is_readable(tmp_path, suffix):
-    """A process is killed with SIGKILL while it writes frames 0, 1, 2 and so on.
+    """SIGKILL ends a process that is writing the numbered frames 0, 1, 2 and so on.
 
-    The log then has the flushed frames, in order, from the first one on.
+    The log must then contain all flushed frames in order, starting with frame 0.
     """
     log = tmp_path / f'x{suffix}'
     code = f'''
@@ -85,7 +86,8 @@ for i in itertools.count():
     time.sleep(0.001)
 '''
     process = subprocess.Popen([sys.executable, '-c', code], cwd=ROOT)
-    assert wait_until(lambda: _count_readable(log) > 10)  # A busy machine flushes fewer frames at a time.
+    # Count frames rather than seconds, because a busy machine flushes frames more slowly.
+    assert wait_until(lambda: _count_readable(log) > 10)
     process.kill()
     process.wait()
     reader = CanLogReader(log)
@@ -144,7 +146,7 @@ def test_replay_calls_the_pads_as_it_is_told(tmp_path):
 
 
 def session_as_asc(folder, *lines):
-    """Write the session of two pads as an ASC log, and insert ``lines`` among its frames."""
+    """Write the session of the two pads as an ASC log, with ``lines`` inserted among its frames."""
     path = folder / 'session.asc'
     with can.Logger(str(path)) as writer:
         for message in CanLogReader(DATA / 'sim16x16_two_pads.log.gz'):
@@ -194,7 +196,7 @@ def test_bad_input_is_one_of_our_errors(module, words, error):
     ('kvaser', '0', 'CANlib', 'kvaser_usb'), ('pcan', 'PCAN_USBBUS1', 'PCAN-Basic', 'peak_usb')])
 def test_a_library_of_the_adapters_maker_that_is_missing_is_named_with_the_driver_that_needs_none(
         interface, channel, library, linux_driver):
-    """python-can reports the missing library with a different error for each maker."""
+    """For each adapter maker, python-can reports the missing library with a different error."""
     if find_library({'kvaser': 'canlib', 'pcan': 'pcanbasic'}[interface]):
         pytest.skip('it is installed here')
     with pytest.raises(BusError) as refused:

@@ -1,6 +1,6 @@
-"""Replays a recorded log of real touches through driver, processor and classifier in one process.
+"""Tests that replay a recorded log of real touches through driver, processor and classifier in one process.
 
-A listener receives their messages over DDS.
+A listener receives the messages of these nodes over DDS.
 """
 
 import time
@@ -21,11 +21,11 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 LOG, LAYOUT, NODE_ID, TPDOS = 'nus_ring_session.log.gz', 'nus_sinapse_64x64.yaml', 32, 64
 SYNC = 0x080
-TIMEOUT = 240.0  # Time limit on a busy machine [s].
+TIMEOUT = 240.0  # Timeout for the replay, long enough for a busy machine [s].
 
 
 class Listener:
-    """Collects all messages of the three topics in the order of arrival."""
+    """Collects all messages of the three topics in the order of their arrival."""
 
     def __init__(self):
         self.node = rclpy.create_node('listener')
@@ -43,7 +43,7 @@ class Listener:
 
 @pytest.fixture(scope='module')
 def heard() -> dict:
-    """Return the messages of the three topics from a replay of LOG as fast as possible."""
+    """Replay LOG as fast as possible, and return the messages of the three topics."""
     periods = sum(line.can_id == SYNC for line in read_candump(LOG))
     driver: Parameters = {'replay': str(DATA / LOG), 'replay_pace': 0.0, 'node_ids': [NODE_ID], 'layouts': [LAYOUT]}
     with ExitStack() as stack:
@@ -86,7 +86,10 @@ def test_every_tpdo_of_the_log_is_published_or_counted_as_missing(heard, syncs):
 
 
 def test_taxels_are_the_bits_of_the_log(heard, syncs):
-    """The middle frame is decoded by hand: the TPDO of row r holds the row's 64 taxels, bit 0 first."""
+    """The test decodes the middle frame independently.
+
+    The TPDO of row r holds the 64 taxels of that row, and bit 0 is the first taxel.
+    """
     lines, middle = read_candump(LOG), len(syncs) // 2
     begin, end = (next(i for i, line in enumerate(lines) if line.can_id == SYNC and line.stamp == stamp)
                   for stamp in syncs[middle:middle + 2])

@@ -1,4 +1,4 @@
-"""`tactile check` reports all problems of a layout with their lines. `tactile draft` writes a layout from an EDS."""
+"""Tests that `tactile check` reports all problems of a layout by line and that `tactile draft` writes a layout."""
 
 import json
 import textwrap
@@ -13,7 +13,7 @@ from tactile_node.skin.layout_file import read_layout
 CONFIG = Path(__file__).parents[1] / 'config'
 LAYOUTS = sorted(path.name for path in CONFIG.glob('*.yaml') if path.with_suffix('.eds').exists())
 SIM = (CONFIG / 'sim16x16.yaml').read_text(encoding='utf-8')
-#: First two TPDOs of the layout, without ``repeat``.
+#: The first two TPDOs of the layout, written without ``repeat``.
 TWO = SIM[:SIM.index('tpdos:\n')] + '''tpdos:
 - {number: 1, cob_id: $NODEID+0x180, map: {object: 0x2100, sub: 1, bits: 8, count: 8},
    taxels: {first: [0, 0], step: [0, 1], count: 8, bit_step: 8}}
@@ -23,7 +23,7 @@ TWO = SIM[:SIM.index('tpdos:\n')] + '''tpdos:
 
 
 def check(capsys, *words):
-    """Return the exit code and the printed text."""
+    """Run `tactile check` and return its exit code and output."""
     code = main(['check', *map(str, words)])
     return code, capsys.readouterr().out
 
@@ -66,7 +66,7 @@ def test_a_layout_and_an_eds_that_disagree_are_compared_to_their_end(capsys):
 def test_one_wrong_count_gives_the_first_errors_of_a_kind_and_how_many_more_there_are(tmp_path, capsys):
     """The layout has eight TPDOs too many, for rows 16 to 19.
 
-    Each of them lacks two records and an object in the EDS, and lies outside the pad.
+    Each extra TPDO lies outside the pad, and the EDS lacks two records and one object for it.
     """
     path = written(tmp_path, SIM.replace('count: 4, number: 8', 'count: 5, number: 8'))
     code, out = check(capsys, path, CONFIG / 'sim16x16.eds')
@@ -82,9 +82,9 @@ def test_one_wrong_count_gives_the_first_errors_of_a_kind_and_how_many_more_ther
 
 
 def test_facts_of_the_bus_are_those_of_can(capsys):
-    """A data frame of 8 bytes has 111 bits and up to 24 stuff bits; a SYNC has at most 55 bits.
+    """A data frame of 8 bytes has 111 bits and up to 24 stuff bits, and a SYNC has at most 55 bits.
 
-    The source is ISO 11898-1; CiA 301 names neither number.
+    These frame lengths come from ISO 11898-1, because CiA 301 does not state them.
     """
     _, out = check(capsys, 'sim16x16.yaml', '--json', '--bitrate', '500000')
     found = json.loads(out)
@@ -132,7 +132,7 @@ def test_a_bit_rate_that_is_none_is_refused(capsys):
 
 
 def test_without_sync_the_load_is_that_of_the_event_timer(capsys):
-    """The device sends 16 frames of 8 bytes every 50 ms. A frame takes 135 bits, and a sweep has no SYNC."""
+    """Without SYNC, the device sends 16 frames of 8 bytes every 50 ms, and each frame takes 135 bits."""
     code, out = check(capsys, 'event8x8_16bit.yaml', '--json')
     found = json.loads(out)
     assert code == 0 and found['event_driven'] and found['sweep_bits'] == 16 * 135
@@ -149,7 +149,7 @@ ENTRY = ('- {{number: {0}, cob_id: {1}, rows: {{first: 0, count: 2, step: [1, 0]
     ((3, 1, 4, 2), 'event_driven: {transmission_type: 254, event_timer: 0.05, frames: sweeps}\n', 1),
     ((3, 1, 4, 2), 'event_driven: {transmission_type: 254, event_timer: 0.05, frames: snapshots}\n', 0)])
 def test_tpdos_that_are_not_in_ascending_order_are_a_warning(tmp_path, capsys, numbers, more, warnings):
-    """Most devices send their TPDOs by number. Snapshots have no order."""
+    """Most devices send their TPDOs in the order of their numbers, but snapshots have no order."""
     path = tmp_path / 'order.yaml'
     entries = [ENTRY.format(number, 0x190 + number, 0x2100 + number, 2 * place) for place, number in enumerate(numbers)]
     path.write_text(f'rows: 8\ncols: 7\npitch: 0.004\nvalue: {{unit: Pa, scale: 1.0, bits: 8}}\n{more}tpdos:\n'
@@ -169,9 +169,10 @@ def test_a_sweep_without_sync_must_fit_into_its_time(capsys):
 @pytest.mark.parametrize('pads, period, load, warns', [
     (4, 0.02, 0.86675, False), (2, 0.01, 0.8695, False), (3, 0.01, 1.3015, True), (5, 0.02, 1.08275, True)])
 def test_several_pads_on_one_bus_share_its_time(pads, period, load, warns, capsys):
-    """Four pads take 50 x (55 + 4 x 32 x 135) bit/s = 866.75 kbit/s.
+    """At 50 Hz, four pads load the bus with 50 x (55 + 4 x 32 x 135) bit/s = 866.75 kbit/s.
 
-    By ISO 11898-1 a frame of 8 bytes takes 135 bits and a SYNC at most 55 bits. All pads share one SYNC in each period.
+    By ISO 11898-1, a frame of 8 bytes takes 135 bits and a SYNC takes at most 55 bits. All pads share one SYNC in each
+    period.
     """
     code, out = check(capsys, 'sim16x16.yaml', '--pads', pads, '--sync-period', period, '--json')
     found = json.loads(out)
@@ -192,8 +193,9 @@ def tpdo(number, cob_id, entries, count=None):
                  | {sub: (7, entry) for sub, entry in entries.items()})
 
 
-#: The device has a status byte before three signed taxels, a TPDO without a COB-ID, and a disabled TPDO for a fixed
-#: node-ID. Another TPDO maps only a status, another maps nothing, and another has a third object without a default.
+#: EDS of a device whose TPDO 1 maps a status byte and three signed taxels. TPDO 2 has no COB-ID. TPDO 3 is disabled and
+#: has a fixed COB-ID. TPDO 4 maps only the status byte, TPDO 5 maps nothing, and TPDO 6 maps a third object without a
+#: default value.
 EDS = '[DeviceInfo]\nVendorName=x\n' + record(0x2000, {0: (5, 9)} | {sub: (3, 0) for sub in range(1, 10)}) \
     + record(0x2001, {0: (5, 1), 1: (5, 0)}) \
     + tpdo(1, '$NODEID+0x40000180', ['0x20010108', '0x20000110', '0x20000210', '0x20000310']) \
@@ -203,7 +205,7 @@ EDS = '[DeviceInfo]\nVendorName=x\n' + record(0x2000, {0: (5, 9)} | {sub: (3, 0)
 
 
 def drafted(folder, eds, *words):
-    """Return the exit code and the path of the draft."""
+    """Run `tactile draft` and return its exit code and the path of the draft."""
     path = folder / 'draft.yaml'
     return main(['draft', str(eds), '--output', str(path), *map(str, words)]), path
 
@@ -242,7 +244,7 @@ def test_what_the_eds_does_not_say_is_marked(tmp_path, capsys):
 
 
 def test_check_refuses_a_draft_until_it_is_filled_in(tmp_path, capsys):
-    """A scale of 1 Pa gives a pressure that looks plausible."""
+    """The placeholder scale of 1 Pa gives plausible pressures, so `tactile check` must refuse the draft."""
     _, path = drafted(tmp_path, 'sim16x16.eds')
     assert main(['check', str(path), 'sim16x16.eds']) == 2
     out = capsys.readouterr().out
@@ -266,7 +268,7 @@ def test_without_a_file_it_is_printed(tmp_path, capsys):
 
 
 @pytest.mark.parametrize('words', [
-    # An object of 64 bits is wider than any taxel.
+    # The 64-bit objects of nus_sinapse_64x64.eds are wider than any taxel.
     ('domain16x10_16bit.eds',), ('mpdo8x8_16bit.eds',), ('nus_sinapse_64x64.eds',),
     ('sim16x16.eds', '--rows', '15', '--cols', '17'), ('sim16x16.eds', '--rows', '0'), ('sim16x16.eds', '--bits', '33'),
     ('sim16x16.eds', '--cols', '2000'), ('nowhere.eds',), ('sim16x16.yaml',)])

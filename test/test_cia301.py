@@ -1,4 +1,4 @@
-"""Facts from CiA 301 and about CAN frames."""
+"""Tests for the constants and names from CiA 301, and for the length and priority of CAN frames."""
 
 import random
 
@@ -57,11 +57,12 @@ def test_names_of_nmt_states(state, name):
     assert objects.state_name(state) == name
 
 
-GENERATOR = 0b1100_0101_1001_1001  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1, from Bosch CAN 2.0, part A, 3.1.1.
+# Generator polynomial x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1, from Bosch CAN 2.0, part A, 3.1.1.
+GENERATOR = 0b1100_0101_1001_1001
 
 
 def remainder(bits: str) -> str:
-    """Return the CRC sequence by long division."""
+    """Return the CRC sequence of ``bits``, computed by long division."""
     number = int(bits, 2) << 15
     while number.bit_length() > 15:
         number ^= GENERATOR << number.bit_length() - 16
@@ -78,7 +79,7 @@ def stuffed(bits: str) -> str:
 
 
 def on_the_wire(frame: Frame) -> str:
-    """Return the bits of a frame on the wire, including the three bits before the next frame (ISO 11898-1)."""
+    """Return the bits of a frame on the wire, including the three intermission bits after it (ISO 11898-1)."""
     remote = '1' if frame.is_remote else '0'
     if frame.is_extended:
         head = f'0{frame.can_id >> 18:011b}11{frame.can_id & 0x3FFFF:018b}{remote}00'
@@ -89,7 +90,7 @@ def on_the_wire(frame: Frame) -> str:
 
 
 def drawn(rng: random.Random) -> Frame:
-    """Draw a random frame. Long runs of equal bits are common, as in the counts from a skin at rest."""
+    """Return a random frame, often with long runs of equal bits like the counts of a skin at rest."""
     is_extended, is_remote = rng.random() < 0.3, rng.random() < 0.1
     can_id = rng.choice((0, 0x7FF, 0x080, 0x1A0, rng.getrandbits(11)))
     data = bytes(rng.choice((0, 0, 0xFF, 0x55, 0x1F, 0x0F, rng.getrandbits(8))) for _ in range(rng.randrange(9)))
@@ -98,7 +99,7 @@ def drawn(rng: random.Random) -> Frame:
 
 
 def test_no_frame_is_longer_than_the_worst_case():
-    """By Bosch CAN 2.0, a stuff bit may follow the first five equal bits and then every four bits."""
+    """In Bosch CAN 2.0, a stuff bit can follow the first five equal bits and then every further four bits."""
     rng = random.Random(4)
     assert all(len(on_the_wire(frame)) <= worst_case_bits(frame) for frame in (drawn(rng) for _ in range(5000)))
     assert [worst_case_bits(Frame(1, bytes(n))) for n in range(9)] == [load_bits(n) for n in range(9)]
@@ -106,11 +107,15 @@ def test_no_frame_is_longer_than_the_worst_case():
 
 
 def test_arbitration_is_by_the_bits_as_they_are_sent():
-    """The frame with the first dominant bit wins: standard before extended, and data before remote."""
+    """The frame that sends the first dominant bit wins the arbitration.
+
+    With the same base identifier, a standard frame wins over an extended frame, and a data frame wins over a remote
+    frame.
+    """
     rng = random.Random(5)
     for _ in range(2000):
         one, other = drawn(rng), drawn(rng)
-        # The fields before stuffing are: start of frame, 11 bits, RTR or SRR, IDE, 18 bits, RTR.
+        # Before stuffing, the arbitration fields are 11 identifier bits, RTR or SRR, IDE, 18 identifier bits and RTR.
         fields = [(f'{frame.can_id >> 18:011b}11{frame.can_id & 0x3FFFF:018b}{frame.is_remote:d}'
                    if frame.is_extended else f'{frame.can_id:011b}{frame.is_remote:d}0').ljust(32, '0')
                   for frame in (one, other)]

@@ -1,4 +1,4 @@
-"""`tactile features` and `tactile classify` as a user runs them."""
+"""Tests that run `tactile features` and `tactile classify` as a user would."""
 
 import io
 import json
@@ -20,7 +20,7 @@ from training.ground_truth.seeds import Purpose, generator
 
 @pytest.fixture
 def tactile(tmp_path, capsys):
-    """Return a function that runs a sub-command on an array and returns the printed JSON records."""
+    """Return a function that runs a subcommand on an array and returns the printed JSON records."""
     def run(command, array, *options):
         np.save(tmp_path / 'frames.npy', array)
         assert main([command, str(tmp_path / 'frames.npy'), *options]) == 0

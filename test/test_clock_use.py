@@ -1,6 +1,6 @@
-"""Lists the modules that read the wall clock of their host, and the reason why they may.
+"""Tests that only the modules listed here read the wall clock of their host.
 
-The clocks of two hosts may differ. All other modules use the stamps of messages and a steady clock. See docs/hosts.md.
+The clocks of two hosts may differ, so all other modules use message stamps and a steady clock. See docs/hosts.md.
 """
 
 import ast
@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(path for folder in ('tactile_node', 'examples', 'launch') for path in (ROOT / folder).rglob('*.py'))
-#: Maps each module to its use of the host's wall clock.
+#: Maps each allowed module to its use of the host's wall clock.
 WALL_CLOCK = {
     'tactile_node/bus/stamp_clock.py': 'stamps that never go backwards',
     'tactile_node/bus/slcan_bus.py': 'the time of CAN frames, which stamp_clock maps to its own stamps',
@@ -32,12 +32,12 @@ WALL_CLOCK = {
     'tactile_node/simulator/slcan_pty.py': 'the stamps of a CAN adapter',
     'tactile_node/simulator/skin_simulator.py': 'the stamps of a CAN adapter'}
 #: DDS QoS policies that no code may use. Lifespan compares the stamp of the sender's host with the clock of the
-#: receiver's host. The others end with a lease that no module watches.
+#: receiver's host. The other policies depend on deadlines and leases that no module monitors.
 QOS = {'lifespan', 'deadline', 'liveliness', 'liveliness_lease_duration'}
 
 
 def name_of(node: ast.expr) -> str:
-    """Return the dotted name of a call's function, with () for each call within the name."""
+    """Return the dotted name of a called function, with () after each inner call."""
     if isinstance(node, ast.Call):
         return f'{name_of(node.func)}()'
     if isinstance(node, ast.Attribute):
@@ -47,7 +47,7 @@ def name_of(node: ast.expr) -> str:
 
 @pytest.fixture(scope='module')
 def nodes():
-    """Return the calls and assignments of all files, each with its file."""
+    """Return all calls and assignments as pairs of file and syntax node."""
     return [(path, node) for path in FILES for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
             if isinstance(node, (ast.Call, ast.Assign))]
 
@@ -69,7 +69,7 @@ def test_the_modules_that_look_at_the_wall_clock_are_those_of_the_list(calls):
 
 
 def test_every_timer_is_on_a_steady_clock(calls):
-    """By default a timer uses the node's clock, which stands still while the wall clock is set back."""
+    """By default, a timer uses the node's clock and would stall after the wall clock is set back."""
     timers = [(path, call) for path, call in calls if name_of(call.func).endswith('create_timer')]
     assert timers
     for path, call in timers:

@@ -1,6 +1,6 @@
-"""Closing until touched: the reasons to stop, and the force that follows.
+"""Tests for a gripper that closes until touched, including its reasons to stop and the resulting force.
 
-The pads press simulated springs.
+The pads press against simulated springs.
 """
 
 import math
@@ -27,17 +27,17 @@ from tactile_node.grasp.closing import (
 )
 from tactile_node.grasp.tracker import GraspContact
 
-PERIOD = 0.02   # Time between two frames [s].
-LATENCY = 0.04  # Time until a frame is seen [s].
-THRESHOLD = 0.05  # Force from which on a pad counts as touched [N].
+PERIOD = 0.02  # Time between two frames [s].
+LATENCY = 0.04  # Delay until the control sees a frame [s].
+THRESHOLD = 0.05  # Force above which a pad counts as touched [N].
 EMPTY = PadForce(0.0)
 LIMITS = TouchLimits()
 
 
 class World:
-    """Two pads that close on an object of ``width`` [m] that lies ``off`` [m] from the middle.
+    """Two pads that close on an object of ``width`` [m], whose centre is ``off`` [m] away from the middle.
 
-    ``stiffness`` [N/m] is that of each pad.
+    ``stiffness`` [N/m] is the increase in the force on a touched pad per metre that the gripper closes.
     """
 
     def __init__(self, width=0.04, off=0.0, stiffness=1000.0, start=0.06, bends=None):
@@ -47,7 +47,7 @@ class World:
         self.strongest = 0.0
 
     def depth(self, side):
-        """Return how far a pad has passed the side of the object, which does not move until both pads touch it."""
+        """Return how far a pad is pressed into the object, which does not move."""
         return (self.width - self.opening) / 2 - side * self.off
 
     def touch(self, now):
@@ -59,7 +59,7 @@ class World:
         return Touch(now, True, contact, tuple(pads))
 
     def close(self, closing, limit=30.0, seen=None, step=0.001):
-        """Close until the control stops; return the outcome and the time."""
+        """Close until the control stops, and return the outcome and the time."""
         now, outcome, frames = 0.0, None, []
         while outcome is None and now < limit:
             if round(now / PERIOD) * PERIOD == pytest.approx(now, abs=step / 2):
@@ -102,7 +102,7 @@ def test_with_one_pad_touched_it_goes_on_for_a_limited_travel(travel):
     world = World(off=0.02, stiffness=10.0, start=0.1)
     outcome, _ = world.close(closing(5.0, limits=limits, start=0.1))
     assert outcome is Outcome.ONE_SIDED
-    first_touch = 0.04 + 2 * 0.02 - THRESHOLD / 10  # Opening at which one pad reads the threshold.
+    first_touch = 0.04 + 2 * 0.02 - THRESHOLD / 10  # At this opening, the force on one pad reaches the threshold.
     assert 0 <= first_touch - world.opening - travel < limits.fast_speed * (LATENCY + 2 * PERIOD)
 
 
@@ -156,7 +156,7 @@ def test_time_in_which_the_gripper_has_yet_to_stop_is_not_blind_while_the_pads_a
     control = closing(3.0)
     assert control.look(0.0, seen, 0.06) is None
     assert control.look(0.2, seen, 0.06) is None and control.speed == 0.0
-    # A late frame has stopped the motion. The next frames arrive before the gripper stands still.
+    # A late frame has stopped the motion. New frames arrive before the gripper stands still.
     for now in (0.3, BLIND_TIME + 0.2):
         assert control.look(now, seen._replace(acquired=now), 0.06, is_still=False) is None
     assert control.look(BLIND_TIME + 0.4, seen._replace(acquired=BLIND_TIME + 0.2), 0.06, is_still=False) is None
@@ -177,14 +177,14 @@ def test_a_gripper_that_does_not_move_is_too_slow_also_where_the_pads_are_not_se
 def test_one_frame_that_is_not_seen_changes_nothing_but_what_the_other_pad_reads():
     seen = Touch(1.0, True, GraspContact.TWO_SIDED, (PadForce(1.0), PadForce(2.0)))
     unseen = Touch(1.02, True, GraspContact.UNSEEN, (PadForce(), PadForce(4.0)))
-    # The stamp stays that of the earlier frame.
+    # The merged touch keeps the stamp of the earlier frame.
     assert unseen.after(seen) == seen._replace(pads=(PadForce(1.0), PadForce(4.0)), is_whole=False)
     assert seen.after(unseen) == seen and unseen.after(NO_TOUCH).is_seen is False
     control = closing(3.0)
     assert control.look(1.0, seen, 0.04) is None
     assert control.look(1.02, unseen.after(seen), 0.04) is Outcome.FORCE_REACHED
     blind = seen._replace(acquired=1.3, fresh=False)
-    # Too much time has passed since the last complete frame.
+    # The last fresh frame is 0.3 s old, so the pads count as not seen.
     assert closing(3.0).look(1.3, blind.after(seen), 0.04) is Outcome.NOT_SEEN
 
 
@@ -233,7 +233,7 @@ def test_it_slows_down_at_the_first_touch_and_from_a_width_on():
     control.look(0.02, empty._replace(acquired=0.02, contact=GraspContact.ONE_SIDED, pads=(PadForce(0.1), EMPTY)), 0.05)
     assert control.speed == LIMITS.slow_speed
     control.look(0.04, empty._replace(acquired=0.04), 0.05)
-    assert control.speed == LIMITS.slow_speed  # The touched object is near.
+    assert control.speed == LIMITS.slow_speed  # The gripper stays slow, because the touched object is near.
     narrow = closing(limits=TouchLimits(slow_from=0.055))
     narrow.look(0.0, empty, 0.0551)
     assert narrow.speed == LIMITS.fast_speed
@@ -251,13 +251,13 @@ def test_a_goal_of_impossible_numbers_is_refused(asked, name):
 
 
 def test_a_speed_whose_overshoot_exceeds_the_force_is_refused_with_the_numbers():
-    """The overshoot is 0.06 s x 0.05 m/s x 1000 N/m = 3 N."""
+    """At 0.05 m/s, the overshoot is 0.06 s x 0.05 m/s x 1000 N/m = 3 N."""
     with pytest.raises(RefusedGoalError, match=r'at most 0\.0333 m/s for a force of 2 N.*= 3 N'):
         make_goal(0.0, 0.05, 0.0, LIMITS)
     with pytest.raises(RefusedGoalError, match=r'at most 0\.01 m/s'):
-        # This gripper has a fixed speed and cannot close more slowly.
+        # A gripper with a fixed speed cannot close more slowly.
         make_goal(0.0, 0.0, 0.6, LIMITS, speed_is_fixed=True)
-    # If the goal names no speed, the speed is lowered.
+    # If the goal sets no speed, the control lowers the speed instead.
     assert make_goal(0.0, 0.0, 0.6, LIMITS).speed == pytest.approx(0.01)
     with pytest.raises(ConfigurationError, match='fast_speed'):
         TouchLimits(fast_speed=0.05)
@@ -274,7 +274,7 @@ def test_limits_that_are_none_are_refused(changed):
 @pytest.mark.parametrize('contact', [GraspContact.ONE_SIDED, GraspContact.TWO_SIDED])
 @pytest.mark.parametrize(('force', 'speed', 'least'), [(2.0, 0.0, 3.2), (2.0, 0.005, 2.3), (0.0, 0.0, 3.2)])
 def test_pads_that_read_more_than_the_goal_and_its_overshoot_are_already_pressed(contact, force, speed, least):
-    """The overshoot is 0.06 s x 0.02 m/s x 1000 N/m = 1.2 N; at 0.005 m/s it is 0.3 N."""
+    """The overshoot is 0.06 s x 0.02 m/s x 1000 N/m = 1.2 N at 0.02 m/s, and 0.3 N at 0.005 m/s."""
     other = PadForce(0.2) if contact is GraspContact.TWO_SIDED else EMPTY
     for read, is_pressed in ((least + 0.01, True), (least - 0.01, False)):
         outcome = closing(force, speed=speed).look(0.0, Touch(0.0, True, contact, (PadForce(read), other)), 0.04)
@@ -289,9 +289,9 @@ def test_a_force_that_rises_on_the_way_is_not_one_that_was_there_before():
 
 
 def clear(opening, is_answered, timeout=0.5, is_ended=True):
-    """Return the outcome and the time [s] at which a wait ends.
+    """Return the outcome and the time [s] at which the wait ends.
 
-    ``opening`` and ``is_answered`` give the opening and the answer at a time.
+    ``opening(now)`` is the opening [m], and ``is_answered(now)`` is True once the gripper has answered.
     """
     control, now, end = Clearing(0.0, timeout), 0.0, None
     while end is None and not control.is_over:
@@ -310,7 +310,7 @@ def test_after_an_unanswered_command_it_waits_for_an_answer_and_for_rest(opening
 def test_a_gripper_without_an_answer_is_silent_and_one_that_moves_on_is_not_stopped():
     end, now = clear(lambda now: 0.04, lambda now: False)
     assert end is Outcome.GRIPPER_SILENT and now == pytest.approx(0.5, abs=0.03)
-    end, now = clear(lambda now: 0.04 - 0.001 * now, lambda now: True)  # The opening changes at 1 mm/s.
+    end, now = clear(lambda now: 0.04 - 0.001 * now, lambda now: True)  # Here the gripper keeps closing at 1 mm/s.
     assert end is Outcome.NOT_STOPPED and now == pytest.approx(0.5 + REST_LIMIT, abs=0.03)
 
 
@@ -318,7 +318,8 @@ def test_the_rest_begins_where_the_last_movement_ends():
     end, now = clear(lambda now: 0.04 - 0.005 * min(now, 1.0), lambda now: True)
     assert end is None and 1.0 + REST_TIME - REST_CHANGE / 0.005 - 0.02 <= now <= 1.0 + REST_TIME + 0.02
     sways = clear(lambda now: 0.04 + 0.4 * REST_CHANGE * math.sin(100 * now), lambda now: True)
-    assert sways[0] is None and sways[1] == pytest.approx(REST_TIME, abs=0.03)  # This is noise of the position sensor.
+    # Noise of the position sensor does not count as movement.
+    assert sways[0] is None and sways[1] == pytest.approx(REST_TIME, abs=0.03)
 
 
 @pytest.mark.parametrize(('opening', 'expected', 'after'), [
@@ -336,7 +337,7 @@ def two_sided(force, acquired):
 
 def test_a_goal_to_open_ends_where_the_force_rises_beyond_what_it_began_with():
     widening = Widening(0.08, LIMITS, 0.0, 0.04)
-    # This frame is too old to give the force at the start.
+    # A frame from before the goal must not set the initial force.
     assert widening.look(0.1, two_sided(50.0, -1.0), 0.04) is None
     assert widening.look(0.2, two_sided(9.0, 0.2), 0.04) is None
     assert widening.look(0.3, two_sided(9.0 + LIMITS.touch_force, 0.3), 0.04) is None

@@ -1,4 +1,4 @@
-"""`name_of` returns the name of a code in a field. Every constant of our interfaces names one code."""
+"""Tests that every constant of our interfaces names one code and that `name_of` returns the name of a code."""
 
 from contextlib import suppress
 from importlib import import_module

@@ -1,6 +1,6 @@
-"""The example for MoveIt turns a contact into a collision object.
+"""Tests for the MoveIt example, which turns a contact into a collision object.
 
-It refuses the contact if its size or the grasp is unknown.
+The example refuses a contact whose size or grasp is unknown.
 """
 
 from math import cos, nan, pi, sin
@@ -26,7 +26,7 @@ def example(collision_object_message):
 def shape(kind=ContactShape.RECTANGLE, dimensions=(0.012, 0.006), corners=(), **fields):
     """Return a shape at (X, Y), rotated by ANGLE.
 
-    ``corners`` are those of the outline in the frame of the shape [m].
+    ``corners`` are the corners of the outline in the frame of the shape [m].
     """
     found = ContactShape(shape=kind, fit_valid=True, dimensions=dimensions, **fields)
     found.header.frame_id = 'left_pad'
@@ -71,11 +71,11 @@ def test_a_triangle_is_a_closed_mesh_about_its_pose(example):
     points = np.array([(v.x, v.y, v.z) for v in mesh.vertices])
     assert points[:3, :2] == pytest.approx(np.array(corners), abs=1e-6) and set(points[:, 2]) == {0, 0.03}
     faces = points[[list(each.vertex_indices) for each in mesh.triangles]]
-    # By the divergence theorem, outward triangles enclose half of 20 x 10 mm, times 30 mm.
+    # By the divergence theorem, the outward-facing triangles enclose half of 20 mm x 10 mm x 30 mm.
     assert np.einsum('ij,ij', faces[:, 0], np.cross(faces[:, 1], faces[:, 2])) / 6 == pytest.approx(3e-6, rel=1e-3)
     edges = [tuple(each[[i, (i + 1) % 3]]) for each in (np.array(t.vertex_indices) for t in mesh.triangles)
              for i in range(3)]
-    assert sorted(edges) == sorted((b, a) for a, b in edges)  # Each edge has a neighbour in the opposite direction.
+    assert sorted(edges) == sorted((b, a) for a, b in edges)  # Each edge also occurs in the opposite direction.
 
 
 def test_the_height_is_that_of_the_solid_in_the_message(example):

@@ -1,4 +1,4 @@
-"""A shell completes the commands of `tactile`, and the options of the command on the line."""
+"""Tests that a shell completes the commands of `tactile` and the options of the typed command."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ HEAVY = 'scipy', 'rclpy', 'matplotlib', 'can', 'canopen'
 
 
 def asked(line, *words):
-    """Return the environment variables that a shell sets; ``words`` start the program."""
+    """Return the environment variables that a shell sets if ``words`` start the program."""
     return {'COMP_LINE': line, 'COMP_POINT': str(len(line)), '_ARGCOMPLETE': str(len(words) or 1)}
 
 
@@ -35,7 +35,7 @@ def test_the_command_is_the_first_word_that_is_complete(line, chosen):
     ('tactile classify --format ', {'json', 'csv'}, set()),
     ('tactile features --largest', {'--largest-contact'}, set())])
 def test_a_shell_gets_the_completions_without_waiting_for_imports(tmp_path, line, expected, others):
-    """A slow import would delay every press of TAB."""
+    """A slow import would delay every press of the TAB key."""
     code = ('import os, sys; from tactile_node.cli.main import program\n'
             f'ended = lambda status: (print(*(set({HEAVY}) & set(sys.modules)), file=open("imported", "w")), '
             'os.kill(os.getpid(), 9))\nos._exit = ended\nprogram()')

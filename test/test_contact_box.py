@@ -1,4 +1,4 @@
-"""The smallest rectangle around a contact, lower bounds for cut contacts, and hollow contacts."""
+"""Tests for the smallest rectangle around a contact, for lower bounds of cut contacts, and for hollow contacts."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,8 @@ def test_a_bar_that_leaves_the_pad_has_a_bound_for_its_length_and_its_width(angl
     assert fit.is_bound == (True, False) and box.length_is_bound == (True, False)
     assert 0.85 * 11.5 < fit.dimensions[0] < 1.03 * seen and fit.dimensions[1] == pytest.approx(width, rel=0.05)
     assert np.ptp(fit.outline @ (np.cos(angle), np.sin(angle))) == pytest.approx(fit.dimensions[0], rel=0.01)
-    assert fit.centre[0] == pytest.approx(5.5 * np.cos(angle), abs=1.0)  # This is the centre of the visible part.
+    # The fit reports the centre of the visible part.
+    assert fit.centre[0] == pytest.approx(5.5 * np.cos(angle), abs=1.0)
     assert abs(box.lengths[1] - width) < 2 * box.lengths_sd[1]
 
 

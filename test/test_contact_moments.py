@@ -1,4 +1,4 @@
-"""Force, centre of pressure, area and principal axis, checked against values computed by hand."""
+"""Tests that check force, centre of pressure, area and principal axis against values computed by hand."""
 
 import os
 from math import pi
@@ -82,7 +82,7 @@ def block(level=100e3, side=8):
 
 
 def test_saturation_makes_force_and_centre_bounds():
-    """On a skin that saturates at 100 kPa, a force of 64 N reads as 25.6 N."""
+    """On a skin that saturates at 100 kPa, a true force of 64 N may read as 25.6 N."""
     frame = block()
     clean = moments(frame, pitch=0.002)
     assert clean.force == pytest.approx(25.6)
@@ -107,7 +107,7 @@ def test_a_contact_that_may_continue_in_hidden_taxels_is_a_bound():
 
 
 def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
-    """The object is hollow. Filling it from its rim once gave 1.8 times the true force."""
+    """The object is hollow, and filling its hidden taxels from the rim once gave 1.8 times the true force."""
     frame = np.zeros((16, 16))
     frame[4:10, 4:10] = 100e3
     frame[5:9, 5:9] = np.nan
@@ -115,7 +115,7 @@ def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
     assert found.force == pytest.approx(20 * 100e3 * 0.002**2) and found.force_is_bound and found.size_is_bound
 
 
-#: A bar of 5 N that reaches one side of the pad.
+#: Maps each side of the pad to a contact of 5 N that reaches it.
 BARS = {SkinSide.FIRST_ROW: np.s_[:5, 6:11], SkinSide.LAST_ROW: np.s_[11:, 6:11],
         SkinSide.FIRST_COL: np.s_[6:11, :5], SkinSide.LAST_COL: np.s_[6:11, 11:]}
 
@@ -159,7 +159,7 @@ def test_away_from_the_edge_no_force_is_a_bound():
 
 # --- All contacts of a pad
 
-# The contacts have 36 and 16 taxels, which is 7.2 N and 3.2 N at 50 kPa.
+# At 50 kPa, the contacts of 36 and 16 taxels have forces of 7.2 N and 3.2 N.
 LARGEST, SECOND = np.s_[2:8, 2:8], np.s_[10:14, 9:13]
 
 
@@ -226,9 +226,9 @@ def test_more_contacts_than_have_labels_are_a_bound():
 @pytest.mark.parametrize('dead', [False, True])
 @pytest.mark.parametrize(('side', 'noise'), [(4, 500.0), (8, 500.0), (8, 4000.0)])
 def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
-    """The stated deviations and those of repeated frames agree within a factor of 2.
+    """The reported standard deviations match the spread of repeated frames within a factor of 2.
 
-    Each frame estimates its deviations from the noise beside the contact.
+    The standard deviations of each frame are estimated from the noise beside the contact.
     """
     rng, extractor, found = np.random.default_rng(side), PatternExtractor(THRESHOLDS), []
     ramp = np.linspace(60e3, 100e3, 16)
@@ -253,7 +253,7 @@ def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
 def pressed_face(slope, deepest=2e-3, stiffness=25e6):
     """Return the pressures under a tilted rigid face of 8 x 8 taxels, computed by hand.
 
-    Its edge at x = 4 is pressed ``deepest`` [m] into an elastic skin.
+    The edge of the face at x = 4 is pressed ``deepest`` [m] into an elastic skin.
     """
     depth = deepest - slope * (np.arange(16) - 4) * PITCH
     return np.where(block() > 0, stiffness * np.maximum(depth, 0.0), 0.0)
@@ -274,7 +274,7 @@ def test_even_faces_and_domes_have_no_slope():
     x, y = np.meshgrid(np.arange(16) - 7.3, np.arange(16) - 7.8)
     for frame in (block(), np.where((abs(y) < 5) & (abs(x) < (y + 5) / 2), 60e3, 0.0)):
         assert moments(frame).slope == (0.0, 0.0)
-    # The steepest slope is 18 kPa per taxel.
+    # The steepest slope of the dome is 18 kPa per taxel.
     assert np.abs(moments(np.maximum(90e3 - 3e3 * (x**2 + y**2), 0)).slope).max() < 1e6
 
 
@@ -296,7 +296,7 @@ def test_newtons_are_summed_and_on_off_has_no_force():
 
 @pytest.mark.parametrize('place', [(4, 4), (4, 7), (11, 11), (8, 4)])
 def test_a_dead_taxel_at_the_rim_makes_the_force_uncertain_and_no_bound(place):
-    """The object covers the taxel. Without its value, the force is that of the other taxels."""
+    """The reported force lacks the force on the dead taxel, which the object covers."""
     frame = block(level=50e3) + np.random.default_rng(3).normal(0, 100, (16, 16))
     whole = moments(frame).force
     frame[place] = np.nan
@@ -308,9 +308,9 @@ def test_a_dead_taxel_at_the_rim_makes_the_force_uncertain_and_no_bound(place):
 @pytest.mark.slow
 @pytest.mark.parametrize('noise', [0.005, 0.01, 0.03] if LONG else [0.005, 0.03])
 def test_standard_deviations_of_contacts_with_a_rim(noise):
-    """The median of stated to measured deviation is within a factor of 2.
+    """The median ratio of reported to measured standard deviation is within a factor of 2.
 
-    Taxels of the rim enter and leave the contact between frames, and a single frame shows little of that.
+    Taxels at the rim enter and leave the contact between frames, and a single frame hardly shows this change.
     """
     ratios = np.array([ratios_of(generator(Purpose.TEST, 400 + k), CLASSES[k % 5], noise)
                        for k in range(20 if LONG else 10)])
@@ -319,7 +319,7 @@ def test_standard_deviations_of_contacts_with_a_rim(noise):
 
 
 def ratios_of(rng, kind, noise):
-    """Return the stated standard deviations of force and centre, divided by those of 150 frames."""
+    """Return the reported standard deviations of force and centre, divided by the spread of 150 frames."""
     contact = random_contact(rng, kind, float(rng.uniform(15, 100)), 24, 24)
     touch = pressure_frame(contact, rng, 24, 24, pressure=0.6, skin=Skin(blur=0.5))
     extractor, found = PatternExtractor(THRESHOLDS), []

@@ -1,4 +1,4 @@
-"""From taxel values to a contact pattern."""
+"""Tests for finding the contact pattern in taxel values."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ NAN = np.nan
 
 
 def extract(*frames, **options):
-    """Return the pattern after the last of ``frames``, with thresholds 5 and 3."""
+    """Return the pattern after the last of ``frames``, with a press threshold of 5 and a release threshold of 3."""
     extractor = PatternExtractor(PressThresholds(5, 3), **options)
     return [extractor.extract(np.array(frame, float)) for frame in frames][-1]
 
@@ -46,7 +46,7 @@ def test_contacts_are_numbered_by_their_size():
 
 @pytest.mark.parametrize('hidden', [1, 2, 7])
 def test_rows_that_are_not_seen_tear_no_contact_apart(hidden):
-    """If the contact broke apart, a planner would look for two objects and miss the force on one half."""
+    """If hidden rows split the contact, a planner would look for two objects and miss the force on one half."""
     frame = np.zeros((hidden + 8, 8))
     frame[2:-2, 2:6] = 9
     frame[4:4 + hidden] = NAN

@@ -1,4 +1,4 @@
-"""The check whether a contact fills its convex hull, as contacts of the five shapes do."""
+"""Tests for the check that a contact fills its convex hull, as contacts of the five shapes do."""
 
 import numpy as np
 import pytest
