@@ -178,8 +178,7 @@ def test_every_contact_counts_but_those_cut_by_the_edge():
 
 
 def test_the_skin_is_measured():
-    """Gains with a log-uniform distribution over a range of 3:1 have a standard deviation of log(3) / sqrt(12) = 0.317.
-    """
+    """Gains with a log-uniform distribution over 3:1 have a standard deviation of log(3) / sqrt(12) = 0.317."""
     skins = {'gains': 1.0, 'blur': 0.0}, {'blur': 0.0}, {'gains': 1.0, 'blur': 2.0}
     even, uneven, blurred = (measure_skin([frame for _, frame in frames_of(EVERY, 9, count=12, **skin)])
                              for skin in skins)

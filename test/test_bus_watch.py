@@ -178,8 +178,7 @@ def test_heartbeats_of_a_silence_are_of_one_device_and_a_second_one_after_it_is_
 
 @pytest.mark.parametrize(('stalls', 'is_reported'), [([5.0], False), ([1.0, 1.05], False), ([0.4] * 60, True)])
 def test_a_stall_excuses_a_silence_and_stalls_without_end_do_not(stalls, is_reported):
-    """A node falls silent after its first heartbeat, while this process stalls for each of the times in ``stalls`` [s].
-    """
+    """A node falls silent after its first heartbeat while this process stalls for the times in ``stalls`` [s]."""
     bus = BusMonitor([32])
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
     monitor, pad = NodeMonitor(node, bus, 0.5, 0.5), FrameAssembler(node.layout, (32,)).statistics()

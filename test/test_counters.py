@@ -1,6 +1,6 @@
-"""A counter is one row of a table.
+"""Tests that each counter is one row of a table.
 
-The status, /diagnostics, the view and the reference contain exactly the counters of the tables.
+The status, /diagnostics, the view and the reference must contain exactly the counters of the tables.
 """
 
 import sys
@@ -33,7 +33,8 @@ pytestmark = pytest.mark.ros
 COUNTS = BusStatistics({'left': PadStatistics(complete=0, incomplete=0, expected=0, received=0, used=0, pending=0,
                                               losses=dict.fromkeys(LossReason, 0))}, {})
 HEALTH = BusHealth(nodes={'left': (NodeHealth(32, NmtState.OPERATIONAL, True, 0.1),)})
-#: Name of a table, one of its rows, and its place in the messages: 0 is the bus, 1 its pad, 2 the pad's node.
+#: Name of a table, one of its rows, and the place of the row in the messages. Place 0 is the bus, place 1 its pad, and
+#: place 2 the node of the pad.
 ROWS = (('BUS_LOSSES', 'poll_overruns', 0), ('BUS_EVENTS', 'stalls', 0), ('PAD_COUNTERS', 'tpdos_used', 1),
         ('NODE_COUNTERS', 'boots', 2))
 
@@ -45,7 +46,7 @@ def sent():
 
 
 def counted(name, place):
-    """Return the counter in /diagnostics (None if it is missing) and in the status.
+    """Return the value of a counter in /diagnostics (None if it is missing) and in the status.
 
     The third value is True if the reference contains the counter.
     """
@@ -67,7 +68,7 @@ def test_a_row_that_goes_or_comes_does_so_everywhere(monkeypatch, table, name, p
 
 def test_a_loss_of_the_bus_warns_and_is_in_the_view(monkeypatch):
     assert not facts_of(COUNTS, HEALTH).counts
-    lost = Counter('poll_overruns', '', lambda bus: 77 * (bus is COUNTS))  # The counts before have no such loss.
+    lost = Counter('poll_overruns', '', lambda bus: 77 * (bus is COUNTS))  # The earlier counts have no such loss.
     monkeypatch.setattr(counters, 'BUS_LOSSES', (lost,))
     diagnostics, status = sent()
     assert diagnostics.status[0].level == DiagnosticStatus.WARN and lost.name in diagnostics.status[0].message

@@ -1,4 +1,4 @@
-"""The reader counts the damaged parts of a log that this package has written, and reads all intact frames."""
+"""Tests that the reader counts the damaged parts of a log from this package and reads all intact frames."""
 
 import gzip
 import itertools
@@ -33,7 +33,7 @@ TEXTS = ('.log', '.log.gz', '.asc', '.asc.gz', '.trc', '.csv')
 
 
 def text_log(folder, suffix, change):
-    """Write a log of 20 numbered frames with python-can. ``change`` alters its lines from the first frame on."""
+    """Write a log of 20 numbered frames with python-can, with its frame lines altered by ``change``."""
     plain = folder / f'whole{suffix.removesuffix(".gz")}'
     with can.Logger(str(plain)) as writer:
         for n in range(20):
@@ -63,7 +63,7 @@ def test_a_damaged_line_costs_its_own_frame(tmp_path, suffix, damage):
 
 @pytest.mark.parametrize('suffix', TEXTS)
 def test_two_lines_that_have_run_into_each_other_cost_their_frames(tmp_path, suffix):
-    """The first line has lost its last digit and its line end, so the second line is appended to it."""
+    """The first line has lost its last digit and its line break, so the second line continues it."""
     reader = CanLogReader(text_log(tmp_path, suffix, lambda lines: b''.join(
         [*lines[:10], lines[10].rstrip()[:-1], *lines[11:]])))
     assert numbers(reader) == [n for n in range(20) if n not in (10, 11)] and reader.unread == 1
@@ -78,13 +78,14 @@ def test_of_a_text_cut_short_within_a_line_that_line_alone_is_lost(tmp_path, suf
 def test_of_a_format_that_only_python_can_knows_it_is_said_that_losses_are_not_counted(tmp_path, caplog, monkeypatch):
     monkeypatch.setattr(can, 'LogReader', can.CanutilsLogReader)
     path = tiny_log(tmp_path, '(1.0) can0 181#4142', name='x.xyz')
-    path.write_text('\n' + path.read_text())  # Without the blank line, the first bytes would identify a candump log.
+    # Without the blank line, the reader would recognise a candump log by its first bytes.
+    path.write_text('\n' + path.read_text())
     assert [bytes(message.data) for message in CanLogReader(path)] == [b'AB']
     assert f'{path} is read by python-can' in caplog.text
 
 
 def other_makers(folder, suffix):
-    """Return logs with three frames each, and with all other records that these formats allow."""
+    """Return logs with three frames each and with every other kind of record that these formats allow."""
     text = {'.asc': """date Wed Nov 15 10:00:00.000 am 2023
 base hex  timestamps absolute
 internal events logged
@@ -130,7 +131,7 @@ def test_what_is_no_can_frame_in_another_makers_log_is_not_taken_for_damage(tmp_
     ['date Wed Nov 15 10:00:00.000 am 2023'], ['date Wed Nov 15 10:00:00.000 2023', 'base hex  timestamps absolute'],
     ['date Wed Nov 15 10:00:00.000 2023', 'base dec  timestamps absolute', 'no internal events logged']])
 def test_the_first_frame_after_the_header_of_an_asc_is_read(tmp_path, lines):
-    """If the line on events is missing, python-can takes the next line in its place."""
+    """If the line about internal events is missing, python-can skips the next line instead."""
     frame = '1  385  Rx   d 2 10 11' if 'base dec' in ''.join(lines) else '1  181  Rx   d 2 0A 0B'
     reader = CanLogReader(tiny_log(tmp_path, *lines, f'   0.5 {frame}', f'   1.5 {frame}', name='x.asc'))
     assert [(message.arbitration_id, bytes(message.data)) for message in reader] == 2 * [(0x181, b'\x0A\x0B')]
@@ -167,7 +168,7 @@ def test_damage_within_a_binary_log_is_reported(tmp_path, suffix):
     writer, random = McapCanWriter(path) if suffix == '.mcap' else can.Logger(str(path)), np.random.default_rng(1)
     for n in range(6000):
         writer.on_message_received(can.Message(1.7e9 + n / 1000, 0x181, False, data=random.bytes(8), channel=0))
-    # When python-can's writer is stopped, it loses its queued messages.
+    # A stopped python-can writer discards its queued messages, so wait until all are written.
     while suffix == '.db' and writer.num_frames < 6000:
         time.sleep(0.01)
     writer.stop()
@@ -180,18 +181,18 @@ def test_damage_within_a_binary_log_is_reported(tmp_path, suffix):
 
 
 def test_a_header_without_which_no_line_can_be_read_is_an_error(tmp_path):
-    """python-can raises this error again and again, even when no line is left."""
+    """python-can raises this error repeatedly, even when no line is left."""
     lines = [';$FILEVERSION=2.1', ';$STARTTIME=45245.4', *(f'{n} {n}.000 DT 1 0181 Rx - 2 0A 0B' for n in range(1, 5))]
     with pytest.raises(LogError, match='no column information'):
         list(CanLogReader(tiny_log(tmp_path, *lines, name='x.trc')))
 
 
-BLF_FRAMES = 6000  # The frames fill several containers.
+BLF_FRAMES = 6000  # This number of frames fills several containers.
 
 
 @cache
 def blf_bytes(compression):
-    """Return a BLF of numbered frames that python-can has written."""
+    """Return the bytes of a BLF file that python-can has written with numbered frames."""
     random = np.random.default_rng(1)
     with TemporaryDirectory() as folder:
         path = Path(folder, 'x.blf')
@@ -203,21 +204,24 @@ def blf_bytes(compression):
 
 
 def blf_log(folder, change=lambda content: content, compression=-1):
-    """Write that BLF to ``folder``, with its bytes altered by ``change``."""
+    """Write a BLF file to ``folder``, with its bytes altered by ``change``."""
     path = folder / 'x.blf'
     path.write_bytes(change(blf_bytes(compression)))
     return path
 
 
 def places(content, kind):
-    """Return the positions of the objects of ``kind`` in a BLF. Kind 1 is a CAN frame, and kind 10 is a container."""
+    """Return the positions of all objects of ``kind`` in a BLF file.
+
+    Kind 1 is a CAN frame, and kind 10 is a container.
+    """
     head = struct.Struct('<4sHHLL')
     found = (match.start() for match in re.finditer(b'LOBJ', content))
     return [at for at in found if len(content) >= at + head.size and head.unpack_from(content, at)[-1] == kind]
 
 
 def with_size(size, number, kind=1):
-    """Return a change that writes another size into the head of object ``number`` of ``kind``."""
+    """Return a change that writes a wrong size into the header of object ``number`` of ``kind``."""
     def change(content):
         at = places(content, kind)[number] + 8
         return content[:at] + struct.pack('<L', size) + content[at + 4:]
@@ -235,12 +239,12 @@ def test_a_blf_is_read_whole(tmp_path):
 
 @pytest.mark.parametrize('size', [0, 1, 16, 47, 49, 1000, 2 ** 32 - 1])
 def test_an_object_of_a_blf_with_another_size_costs_its_own_frame(tmp_path, size):
-    """With an object of size 0, python-can's reader once returned the frame before it for ever."""
+    """After an object of size 0, python-can's reader once returned the previous frame for ever."""
     reader = CanLogReader(blf_log(tmp_path, with_size(size, 100), compression=0))
     assert counted(reader) == [n for n in range(BLF_FRAMES) if n != 100]
     damage, = reader.damages
     assert damage.kind is DamageKind.RECORDS and damage.size == 48
-    # The reader returns a frame only once the next one is known.
+    # The damage begins at frame 99, because the reader returns a frame only once the next frame is known.
     assert damage.begin == pytest.approx(1.7e9 + 0.099, abs=0.0011)
 
 
@@ -290,7 +294,7 @@ def test_a_blf_cut_at_the_begin_of_a_container_is_missing_the_objects_that_its_h
 
 
 def test_a_blf_that_was_not_ended_is_read_up_to_its_end(tmp_path):
-    """The header is written last, so in an unfinished file it counts no objects."""
+    """The writer completes the header last, so the header of an unfinished file counts no objects."""
     count = slice(32, 36)
     def change(content):
         assert int.from_bytes(content[count], 'little') == BLF_FRAMES

@@ -1,7 +1,8 @@
-"""How long messages were held back: clocks that differ, drift and jump, bursts, and a busy machine.
+"""Tests for estimating how long messages were held back.
 
-Each case has a sender's timeline and its true delays. The assertions state what a reader of the latest message needs.
-An old message is never both settled and current, and messages are usable again after the stated time.
+The cases cover clocks that differ, drift and jump, bursts of messages, and a busy machine. Each case has a sender's
+timeline and its true delays. For a reader of the latest message, no old message may be both settled and current.
+Messages must be usable again after the stated time.
 """
 
 from typing import NamedTuple
@@ -11,15 +12,15 @@ import pytest
 
 from tactile_node.ros.message_age import SETTLED_ERROR, SETTLING_TIME, WINDOW, DelayEstimator
 
-LIMIT = 0.1  #: Largest age of a message that a reader takes as current [s].
+LIMIT = 0.1  # Largest age of a message that a reader accepts as current [s].
 OFFSETS = (-1.7e9, -5.0, 0.0, 1e-3, 3600.0, 1.7e9)
 
 
 class Result(NamedTuple):
-    """Results for all messages, in the order of arrival."""
+    """Delays and estimates of all messages, in the order of arrival."""
 
     arrival: np.ndarray
-    true: np.ndarray  #: True delay on the way [s].
+    true: np.ndarray  # True transmission delay [s].
     held: np.ndarray
     settled: np.ndarray
 
@@ -29,20 +30,20 @@ class Result(NamedTuple):
 
     @property
     def misled(self) -> np.ndarray:
-        """True for each message that a reader takes as current although it is too old.
+        """True for each message that a reader accepts as current although it is too old.
 
-        Too old means older than the limit plus the path's own error.
+        A message is too old if its age exceeds the limit plus the error of a settled estimate.
         """
         return self.fresh & (self.true > LIMIT + SETTLED_ERROR)
 
 
 def jitter(rng, count, typical=0.001, late=0.02, share=0.02):
-    """Return the delays of a busy machine: exponential, with 10-50 ms added now and then."""
+    """Return exponentially distributed delays, some of them 10-50 ms longer, as on a busy machine."""
     return 0.0005 + rng.exponential(typical, count) + (rng.random(count) < share) * rng.uniform(0.5, 2.5, count) * late
 
 
 def run(sent, delay, clock=lambda t: t, estimator=None, keep=None):
-    """Return the results for messages sent at the true times ``sent`` that arrive ``delay`` later."""
+    """Return the results for messages that are sent at the true times ``sent`` and arrive ``delay`` later."""
     estimator = estimator or DelayEstimator()
     chosen = np.ones(len(sent), bool) if keep is None else keep
     sent, delay = sent[chosen], np.broadcast_to(delay, len(chosen))[chosen]
@@ -54,7 +55,7 @@ def run(sent, delay, clock=lambda t: t, estimator=None, keep=None):
 
 
 def queued(sent, delay):
-    """Return the delays if no message overtakes another, as in one DDS topic."""
+    """Return the delays after queueing, so that no message overtakes another, as in one DDS topic."""
     return np.maximum.accumulate(sent + delay) - sent
 
 
@@ -65,7 +66,7 @@ def times(period=0.02, duration=10.0, begin=0.0):
 def held_until(sent, release, begin, count):
     """Return extra delays that hold back ``count`` messages sent from ``begin`` on.
 
-    They arrive from ``release`` on, 0.1 ms apart.
+    The held messages arrive from ``release`` on, at intervals of 0.1 ms.
     """
     extra = np.zeros(len(sent))
     first = np.searchsorted(sent, begin)
@@ -97,7 +98,7 @@ def test_drift_neither_withdraws_freshness_nor_builds_up(rate):
 
 @pytest.mark.parametrize('missing', [0, 2, 7])
 def test_start_in_the_middle_of_a_burst_is_not_settled(missing):
-    """The first received message has been held back. Only the later drop of the delay reveals this."""
+    """The first received message has already been held back, and only the later drop in the delay reveals this."""
     sent = np.concatenate([times(duration=0.2), times(duration=5.0, begin=5.0 + 0.1 * missing)])
     result = run(sent, 0.001 + held_until(sent, 5.0, 0.0, 10))
     assert not result.misled.any()
@@ -125,9 +126,9 @@ def test_the_senders_clock_set_back_or_its_restart_costs_the_settling_time(jump)
 
 @pytest.mark.parametrize('step', [0.2, -0.2])
 def test_a_clock_slewed_as_fast_as_chrony_does_makes_nothing_old_look_current(step):
-    """The largest slew rate of chrony is 83,333 ppm (maxslewrate).
+    """chrony slews a clock by at most 83,333 ppm (maxslewrate).
 
-    After the clock is slewed back, the ages read too high until the estimator forgets the smallest difference.
+    After a clock has been slewed backwards, the ages read too high until the estimator forgets the smallest difference.
     """
     sent = times(duration=60.0)
     delay = 0.001 + held_until(sent, 17.0, 12.0, 10)
@@ -140,7 +141,8 @@ def test_a_clock_slewed_as_fast_as_chrony_does_makes_nothing_old_look_current(st
 def test_a_busy_machine_does_not_withdraw_freshness_for_long(seed):
     """Delays of 10-50 ms occur now and then, from the first message on.
 
-    Freshness is lost for less than 1 % of the time. The loss spans less than 0.6 s, or fewer than 30 messages.
+    Messages may lose their freshness for less than 1 % of the time. The loss must span less than 0.6 s or fewer than 30
+    messages.
     """
     rng = np.random.default_rng(seed)
     sent = times(duration=60.0)
@@ -153,7 +155,7 @@ def test_a_busy_machine_does_not_withdraw_freshness_for_long(seed):
 
 @pytest.mark.parametrize('seed', range(30))
 def test_random_holds_never_mislead(seed):
-    """Messages are held for random times, in order, with jitter, drift, losses and any clock offset."""
+    """Messages are held for random times but stay in order, with jitter, drift, losses and any clock offset."""
     rng = np.random.default_rng(100 + seed)
     sent = times(duration=120.0)
     delay = jitter(rng, len(sent))
@@ -176,9 +178,9 @@ def test_a_burst_that_live_messages_overtake_is_not_fresh():
 
 
 def test_a_backlog_that_is_worked_off_slowly_is_not_settled():
-    """After a hold of 3 s, a relay sends its backlog at 1.25 times the normal rate.
+    """After a hold of 3 s, a relay sends its backlog at 4/3 of the normal rate.
 
-    The reader starts with the backlog.
+    The first message that the reader receives belongs to the backlog.
     """
     sent = times(duration=30.0)
     delay = np.maximum(0.001, 3.0 - 0.25 * sent)
@@ -191,7 +193,8 @@ def test_a_clock_set_back_during_a_silence_costs_at_most_the_window():
     sent = np.concatenate([times(duration=5.0), times(duration=60.0, begin=9.0)])
     result = run(sent, 0.001, lambda t: t - 2.0 * (t >= 9))
     after = result.arrival - 9.0
-    assert not result.fresh[(after > 0) & (after < WINDOW / 2)].any()  # A slower path would look the same.
+    # At first, a clock that was set back looks like a slower path.
+    assert not result.fresh[(after > 0) & (after < WINDOW / 2)].any()
     assert result.fresh[after > WINDOW].all()
 
 

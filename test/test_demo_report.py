@@ -1,4 +1,7 @@
-"""The demo reports its touches as a table, a CSV file and a picture, from the messages of the shape topic."""
+"""Tests for the demo's report of its touches as a table, a CSV file and a picture.
+
+The report is made from the messages of the shape topic.
+"""
 
 import csv
 from types import SimpleNamespace
@@ -14,7 +17,7 @@ from tactile_node.simulator.touches import SimulatedTouch
 from tactile_node.simulator.world import Contact
 
 PITCH = 0.002
-LIGHT = 20e3  #: A pressure between the noise and a press [Pa].
+LIGHT = 20e3  # Pressure above the noise and below a press [Pa].
 CORNERS = np.array([[0.01, 0.01], [0.02, 0.01], [0.02, 0.015], [0.01, 0.015]])
 RECTANGLE = SeenFit({'long': 0.010, 'short': 0.005}, (0.015, 0.0125), np.radians(30),
                     ('x', 'y', 'angle', 'long', 'short'),
@@ -47,14 +50,14 @@ def test_the_csv_has_pose_and_size_with_their_deviations_as_numbers(verdicts, tm
 
 
 def circle(radius, sd=0.03):
-    """Return the verdict on a touch by a circle of 4 mm radius that is measured as a circle of ``radius`` [mm]."""
+    """Return the verdict on a touch by a circle of 4 mm radius that is measured with ``radius`` [mm]."""
     fit = CIRCLE._replace(dimensions={'radius': 1e-3 * radius}, covariance=np.diag([1e-5, 2e-5, 1e-3 * sd]) ** 2)
     verdict, = verdicts_of('left', TOUCHES[1:2], [Seen(2.5, {'circle': 1.0}, np.zeros((16, 16)), fit)], PITCH)
     return verdict
 
 
 def test_a_wrong_size_of_the_right_shape_is_no_right_touch():
-    """A wide standard deviation and a sure shape do not make a wrong size right."""
+    """A wrong size stays wrong, even with a large standard deviation and a certain shape."""
     near, wide = circle(4.2), circle(5.5, sd=0.76)
     assert near.is_right_shape and near.is_right_size and near.size_error == pytest.approx(0.0002)
     assert wide.is_right_shape and not wide.is_right_size and wide.size_error == pytest.approx(0.0015)
@@ -71,10 +74,10 @@ def test_a_touch_without_a_fit_or_of_another_shape_has_no_right_size(verdicts):
 
 @pytest.mark.parametrize('latency, frames, skin_late, waited, is_slow', [
     (100 * [0.02], 100, 0.002, 0.1, False),
-    (100 * [0.5], 100, 0.002, 0.1, False),  # The package is slow here, not the machine.
-    (60 * [0.02], 100, 0.002, 0.1, False),  # The package has lost frames; the machine is fast enough.
-    (60 * [0.02], 100, 0.002, 0.9, True),  # The nodes did not get a processor.
-    (100 * [0.02], 100, 0.2, 0.1, True)])  # The simulated skin did not get processor time soon enough.
+    (100 * [0.5], 100, 0.002, 0.1, False),  # The package is slow here, but the machine is not.
+    (60 * [0.02], 100, 0.002, 0.1, False),  # The package has lost frames here, although the machine is fast enough.
+    (60 * [0.02], 100, 0.002, 0.9, True),  # The nodes did not get a processor in time.
+    (100 * [0.02], 100, 0.2, 0.1, True)])  # The simulated skin did not get a processor in time.
 def test_a_machine_that_is_too_slow_is_named(latency, frames, skin_late, waited, is_slow):
     text = speed(Performance(latency, frames, skin_late, waited))
     assert ('too slow or too busy' in text) is is_slow
@@ -82,7 +85,7 @@ def test_a_machine_that_is_too_slow_is_named(latency, frames, skin_late, waited,
 
 
 def test_a_script_goes_on_when_a_device_is_started_again(monkeypatch):
-    """A restarted device counts its seconds from 0 again, and the script of touches continues."""
+    """A restarted device counts its seconds from 0 again, but the script of touches continues."""
     monkeypatch.setattr('examples.demo.skin.time', SimpleNamespace(time=lambda: 1000.0))
     script, touch = Script(), scripted_touches(1, [25.0], 16, 16)[0]
     pad, middle = TouchedPad((touch,), 16, 16, 1), (touch.begin + touch.end) / 2

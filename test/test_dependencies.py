@@ -1,4 +1,4 @@
-"""The imports of the code match the dependencies in package.xml (rosdep, bloom) and setup.cfg (pip)."""
+"""Tests that the imports of the code match the dependencies in package.xml (rosdep, bloom) and setup.cfg (pip)."""
 
 import ast
 import configparser
@@ -14,12 +14,12 @@ import pytest
 pytestmark = pytest.mark.filterwarnings('ignore::DeprecationWarning:catkin_pkg', 'ignore::DeprecationWarning:pyparsing')
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ElementTree.parse(ROOT / 'package.xml')
-#: Neither Ubuntu nor ROS has packages for these keys; rosdep installs them with pip.
+#: rosdep installs these keys with pip, because neither Ubuntu nor ROS has a package for them.
 PIP_KEYS = {'canopen-pip', 'python3-rosbags-pip', 'mcap-ros2-support'}
 
 
 class Origin(NamedTuple):
-    """Sources of a module: its rosdep key and its requirement in setup.cfg.
+    """The rosdep key and the setup.cfg requirement that provide a module.
 
     ``rosdep`` is None if no key exists, and ``pip`` is None if ROS provides the module.
     """
@@ -28,8 +28,8 @@ class Origin(NamedTuple):
     pip: str | None
 
 
-#: Modules whose rosdep key or requirement has another name. A module that is missing here has its own name as key, and
-#: pip does not install it.
+#: Modules whose rosdep key or requirement has another name. For every other module, the rosdep key is the name of the
+#: module, and pip does not install the module.
 ORIGINS = {
     'argcomplete': Origin('python3-argcomplete', 'argcomplete'),
     'can': Origin('python3-can', 'python-can'),
@@ -46,27 +46,27 @@ ORIGINS = {
     'tqdm': Origin('python3-tqdm', 'tqdm'),
     'viser': Origin(None, 'viser'),
     'yaml': Origin('python3-yaml', 'pyyaml'),
-    'zstandard': Origin('mcap-ros2-support', 'mcap'),  # mcap requires it. rosdep has no key for it.
+    'zstandard': Origin('mcap-ros2-support', 'mcap'),  # mcap requires zstandard, which has no rosdep key.
 }
 OF_TESTS = {'jsonschema': 'python3-jsonschema', 'py_trees': 'py_trees', 'pytest': 'python3-pytest',
             'rosidl_adapter': 'rosidl_default_generators', 'rosidl_generator_py': 'rosidl_default_generators'}
-#: No code imports these packages; they run the package.
+#: Packages that the installed package needs to run, although no code imports them.
 NOT_MODULES = {'rosidl_default_runtime', 'ros2launch', 'xacro'}
-#: No code imports this package; the messages of an action contain its messages.
+#: Package whose messages every action contains, although no code imports it.
 OF_INTERFACES = {'action_msgs'}
-#: Modules that rclpy has only in some of Jazzy, Kilted and Lyrical (7.1.6, 9.1.2, 10.0.10).
+#: rclpy modules that exist only in some of Jazzy, Kilted and Lyrical (rclpy 7.1.6, 9.1.2, 10.0.10).
 NOT_IN_EVERY_ROS = {f'rclpy.{name}' for name in (
     'destroyable', 'endpoint_info', 'experimental', 'qos_event', 'subscription_content_filter_options',
     'topic_endpoint_info')}
 OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', 'examples', 'from_code',
         *(path.stem for folder in ('tools', 'bench', 'examples') for path in (ROOT / folder).glob('*.py'))}
-#: Only single tests or examples import these modules, and say so. They belong to the robot that needs the example, or
-#: are tools on the developer's machine.
+#: Modules that only single tests or examples import. A robot needs them only for such an example, and a developer only
+#: for such a test.
 OPTIONAL = {'torch', 'catkin_pkg', 'docutils', 'moveit_msgs', 'tactile_msgs', 'playwright', 'mujoco', 'control_msgs'}
 
 
 def imported(folder: str) -> dict[str, str]:
-    """Map each foreign top-level module that the files in ``folder`` import to one of these files."""
+    """Map each third-party top-level module imported in ``folder`` to one of the files that import it."""
     found: dict[str, str] = {}
     files = sorted((ROOT / folder).rglob('*.py'))
     names = {path.stem for path in files}
@@ -114,7 +114,7 @@ INSTALLED = {**imported('tactile_node'), **imported('launch')}
 
 @pytest.mark.parametrize('module', sorted(INSTALLED))
 def test_what_is_imported_is_a_dependency(module):
-    """Without the dependency, a robot that rosdep or pip has set up fails with a ModuleNotFoundError."""
+    """Without the dependency, the program fails with a ModuleNotFoundError on a robot that rosdep or pip has set up."""
     origin = ORIGINS.get(module, Origin(module, None))
     where = f'{module}, which {INSTALLED[module]} imports'
     assert origin.rosdep is None or origin.rosdep in keys('depend', 'exec_depend'), where
@@ -124,7 +124,7 @@ def test_what_is_imported_is_a_dependency(module):
 @pytest.mark.slow
 @pytest.mark.parametrize('folder', ['test', 'examples'])
 def test_what_tests_and_examples_import_is_a_dependency(folder):
-    """The dependencies of training and benchmarks are in requirements/bench.in."""
+    """The dependencies of training and benchmarks are listed separately, in requirements/bench.in."""
     known = keys('depend', 'exec_depend', 'test_depend', 'buildtool_depend')
     for module, file in imported(folder).items():
         key = OF_TESTS.get(module) or ORIGINS.get(module, Origin(module, None)).rosdep
@@ -132,7 +132,7 @@ def test_what_tests_and_examples_import_is_a_dependency(folder):
 
 
 def test_every_dependency_is_one_of_the_code():
-    """Otherwise a robot installs an unused package, or a key has a typing error."""
+    """A superfluous dependency installs an unused package on the robot, or is a misspelt key."""
     of_libraries = {origin.rosdep for origin in ORIGINS.values()}
     assert keys('exec_depend') - of_libraries - set(INSTALLED) <= NOT_MODULES
     assert keys('depend') - OF_INTERFACES <= set(INSTALLED)
@@ -140,9 +140,9 @@ def test_every_dependency_is_one_of_the_code():
 
 
 def test_a_released_package_depends_on_no_pip_key():
-    """rosdistro refuses such a release.
+    """rosdistro refuses a release that depends on a pip key.
 
-    bloom takes each dependency that has no condition or whose condition holds.
+    bloom uses each dependency without a condition and each dependency whose condition holds.
     """
     package = pytest.importorskip('catkin_pkg.package').parse_package(str(ROOT / 'package.xml'))
     for distro in ('jazzy', 'kilted', 'lyrical'):

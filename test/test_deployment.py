@@ -1,7 +1,7 @@
-"""The examples run the bus side as a service and in a container, as their readers expect.
+"""Tests that the examples run the bus side as a service and in a container.
 
-systemd ignores unknown lines of a unit. `systemd-analyze verify` prints such lines, but returns 0. A reader who copies
-the unit would not notice.
+systemd ignores unknown lines of a unit. `systemd-analyze verify` prints unknown lines but returns 0, so a reader who
+copies the unit would not notice them.
 """
 
 import re
@@ -23,7 +23,7 @@ UNIT = EXAMPLES / 'tactile_bus.service'
 
 
 def program(name: str) -> str:
-    """Return the path of a program beside this Python or on the PATH; skip the test if there is none."""
+    """Return the path of a program beside this Python or on the PATH, or skip the test if the program is missing."""
     found = shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
     return found or pytest.skip(f'{name} is not installed')
 
@@ -33,7 +33,7 @@ def run(*words):
 
 
 def complaints(unit: Path) -> list[str]:
-    """Return the messages of systemd about this unit, without those about other units on this machine."""
+    """Return the messages of systemd about this unit, without messages about other units on this machine."""
     done = run(program('systemd-analyze'), 'verify', '--man=no', unit)
     return [line for line in done.stderr.splitlines() if unit.name in line]
 

@@ -1,4 +1,7 @@
-"""Devices whose SYNC or heartbeat deviates are left as they are if that is safe. Otherwise they are refused by name."""
+"""Tests for setting up devices whose SYNC or heartbeat deviates.
+
+The driver accepts such a device if that is safe. Otherwise, the driver refuses the device by name.
+"""
 
 import pytest
 from canopen import SdoAbortedError, SdoCommunicationError
@@ -26,7 +29,7 @@ SYNC, HEARTBEAT = (0x1005, 0), (0x1017, 0)
 class Device:
     """Object dictionary of a configured device, as an SDO client sees it.
 
-    Objects in ``fixed`` are read-only. The device keeps its own value for objects in ``kept``.
+    Objects in ``fixed`` are read-only. For objects in ``kept``, the device accepts a write but keeps its own value.
     """
 
     RESPONSE_TIMEOUT = 0.3
@@ -54,7 +57,7 @@ class Device:
         if (index, sub) in self.fixed or self.objects.get((index, sub)) is None:
             raise SdoAbortedError(READ_ONLY)
         if index >= 0x1A00 and (not self.objects[index - 0x200, 1] >> 31 or sub and self.objects[index, 0]):
-            # CiA 301: during the change the TPDO must be disabled and must count no objects.
+            # CiA 301 allows a change of the mapping only while the TPDO is disabled and its mapping counts no objects.
             raise SdoAbortedError(WRONG_STATE)
         self.written[index, sub] = int.from_bytes(data, 'little')
         if (index, sub) not in self.kept:
@@ -67,9 +70,9 @@ def set_up(device: Device, is_interrupted=lambda: False):
 
 
 def of_another_layout(**options) -> Device:
-    """Return a device whose first two TPDOs map eight taxels of another row.
+    """Return a device whose first two TPDOs map taxels of another row.
 
-    They are sent on request and have other COB-IDs.
+    These TPDOs are event-driven and have other COB-IDs.
     """
     device = Device(**options).having(SYNC, 0x81)
     for i in (0, 1):
@@ -79,14 +82,14 @@ def of_another_layout(**options) -> Device:
 
 
 def records(device: Device) -> dict:
-    """Return all objects that decide what the device sends and when."""
+    """Return all objects that determine what the device sends and when."""
     return {place: value for place, value in device.objects.items() if place == SYNC or place[0] >= 0x1800}
 
 
 def test_a_device_of_another_layout_is_set_up():
     device = of_another_layout()
     set_up(device)
-    assert records(device) == records(Device()) | {  # The COB-IDs keep the NO_RTR bit that the device had.
+    assert records(device) == records(Device()) | {  # The set-up keeps the NO_RTR bit in the COB-IDs of the device.
         (0x1800 + i, 1): 0x4000_0000 + NODE.layout.tpdos[i].cob_id.of(32) for i in (0, 1)}
 
 
@@ -94,7 +97,7 @@ def test_a_device_of_another_layout_is_set_up():
     {'fixed': [(0x1A00, 0)]}, {'fixed': [(0x1A01, 0)]}, {'fixed': [(0x1A01, 2)]}, {'kept': [(0x1A01, 1)]},
     {'fixed': [(0x1801, 2)]}, {'kept': [(0x1801, 2)]}], ids=str)
 def test_a_device_that_refuses_its_set_up_is_left_as_it_was(options):
-    """Such a device was once left with disabled or half-written TPDOs."""
+    """A device that refused its set-up was once left with disabled or half-written TPDOs."""
     device = of_another_layout(**options)
     before = records(device)
     with pytest.raises(UnverifiedDeviceError):
@@ -114,7 +117,7 @@ def test_a_set_up_that_is_interrupted_is_taken_back():
 
 
 def test_a_device_that_cannot_be_restored_is_reported(caplog):
-    """The device accepts only the first write to each object."""
+    """The device accepts only the first write to each object, so its old values cannot be restored."""
     device = of_another_layout(fixed=[(0x1A00, 0)])
     download = device.download
 
@@ -148,7 +151,10 @@ def test_another_sync_cob_id_is_written(now, written):
 
 
 def test_a_device_that_produces_sync_on_another_cob_id_is_refused():
-    """CiA 301 allows no change while the device produces SYNC. Its SYNC would be taken for another frame."""
+    """CiA 301 does not allow a device to change its SYNC COB-ID while the device produces SYNC.
+
+    The receivers would take the SYNC of this device for another CAN frame.
+    """
     device = Device().having(SYNC, 0x4000_0081)
     with pytest.raises(DeviceError, match='0x081'):
         set_up(device)
@@ -174,9 +180,9 @@ def test_errors_are_read_as_far_as_the_device_has_them():
 
 
 def monitored(heartbeat_time: float | None) -> tuple[NodeMonitor, BusMonitor, PadStatistics]:
-    """Return the monitors of a configured, running node and its bus, and the statistics of its pad.
+    """Return the monitors of a configured, running node and of its bus, and the statistics of its pad.
 
-    The timeout is 0.5 s.
+    The heartbeat timeout and the data timeout are 0.5 s.
     """
     bus = BusMonitor([32])
     node = NodeMonitor(NODE, bus, 0.5, 0.5)
@@ -197,7 +203,7 @@ def test_a_device_with_its_own_heartbeat_time_may_be_silent_for_three_of_them(he
 
 def test_a_heartbeat_time_that_cannot_be_read_is_measured(monkeypatch):
     node, bus, pad = monitored(None)
-    for heard in (100.0, 101.0, 101.05, 102.0):  # A change of state adds the heartbeat at 101.05 s.
+    for heard in (100.0, 101.0, 101.05, 102.0):  # A change of state causes the extra heartbeat at 101.05 s.
         monkeypatch.setattr('tactile_node.cia301.heartbeat.time.monotonic', lambda now=heard: now)
         bus.feed(0x720, b'\x05')
     assert node.detect(104.7, False, pad, BusSeen(0)) is NodeFault.NONE

@@ -1,4 +1,4 @@
-"""/diagnostics is never OK while data is being discarded."""
+"""Tests that /diagnostics never reports OK while data is being discarded."""
 
 import itertools
 
@@ -44,7 +44,7 @@ WELL = NodeHealth(32, NmtState.OPERATIONAL, True, 0.05)
 
 
 def each_second():
-    """Return diagnostics whose evaluations are one second apart."""
+    """Return diagnostics whose clock advances by one second with each evaluation."""
     return BusDiagnostics('/gripper/driver', 'can0', steady=itertools.count(100.0).__next__)
 
 
@@ -74,7 +74,7 @@ def test_the_level_is_of_the_time_since_the_message_before():
 
 
 def test_a_loss_stays_reported_for_a_second_however_often_the_state_is_evaluated():
-    """A reader that sees only the latest message would otherwise miss the loss."""
+    """A loss must stay visible to a reader that sees only the latest message."""
     clock = itertools.count(100.0, 1 / 16)
     diagnostics = BusDiagnostics('driver', 'can0', steady=clock.__next__)
     seen = [levels(diagnostics, statistics(frames=10 + i, late=int(i >= 30)))[1] for i in range(60)]

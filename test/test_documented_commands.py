@@ -1,6 +1,6 @@
-"""Every command that is typed from the documents works.
+"""Tests that every command in the documents works.
 
-Each command is run here, or states what it needs.
+Each command either runs here or has a rule that states what the command needs.
 """
 
 import glob
@@ -23,9 +23,9 @@ from matplotlib import pyplot
 from tactile_node.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[1]
-LINK = '/tmp/skin'  # This path is used in the documents.
+LINK = '/tmp/skin'  # The documents use this path.
 LOG = 'test/data/sim16x16_two_pads.log.gz'
-TIMEOUT = 60.0  # Time limit on a busy machine [s].
+TIMEOUT = 60.0  # Timeout for a simulator, long enough for a busy machine [s].
 ALL = documented.commands()
 
 
@@ -56,7 +56,7 @@ SKIN = f'tactile simulate --pty --link {LINK}'
 
 
 def pages_with_new_commands() -> list[str]:
-    """Return the pages that contain a command which no earlier page has."""
+    """Return the pages with at least one command that no earlier page contains."""
     first = {each.text: each.page for each in reversed(RUN)}
     return sorted(set(first.values()))
 
@@ -76,7 +76,7 @@ def test_the_commands_of_a_page_work_in_their_order(page, tmp_path, monkeypatch,
     with ExitStack() as stack:
         if any(LINK in text and 'simulate' not in text for text in texts):
             stack.enter_context(simulated(SKIN.replace(LINK, 'skin')))
-            texts = [text for text in texts if text != SKIN]  # The skin is already running.
+            texts = [text for text in texts if text != SKIN]  # The skin already runs, because other commands need it.
         for text in texts:
             if 'simulate' in text:
                 with simulated(text.replace(LINK, 'other')):
@@ -84,13 +84,13 @@ def test_the_commands_of_a_page_work_in_their_order(page, tmp_path, monkeypatch,
             words = shlex.split(text.replace(LINK, 'skin'))[1:]
             assert main([name for word in words for name in sorted(glob.glob(word)) or [word]]) == 0, text
             assert capsys.readouterr().out or '--output' in text
-            if 'draft' in text:  # The reader fills in the values that no EDS contains.
+            if 'draft' in text:  # The reader of the page fills in the values that no EDS contains.
                 (tmp_path / 'my_skin.yaml').write_bytes((ROOT / 'config/sim16x16.yaml').read_bytes())
 
 
 @contextmanager
 def simulated(text: str) -> Iterator[None]:
-    """Run a simulator until its link exists."""
+    """Run a simulator during the context, which begins once the link exists."""
     words = shlex.split(text)[1:]
     skin = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', *words], stdout=subprocess.DEVNULL)
     try:

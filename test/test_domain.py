@@ -1,7 +1,7 @@
-"""A pad whose taxels are a DOMAIN that is read by SDO.
+"""Tests for a pad whose taxels form a DOMAIN that the driver reads by SDO.
 
-The tests check the protocol byte by byte, the frames made from it, and a whole driver. CRC-16/XMODEM of b'123456789' is
-0x31C3. This is the check value in every table of CRCs, and CiA 301 names the same polynomial.
+The tests check the protocol byte by byte, the resulting frames, and a whole driver. The CRC-16/XMODEM of b'123456789'
+is 0x31C3. Every table of CRCs lists this check value, and CiA 301 specifies the same polynomial.
 """
 
 from random import Random
@@ -31,7 +31,7 @@ domain: {object: 0x2400, sub: 1, bytes: 9, bit_step: 8}
 LAYOUT = 'domain16x10_16bit.yaml'
 BEGIN, ANSWER, START = '> A4 00 24 01 7F 00 00 00', '< C6 00 24 01 09 00 00 00', '> A3 00 00 00 00 00 00 00'
 SEGMENTS = '< 01 31 32 33 34 35 36 37', '< 82 38 39 00 00 00 00 00'
-# 0xD5 states that 5 bytes of the last segment are unused.
+# The command byte 0xD5 states that the last segment has 5 unused bytes.
 ACKNOWLEDGE, END = '> A2 02 7F 00 00 00 00 00', '< D5 C3 31 00 00 00 00 00'
 BLOCK = (BEGIN, ANSWER, START, *SEGMENTS, ACKNOWLEDGE, END)
 SEGMENTED = ('> 40 00 24 01 00 00 00 00', '< 41 00 24 01 09 00 00 00', '> 60 00 00 00 00 00 00 00',
@@ -98,7 +98,7 @@ def test_whatever_is_damaged_only_the_true_bytes_are_given():
             frames[place] = {'lost': None, 'cut': frames[place][:random.randrange(8)], 'doubled': frames[place],
                              'bit': bytes([*frames[place][:7], frames[place][7] ^ 0x20])}[damage]
             if damage == 'bit':
-                # The first byte of the first two frames is kept, because its flags request the CRC.
+                # The first byte of the first two frames stays intact, because its flags request the CRC.
                 which = random.randrange(place < 2, 8)
                 flip = 1 << random.randrange(8)
                 frames[place] = bytes(b ^ flip * (i == which) for i, b in enumerate(frames[place]))
@@ -158,7 +158,10 @@ def test_wrong_sizes(tmp_path, size, reason):
 
 @pytest.mark.parametrize('order', ['little', 'big'])
 def test_fields_may_lie_across_any_bytes(tmp_path, order):
-    """Fields of 12 bits begin at bit 3; field k is cut from the whole object, taken as one number."""
+    """Fields of 12 bits begin at bit 3.
+
+    The test cuts field k from the whole object, which it reads as a single number.
+    """
     text = (TINY.replace('bits: 8', f'bits: 12, byte_order: {order}').replace('bytes: 9', 'bytes: 14')
             .replace('bit_step: 8', 'start_bit: 3, bit_step: 12').replace('rows: 3\n', 'rows: 3\n'))
     payload = np.random.default_rng(7).integers(0, 256, 14, dtype=np.uint8).tobytes()
@@ -183,7 +186,10 @@ def test_bad_layouts(tmp_path, change, says):
 
 
 def moving():
-    """Return a source in which every sample differs: value = 10 (taxel + 7 sample) Pa."""
+    """Return a source in which every sample differs.
+
+    The value of a taxel is 10 (taxel + 7 sample) Pa.
+    """
     samples = iter(range(10 ** 6))
     return lambda t: 10.0 * (np.arange(160).reshape(16, 10) + 7 * next(samples))
 
@@ -208,9 +214,10 @@ def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
 
 @pytest.mark.bus
 def test_our_own_requests_take_their_part_of_the_bus(tmp_path):
-    """The recording holds every frame.
+    """The recorded log must contain every frame that the load counts.
 
-    ``bits`` is the length of an 11-bit frame with n bytes and the most stuff bits (ISO 11898-1).
+    ``bits`` maps the number of data bytes to the length of a frame with 11 identifier bits and the most stuff bits (ISO
+    11898-1).
     """
     log, bits = tmp_path / 'session.log', {0: 55, 1: 65, 2: 75, 8: 135}
     with Bench('domain_load', LAYOUT, source=moving(), record=str(log)) as bench:

@@ -1,6 +1,7 @@
-"""The zero follows slow drift but never a grasp, at 50 Hz. The simulated drift does not use the code under test.
+"""Tests at 50 Hz that the zero follows slow drift but never a grasp.
 
-`make misled` runs for ten minutes. `make test` runs for 90 seconds, in which the drift is fastest.
+The simulated drift does not use the code under test. `make misled` simulates ten minutes. `make test` simulates the
+first 90 seconds, in which the drift is fastest.
 """
 
 import os
@@ -17,14 +18,14 @@ RATE = 50      # Hz
 SIDE = 16      # taxels
 NOISE = 300.0  # Pa
 GRASP = 40e3
-DURATION = 600 if os.environ.get('TACTILE_LONG') else 90  # Duration in seconds.
+DURATION = 600 if os.environ.get('TACTILE_LONG') else 90  # s
 GUARD = ContactGuard.of_unit('Pa')
 GRIP = np.zeros((SIDE, SIDE))
 GRIP[5:11, 5:11] = GRASP
 
 
 def given(pad: TaredPad, seconds: float, load, drift, begin: float = 0.0, seed: int = 1) -> np.ndarray:
-    """Feed ``load`` [Pa] plus ``drift``(t) [Pa] and noise; return the mean output of the last second."""
+    """Feed ``load`` [Pa] with ``drift(t)`` [Pa] and noise added, and return the mean output of the last second."""
     rng, last = np.random.default_rng(seed), []
     for t in begin + np.arange(int(seconds * RATE)) / RATE:
         values = (load + drift(t) + NOISE * rng.standard_normal((SIDE, SIDE))).astype(np.float32)
@@ -34,13 +35,13 @@ def given(pad: TaredPad, seconds: float, load, drift, begin: float = 0.0, seed: 
 
 
 def drifting(t: float) -> float:
-    """Return a drift that reaches 4 kPa in ten minutes, like the first quarter of a sine."""
+    """Return a drift [Pa] that rises to 4 kPa within ten minutes, like the first quarter of a sine wave."""
     return 4e3 * np.sin(t / 600 * np.pi / 2)
 
 
 @pytest.mark.slow
 def test_slow_drift_is_followed():
-    """The drift is at most 10.5 Pa/s. A zero that lags behind by TIME_CONSTANT is 210 Pa off."""
+    """The drift rises by at most 10.5 Pa/s, so a zero that lags behind by TIME_CONSTANT is off by 210 Pa."""
     left = given(TaredPad(GUARD, DriftFollower(LIMIT)), DURATION, 0.0, drifting)
     assert np.abs(left).max() < 210 + 5 * NOISE / RATE ** 0.5
 
@@ -48,9 +49,9 @@ def test_slow_drift_is_followed():
 @pytest.mark.slow
 @pytest.mark.parametrize('before', [0.0, 30.0])
 def test_a_grasp_of_minutes_keeps_its_pressure_and_leaves_no_jump(before):
-    """The grasp is there from the first frame, or begins after 30 s.
+    """The grasp exists from the first frame, or begins after 30 s.
 
-    The skin does not drift here, so the code causes any loss of pressure.
+    The simulated skin does not drift here, so any loss of pressure is an error of the code.
     """
     pad = TaredPad(GUARD, DriftFollower(LIMIT))
     if before:
@@ -71,7 +72,7 @@ def test_invalid_taxels_keep_their_zero_and_a_gap_restarts_the_quiet_time():
 
 
 def test_the_zero_stands_still_while_a_part_of_the_pad_is_lost():
-    """An object may press exactly on the lost part, which sends no values."""
+    """An object may press exactly on the taxels that send no values."""
     follower, zero = DriftFollower(LIMIT), np.zeros((1, 2))
     for t in np.arange(0, 10, 0.02):
         zero = follower.update(t, np.array([[1e3, 1e3]]), zero)
@@ -84,7 +85,7 @@ def test_the_zero_stands_still_while_a_part_of_the_pad_is_lost():
 
 
 def test_a_grasp_that_a_low_offset_hides_from_the_start_is_not_followed():
-    """The grasp reads 2 kPa. Before a tare, only the pad around it reveals the grasp."""
+    """Before a tare, only the lower readings around the grasp reveal that its 2 kPa are a load."""
     pad, last = TaredPad(GUARD, DriftFollower(LIMIT)), None
     load = np.where(GRIP > 0, 2e3, -33e3).astype(np.float32)
     for t in np.arange(0, 120, 0.1):
@@ -104,7 +105,7 @@ def test_a_taxel_taken_out_as_faulty_does_not_keep_the_others_from_being_followe
 
 @pytest.mark.slow
 def test_a_light_lasting_touch_is_taken_for_drift_slowly():
-    """A touch of 3 kPa is below half the limit. At most limit / 300 is lost per second."""
+    """A touch of 3 kPa is below half the limit, so the zero may absorb at most limit / 300 of it per second."""
     pad = TaredPad(GUARD, DriftFollower(LIMIT))
     given(pad, 10, 0.0, lambda t: 0.0)
     touch = given(pad, 30, np.full((SIDE, SIDE), 3e3), lambda t: 0.0, begin=10)

@@ -1,4 +1,4 @@
-"""The driver node's conditioning as a user meets it: files, services, and parameters that change while frames flow."""
+"""Tests of the driver node's conditioning by files, services, and parameters that change while frames flow."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,10 +30,10 @@ FILE = 'pads: {pad32: {dead: [[2, 3]]}}'
 
 
 class Driver(DriverBench):
-    """Driver of a simulated pad that reads PRESSED everywhere."""
+    """Driver of a simulated pad on which every taxel reads PRESSED."""
 
     def values(self):
-        """Return the values of the next complete frame, without frames that were already on their way."""
+        """Return the values of the next complete frame that was not already on its way."""
         for _ in range(10):
             self.executor.spin_once(timeout_sec=0.0)
         self.taxels.clear()
@@ -123,9 +123,10 @@ def test_changes_take_effect_live_or_are_refused_with_a_reason(make, tmp_path):
     assert driver.set('follow_drift', True).successful
     drift = driver.node._pads['pad32'].conditioned.tared.drift
     assert driver.set('tare_limit', 0.02).successful and drift.limit == 0.02
-    # A higher limit would take a grasp for drift.
+    # With a higher drift limit, the zero would follow a grasp.
     assert driver.set('tare_limit', 50.0).successful and drift.limit == 0.03
-    assert driver.set('frozen_after', 0.1).successful  # The skin now reads the same value for ever.
+    # The simulated skin reads the same values for ever, so the pad counts as frozen.
+    assert driver.set('frozen_after', 0.1).successful
     driver.taxels.clear()
     driver.until(lambda: driver.taxels and np.isnan(driver.taxels[-1].values).all())
     assert driver.set('frozen_after', 0.0).successful
@@ -157,7 +158,10 @@ def test_a_live_change_and_configure_refuse_the_same_heartbeat_timeout(make):
 
 
 def test_a_live_change_while_the_driver_configures_takes_effect(make, monkeypatch):
-    """Configure first reads the parameters and then takes seconds. A change during that time must take effect."""
+    """Configure takes seconds after it has read the parameters.
+
+    A parameter that changes during this time must still take effect.
+    """
     driver = make(autostart=False)
 
     def set_and_make_source(*given):
@@ -169,10 +173,10 @@ def test_a_live_change_while_the_driver_configures_takes_effect(make, monkeypatc
 
 
 def test_another_publisher_of_the_pads_taxels_is_reported(make):
-    """The other publisher may have the same name, as when a driver was started twice."""
+    """If a user starts the driver twice, both publishers have the same node name."""
     driver = make()
     driver.until(lambda: driver.status and driver.status[-1].pads and driver.status[-1].pads[0].level == SkinStatus.OK)
-    with rclpy.context.Context() as context:  # A second context stands for another process.
+    with rclpy.context.Context() as context:  # The second context acts as another process.
         other = rclpy.create_node('skin_driver', context=context)
         other.create_publisher(TaxelArray, '/pad32/taxels', 10)
         driver.until(lambda: driver.status[-1].pads[0].level == SkinStatus.WARN
@@ -198,7 +202,7 @@ def test_incomplete_frames_can_be_dropped_live(make):
 
 @pytest.mark.parametrize(('gain', 'reading'), [(1.0, 40e3), (10.0, 4e3)])
 def test_no_tare_limit_lets_the_zero_follow_a_grasp(tmp_path, gain, reading):
-    """Both skins read 40 kPa for a minute."""
+    """With both gains, the conditioned skin reads 40 kPa for a minute."""
     np.savetxt(tmp_path / 'gains.txt', np.full((16, 16), gain))
     settings = DriverSettings(follow_drift=True, tare_limit=1e9, gain_files=(str(tmp_path / 'gains.txt'),))
     pad = conditioned_pads(driver_pads(replace(settings, replay='a log')), settings)['pad']

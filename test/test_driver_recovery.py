@@ -1,6 +1,6 @@
-"""The driver node survives an outage.
+"""Tests that the driver node survives an outage.
 
-It is the same node and still active, and /diagnostics reports the true state of the bus.
+The same node must still be active afterwards, and /diagnostics must report the true state of the bus.
 """
 
 import subprocess
@@ -38,7 +38,7 @@ from tactile_skin.srv import Tare
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-# This QoS profile keeps all messages, not only the latest one.
+# QoS profile that keeps all status messages, not only the latest one.
 ALL_STATUS_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -46,7 +46,7 @@ ALL_STATUS_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOC
 def chain(ros):
     load = [PRESSED]
     bench = ros.enter_context(FaultBench('driver node', source=lambda t: np.full((SIDE, SIDE), load[0])))
-    # SYNC period in seconds. Each stall of that length would be reported as a WARN, and such stalls are rare.
+    # A stall as long as this SYNC period [s] is reported as WARN, but such long stalls are rare.
     chain = DriverBench(ros, bench, sync_period=0.2)
     chain.load = load
     return chain
@@ -93,7 +93,7 @@ def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain)
     assert starting.is_alive() and chain.bench.adapter.opened == 0
     chain.until(lambda: any(WAITING in message.msg for message in logged), 'not logged')
     reports = sum(WAITING in message.msg for message in logged)
-    assert reports <= 1 + (time.monotonic() - begun) / FIRST_REMINDER  # The driver does not log every attempt.
+    assert reports <= 1 + (time.monotonic() - begun) / FIRST_REMINDER  # The driver must not log every attempt.
     chain.bench.adapter.is_plugged = True
     chain.until(lambda: (OK, OK) in chain.levels, 'never OK')
     starting.join()
@@ -101,9 +101,9 @@ def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain)
 
 
 def test_the_pads_of_a_driver_are_seen_all_or_none(chain, monkeypatch):
-    """While the driver waits at start, the executor publishes the state of its pads.
+    """While the driver waits at start, the executor already publishes the state of its pads.
 
-    The number of pads must not grow meanwhile.
+    The driver must therefore add all pads at once.
     """
     driver, seen = chain.node, []
 
@@ -118,7 +118,7 @@ def test_the_pads_of_a_driver_are_seen_all_or_none(chain, monkeypatch):
 
 
 def test_the_state_can_be_looked_at_while_the_driver_is_released(chain):
-    """The executor reads the state every 50 ms, even while another thread destroys the publishers."""
+    """The executor reads the state every 50 ms, even while another thread is destroying the publishers."""
     chain.node.trigger_configure()
     output, = chain.node._pads.values()
     output._looked = -np.inf
@@ -151,9 +151,9 @@ def test_with_simulated_time_and_no_clock_faults_are_reported_with_the_stamp_0(c
 
 
 def test_each_frame_has_the_time_since_its_sync_when_it_was_sent(chain):
-    """Sender and receiver share a clock here.
+    """The age of a frame must include the time since its SYNC, or a delayed driver's taxels would look current.
 
-    If the age did not include this time, the taxels of a delayed driver would look current.
+    In this test, sender and receiver share a clock.
     """
     arrived = []
     chain.listener.create_subscription(TaxelArray, '/pad32/taxels', lambda frame: arrived.append((time.time(), frame)),
@@ -178,7 +178,7 @@ def test_waiting_at_start_ends_when_stopped(chain):
 
 
 def test_activate_may_be_tried_again_after_an_outage(chain):
-    """According to the lifecycle, a failed activate leaves the node inactive, so it stays configured."""
+    """In the ROS 2 lifecycle, a failed activate leaves the node inactive, so the node stays configured."""
     chain.node.trigger_configure()
     chain.bench.adapter.is_plugged = False
     chain.until(lambda: chain.node.source.failure is not None, 'not failed')
@@ -221,7 +221,7 @@ def test_whoever_comes_late_gets_the_last_status(chain):
 
 
 def test_each_change_of_the_lifecycle_is_logged_and_reported_when_it_happens(chain):
-    """The report must not wait for the next message of the timer, whose callback cannot run during a transition."""
+    """The report of a transition must not wait for the timer, whose callback cannot run during a transition."""
     logged, heard = chain.listen(Log, '/rosout', 50), chain.listen(SkinStatus, '/skin_driver/status', ALL_STATUS_QOS)
     changes = []
     chain.until(lambda: heard and chain.listener.count_publishers('/rosout') > 1, 'no status, or no /rosout')
@@ -251,9 +251,9 @@ def test_each_change_of_the_lifecycle_is_logged_and_reported_when_it_happens(cha
 
 
 def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
-    """The status must not wait for the message of each second, which is disabled here.
+    """The status must report a fault before the regular message of each second, which this test disables.
 
-    `make faults` measures how soon a fault is reported. The highest rate of these reports is tested in test_pacer.py.
+    `make faults` measures how soon a fault is reported, and test_pacer.py tests the highest rate of these reports.
     """
     chain.start()
     monkeypatch.setattr(message_pace, 'EARLY_ROUND', -inf)
@@ -263,11 +263,11 @@ def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
     chain.until(lambda: chain.status[-1].fault == SkinStatus.FAULT_NONE, 'the end is not reported')
 
 
-OFFSET = 0.05  # Below a contact, and above the default limit [N].
+OFFSET = 0.05  # Below the level of a contact, and above the default tare limit [N].
 
 
 def tared(chain, limit, **request):
-    """Start the driver; return its answer to a tare with this limit."""
+    """Start the driver, request a tare with this limit, and return the answer."""
     chain.start()
     assert chain.set('tare_limit', limit).successful
     return chain.answer(Tare, 'tare', Tare.Request(frames=5, **request))
@@ -278,7 +278,10 @@ def wait_for_values(chain, value):
 
 
 def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain):
-    """The whole skin reads PRESSED, which is a load. It then reads OFFSET, which is no load under a higher limit."""
+    """The whole skin first reads PRESSED, which is a load.
+
+    The skin then reads OFFSET, which is no load under a higher limit.
+    """
     refused, also_refused = tared(chain, 0.5 * PRESSED), tared(chain, 2 * PRESSED)
     assert not refused.success and refused.refusal == Tare.Response.REFUSAL_PRESSED and not refused.tared
     assert not also_refused.success and also_refused.refusal == Tare.Response.REFUSAL_CONTACT
@@ -295,8 +298,9 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
 
 @pytest.fixture
 def tare_here(chain, monkeypatch):
-    """Return a function that runs `tactile tare` for 5 frames in this process, on a thread, while the driver runs."""
-    monkeypatch.setattr(rclpy, 'init', lambda **given: None)  # ROS is already running, and must keep running.
+    """Return a function that runs `tactile tare` for 5 frames on a thread of this process, beside the driver."""
+    # ROS is already running in this process and must keep running.
+    monkeypatch.setattr(rclpy, 'init', lambda **given: None)
     monkeypatch.setattr(rclpy, 'try_shutdown', lambda: None)
 
     def exit_code(*words):
@@ -323,7 +327,7 @@ def test_the_command_tries_again_while_something_presses_and_tares_all_pads_of_t
     chain.stack.callback(process.wait)
     chain.stack.callback(process.kill)
     chain.until(lambda: 'trying again for 600 s' in printed.read_text(), 'it does not try again')
-    chain.load[0] = 0.02  # Below the limit [N].
+    chain.load[0] = 0.02  # Below the tare limit [N].
     chain.until(lambda: process.poll() is not None, 'the command has not ended')
     assert process.returncode == 0
     assert printed.read_text().splitlines()[-1].startswith('pad32: tared over 5 frames, noise ')
@@ -331,7 +335,7 @@ def test_the_command_tries_again_while_something_presses_and_tares_all_pads_of_t
 
 
 def test_without_a_driver_the_command_says_what_to_start_and_which_drivers_run(tare_here, capsys, monkeypatch):
-    monkeypatch.setattr(tare_client, 'DISCOVERY_TIMEOUT', 0.0)  # Nodes in this process are known at once.
+    monkeypatch.setattr(tare_client, 'DISCOVERY_TIMEOUT', 0.0)  # Nodes in the same process discover each other at once.
     assert tare_here('--namespace', 'hand') == 2
     error, = capsys.readouterr().err.splitlines()
     assert '/hand/skin_driver: expected a running driver, got none, but /skin_driver.' in error
@@ -352,7 +356,7 @@ def test_a_tare_of_unreasonably_many_frames_is_refused_at_once(chain):
 
 
 def test_the_driver_continues_while_a_tare_waits_for_frames(chain):
-    """Without frames, the tare would wait for its whole time limit of half a minute."""
+    """Without frames, the tare would wait for its full timeout of half a minute."""
     early = chain.answer(Tare, 'tare', Tare.Request(frames=5))
     assert refusal_of(early) == Tare.Response.REFUSAL_DRIVER_NOT_ACTIVE and 'a configured driver' in early.message
     chain.node.autostart()
@@ -375,7 +379,7 @@ def test_a_power_cycle_after_the_devices_own_zero_leaves_no_valid_value_before_t
     chain.load[0] = OFFSET
     done = tared(chain, 2 * OFFSET, on_device=True)
     assert done.success and f'{SIDE * SIDE} channels zeroed on the device' in done.message
-    # The device has removed the offset, so the driver finds none.
+    # The device has already removed the offset, so the driver measures none.
     assert done.largest_offset[0] == pytest.approx(0, abs=0.01)
     wait_for_values(chain, 0)
     chain.bench.device.power_off()

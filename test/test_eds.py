@@ -1,4 +1,4 @@
-"""EDS files: which content is read, and how a file that is no EDS is refused."""
+"""Tests for reading EDS files and for refusing files that are not valid EDS files."""
 
 import pytest
 from can_bench import TINY, tiny_layout
@@ -34,8 +34,8 @@ def write(folder, text):
 
 def test_node_id_enters_the_cob_ids():
     dictionary = load_eds('sim16x16.eds', 32)
-    assert dictionary[0x1800][1].default == 0x8000_01A0  # The TPDO is disabled; its COB-ID is 0x180 + 32.
-    assert dictionary[0x1A1F][8].default == 0x210F_1008  # This is the last taxel: row 15, column 15.
+    assert dictionary[0x1800][1].default == 0x8000_01A0  # The TPDO is disabled, and its COB-ID is 0x180 + 32.
+    assert dictionary[0x1A1F][8].default == 0x210F_1008  # This entry maps the last taxel, in row 15 and column 15.
     assert identity_of(dictionary, 'device.eds') == (0x5C1, 0x1616_0008, 0x0001_0000)
 
 
@@ -58,7 +58,7 @@ BAD = {
     'number of elements': (SMALL + '[2000]\nParameterName=A\nObjectType=0x8\nDataType=0x0006\nAccessType=ro\n'
                            'CompactSubObj=many\n', 'CompactSubObj'),
     'empty DataType': (SMALL.replace('DataType=0x0007', 'DataType='), '"DataType" in section [1018sub1]'),
-    # Without ObjectType, the object counts as a VAR.
+    # An object without ObjectType counts as a VAR.
     'empty ObjectType': (SMALL.replace('ObjectType=0x9', 'ObjectType='), '"DataType" in section [1018]'),
     'bit rate': (SMALL.replace('VendorName', 'BaudRate_1000=yes\nVendorName'),
                  'section [DeviceInfo], key "BaudRate_1000"'),
@@ -82,7 +82,10 @@ TEXT = '[1008]\nParameterName=x\nDataType=0011\nAccessType=ro\nDefaultValue=007\
 
 
 def test_a_number_with_a_leading_0_is_octal(tmp_path):
-    """By CiA 306, a leading 0 marks an octal number, as in C. Texts stay unchanged."""
+    """By CiA 306, a leading 0 marks an octal number, as in C.
+
+    A leading 0 in a string stays unchanged.
+    """
     text = OCTAL + TPDO.format('$NODEID+0600') + TEXT
     dictionary = load_eds(write(tmp_path, text), 5)
     assert identity_of(dictionary, 'device.eds').vendor == 0o22
@@ -150,7 +153,7 @@ ODD = {
     '^Z': SMALL + '\x1a', '^Z after DOS lines': SMALL.replace('\n', '\r\n') + '\x1a\x1a',
     'UTF-16': SMALL.encode('utf-16'), 'UTF-16, big-endian': b'\xfe\xff' + SMALL.encode('utf-16-be'),
     'umlauts of a code page': SMALL.encode().replace(b'nobody', b'M\xfcller'),
-    # canopen would take the vendor for the product.
+    # In this array, canopen would mistake the vendor-ID for the product code.
     'identity as an array': SMALL.replace('ObjectType=0x9', 'ObjectType=0x8'),
     'section in lower case': SMALL.replace('DeviceInfo', 'deviceinfo'),
     'index in lower case': SMALL + TPDO.format(1).replace('1800', '1a0f'),
@@ -193,23 +196,26 @@ DefaultValue=0x12
 @pytest.mark.parametrize(('text', 'says'), [
     (IDENTITY_AS_VAR, 'section [1018]'),
     (IDENTITY_AS_VAR.replace('ObjectType=0x7\n', ''), 'section [1018]'),
-    (IDENTITY_AS_VAR.replace('0x7\n', '0x6\n'), 'section [1018]'),  # This is a DEFSTRUCT, which canopen leaves out.
-    # canopen would give no value at all.
+    (IDENTITY_AS_VAR.replace('0x7\n', '0x6\n'), 'section [1018]'),  # canopen skips objects of the type DEFSTRUCT.
+    # For these malformed numbers, canopen would return no value at all.
     (SMALL.replace('0x12 ;', '0x12G4 ;'), 'section [1018sub1], key "DefaultValue"'),
     (SMALL.replace('0x12 ;', '018 ;'), 'section [1018sub1], key "DefaultValue"'),
-    (SMALL.replace('DataType=0x0007', 'DataType=0x0009'), 'section [1018sub1]'),  # The type is VISIBLE_STRING.
-    # The type is REAL32.
+    (SMALL.replace('DataType=0x0007', 'DataType=0x0009'), 'section [1018sub1]'),  # This vendor-ID is a VISIBLE_STRING.
+    # This vendor-ID is a REAL32.
     (SMALL.replace('DataType=0x0007', 'DataType=0x0008').replace('0x12 ;', '18 ;'), 'section [1018sub1]'),
     (SMALL.replace('1018sub1', '1018SUB01').replace('0x12 ;', 'ACME ;'), 'section [1018sub01], key "DefaultValue"')])
 def test_an_identity_that_cannot_be_compared_is_refused(tmp_path, text, says):
-    """Otherwise, the identity would not be checked at all, or the check would end in a TypeError."""
+    """Without the refusal, the identity would not be checked at all, or the check would end in a TypeError."""
     with pytest.raises(ConfigurationError) as refused:
         identity_of(load_eds(write(tmp_path, text), 5), 'device.eds')
     assert says in str(refused.value) and 'device.eds' in refused.value.where and refused.value.remedy
 
 
 def objects_of_tiny(**types):
-    """Return the sections that the layout TINY uses; ``types`` maps an index to its ObjectType and DataType."""
+    """Return the EDS sections of the objects that the layout TINY uses.
+
+    ``types`` maps an index to its ObjectType and DataType.
+    """
     sections = []
     for index, (kind, data_type) in ({'1005': ('0x7', 7), '1017': ('0x7', 6), '2000': ('0x8', 6)} | types).items():
         sections.append(f'[{index}]\nParameterName=x\nObjectType={kind}\nDataType={data_type}\nAccessType=rw\n')
@@ -239,7 +245,7 @@ def test_records_may_be_declared_as_arrays(tmp_path, types):
     ({'1005': ('0x7', 5)}, '[1005]'), ({'1017': ('0x7', 5)}, '[1017]'), ({'1017': ('0x7', 9)}, '[1017]'),
     ({'1801': ('0x9', 5)}, '[1801sub1]'), ({'1A00': ('0x9', 6)}, '[1A00sub1]')])
 def test_objects_of_another_shape_or_too_narrow_are_refused(tmp_path, types, section):
-    """A value whose declared type is too narrow is truncated when it is read. It could then equal another value."""
+    """A value whose declared type is too narrow is truncated on reading and could then equal another value."""
     with pytest.raises(ConfigurationError) as refused:
         check_tiny(tmp_path, **types)
     assert section in str(refused.value) and 'device.eds' in str(refused.value) and refused.value.remedy
@@ -257,7 +263,10 @@ ELEMENTS = ''.join(element(sub) for sub in (1, 2, 3))
 
 
 def check_taxels(folder, taxels):
-    """Check TINY, which maps 0x2000 sub 1, 2 and 3 with 16 bits each, against an EDS with ``taxels``."""
+    """Check an EDS with the sections ``taxels`` against the layout TINY.
+
+    TINY maps 0x2000 sub 1, 2 and 3 with 16 bits each.
+    """
     rest = objects_of_tiny(**RECORDS)
     path = write(folder, SMALL + rest[:rest.index('[2000]')] + rest[rest.index('[1800]'):] + taxels)
     check_against(load_eds(path, 5), tiny_layout(folder), str(path))
@@ -273,8 +282,8 @@ def test_taxels_that_a_tpdo_may_map_are_accepted(tmp_path, taxels):
 
 
 @pytest.mark.parametrize(('taxels', 'at', 'says'), [
-    (ARRAY, '[2000]', '[2000sub1]'),  # The array has nine elements and lists none.
-    # canopen makes up this element from sub 1.
+    (ARRAY, '[2000]', '[2000sub1]'),  # The array declares nine elements but lists none.
+    # canopen would derive the missing element from sub 1.
     (ARRAY + ELEMENTS.replace('[2000sub3]', '[2000sub4]'), '[2000]', '[2000sub3]'),
     (COMPACT.replace('CompactSubObj=3', 'CompactSubObj=2'), 'CompactSubObj=2', '3 elements'),
     (COMPACT.replace('PDOMapping=1', 'PDOMapping=0'), 'PDOMapping=0', 'PDOMapping=1'),

@@ -1,7 +1,7 @@
-"""Skins without SYNC, frame by frame: recognised sweeps, and snapshots in which each TPDO has an age.
+"""Tests for skins without SYNC, frame by frame, as sweeps and as snapshots in which each TPDO has an age.
 
-3 TPDOs (node 1: 0x181, 0x281, 0x381) carry a row of 2 taxels each, with value = 2 (counts - 10) Pa. The devices
-simulated here send the number of their scan in every taxel. A frame that mixes two scans is therefore visible.
+Three TPDOs of node 1 (0x181, 0x281, 0x381) carry a row of 2 taxels each, with value = 2 (counts - 10) Pa. The simulated
+devices send the number of their scan in every taxel, so a frame that mixes two scans is visible.
 """
 
 import itertools
@@ -59,7 +59,7 @@ def snapshots(tmp_path):
 
 
 def send(assembler, rank, at, counts=10):
-    """Send both taxels of a row."""
+    """Send the same counts for both taxels of a row."""
     return assembler.feed(RANKS[rank], bytes([counts, counts]), at)
 
 
@@ -69,7 +69,7 @@ def sweep(assembler, at, counts=10, ranks=range(3)):
 
 
 def rows(frame):
-    """Return the counts of each row, or None if the row has no value. Both taxels of a row must agree."""
+    """Return the counts of each row, or None for a row without a value, after checking that both taxels agree."""
     assert ((frame.status == TaxelStatus.VALID) == ~np.isnan(frame.values)).all()
     assert (frame.status[np.isnan(frame.values)] == TaxelStatus.STALE).all()
     np.testing.assert_array_equal(frame.values[:, 0], frame.values[:, 1])
@@ -95,7 +95,7 @@ def test_a_lost_tpdo_leaves_its_taxels_stale(sweeps, lost, stamp):
 
 
 def test_no_frame_of_any_loss_pattern_mixes_two_sweeps(tmp_path):
-    """There are three sweeps of three TPDOs. Each TPDO is lost or received, which gives 512 cases."""
+    """Each TPDO of three sweeps with three TPDOs is either lost or received, which gives 512 cases."""
     layout = tiny_layout(tmp_path, SWEEPS)
     for kept in itertools.product((False, True), repeat=9):
         assembler, results = of_layout(layout), ()
@@ -119,7 +119,7 @@ def test_duplicates_change_nothing(sweeps):
 
 
 def test_equal_bytes_of_the_next_sweep_are_no_duplicate(tmp_path):
-    """A pad with one TPDO and without a touch sends the same bytes again and again."""
+    """Without a touch, a pad with a single TPDO sends the same bytes in every sweep."""
     one = re.sub(r'(?m)^- \{number: [23].*\n', '', SWEEPS).replace('rows: 3', 'rows: 1')
     assembler = made(tmp_path, one)
     found = [only(send(assembler, 0, 5 + T * i)) for i in range(3)]
@@ -142,7 +142,10 @@ def test_a_stamp_out_of_range_is_of_another_sweep(sweeps, at):
 
 
 def test_a_pause_leaves_out_the_sequence_numbers_of_lost_sweeps(sweeps, tmp_path):
-    """The event timer gives the longest time between two sweeps. Without it, the number of lost sweeps is unknown."""
+    """The event timer is the longest time between two sweeps.
+
+    Without an event timer, the number of lost sweeps is unknown.
+    """
     given = [only(sweep(sweeps, at)).sequence for at in (5.0, 5 + 1.4 * T, 5 + 4.4 * T)]
     assert given == [0, 1, 4]
     other = made(tmp_path, SWEEPS.replace('event_timer: 0.02', 'event_timer: 0, period: 0.02'))
@@ -156,7 +159,7 @@ def test_one_stamp_far_ahead_costs_that_sweep_and_none_after_it(sweeps):
 
 
 def test_sweeps_that_an_adapter_has_held_back_are_late(sweeps):
-    """The burst is stamped on arrival. Even a fast device starts its sweeps farther apart than this burst."""
+    """TPDOs are stamped on arrival, so held-back sweeps follow each other faster than any device sends them."""
     for number in range(10):
         sweep(sweeps, number * T)
     burst = [frames(sweep(sweeps, 20 * T + 0.0035 * i, counts=100)) for i in range(5)]
@@ -206,7 +209,7 @@ def test_after_a_restart_nothing_of_before_is_given(tmp_path, text):
 
 @pytest.mark.parametrize('text', [SWEEPS, SNAPSHOTS], ids=['sweeps', 'snapshots'])
 def test_what_a_started_node_sends_is_not_joined_to_what_it_sent_before(tmp_path, text):
-    """The node may have been given another range or mapping. In this test, it restarts within milliseconds."""
+    """The node restarts within milliseconds, and its range or mapping may have changed meanwhile."""
     assembler = made(tmp_path, text)
     results = sweep(assembler, 5.0, 11, [0, 1])
     assembler.start(1)
@@ -238,7 +241,7 @@ def test_a_snapshot_has_the_age_of_each_tpdo(snapshots):
 
 
 def test_ages_stay_with_a_frame_whose_values_are_taken_away(snapshots, tmp_path):
-    """The values are removed if a node was not configured or a pad is not valid."""
+    """The driver removes the values of a node that was not configured and of a pad that is not valid."""
     frame = only(sweep(snapshots, 5.0, ranks=[2, 1, 0]))
     partly = without_values(frame, tiny_layout(tmp_path).tpdos[2:])
     assert partly.tpdo_ages is frame.tpdo_ages and without_any_value(frame).tpdo_ages is frame.tpdo_ages
@@ -267,16 +270,16 @@ def test_a_tpdo_that_stops_is_stale_within_its_age_and_never_valid_after(snapsho
         assert (rows(frame)[1] == 77) == (frame.stamp - stopped <= MAX_AGE)
         assert frame.missing_can_frames == (frame.stamp - stopped > MAX_AGE)
     last = frames(results)[-1]
-    # The stopped TPDO is no longer expected, so the last snapshot does not wait for it.
+    # The last snapshot does not wait for the stopped TPDO, which is no longer expected.
     assert last.stamp == 5 + T * 19 + 0.001
     assert rows(frames(sweep(snapshots, 6.0, 12))[-1]) == [12, 12, 12] and is_balanced(snapshots)
 
 
 @pytest.mark.slow
 def test_no_random_fault_makes_old_values_valid_or_ages_wrong(tmp_path):
-    """TPDOs have random rates, are lost or duplicated, and have stamps with jitter.
+    """TPDOs arrive at random rates, and their stamps have jitter.
 
-    Each value must be the last one sent, and its age must be that of its stamp.
+    Each value must be the last one sent, and its age must match its stamp.
     """
     random, layout = np.random.default_rng(9), tiny_layout(tmp_path, SNAPSHOTS)
     for _ in range(60 if LONG else 30):
@@ -313,7 +316,7 @@ def test_silence_makes_all_values_stale_and_a_repetition_renews_no_age(snapshots
 
 
 def test_a_clock_that_was_set_back_forgets_all_values(snapshots):
-    """Otherwise the old values would stay the newest. New values would be STALE until the clock has caught up."""
+    """If the assembler kept the old values, new values would be STALE until the clock had caught up."""
     sweep(snapshots, 5.0, 11)
     results = sweep(snapshots, 2.0, 12, [0, 1]) + snapshots.end_period()
     frame = only(frames(results))
@@ -333,10 +336,9 @@ def test_at_the_start_a_snapshot_waits_for_all_tpdos(snapshots):
 
 
 def test_used_by_node_and_a_node_that_ends(tmp_path):
-    """The pad has two nodes.
+    """A silent node makes only its own rows STALE.
 
-    If one is silent, its rows are STALE, and the rows of the other are still given. The driver counts each node
-    separately.
+    The pad has two nodes, and the assembler counts the TPDOs of each node separately.
     """
     text = 'nodes: 2\n' + SNAPSHOTS.replace('number: 3', 'node: 1, number: 3')
     layout = tiny_layout(tmp_path, text)

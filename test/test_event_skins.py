@@ -1,6 +1,6 @@
-"""Skins without SYNC, end to end.
+"""End-to-end tests for skins without SYNC.
 
-The simulated device is checked byte by byte. Further tests check the driver, a replay of its log, and its faults.
+The tests check the simulated device byte by byte, and then the driver, a replay of its log, and its faults.
 """
 
 import time
@@ -24,7 +24,7 @@ SHAPES = {SWEEPS: (12, 8), SNAPSHOTS: (8, 8)}
 
 
 def counting(layout):
-    """Return a source in which every scan has another value, equal in all taxels."""
+    """Return a source whose value is the same in all taxels and differs from scan to scan."""
     scans, scale = iter(range(10 ** 6)), load_layout(layout).value.scale
     return lambda t: np.full(SHAPES[layout], scale * (1 + next(scans) % 200))
 
@@ -56,7 +56,7 @@ def test_changes_are_sent_after_the_inhibit_time_and_what_is_unchanged_after_the
 
 
 class Device(SkinMaster):
-    """One simulated pad with node 32, and its master."""
+    """One simulated pad with node 32, and the CANopen master of the pad."""
 
     def take(self, can_id, count):
         found = []
@@ -80,7 +80,10 @@ def device():
 
 @pytest.mark.bus
 def test_the_device_sends_by_its_event_timer_and_only_while_operational(device):
-    """TPDO 1 is set to transmission type 254 (sub 2) and 20 ms (sub 5), then enabled. No SYNC is sent."""
+    """The master gives TPDO 1 the transmission type 254 (sub 2) and an event timer of 20 ms (sub 5), and enables it.
+
+    The master sends no SYNC.
+    """
     for request in ('2F001802FE000000', '2B00180514000000', '23001801A0010000'):
         assert device.sdo(request).startswith('60')
     assert device.is_silent()
@@ -103,7 +106,7 @@ def test_the_device_sends_by_its_event_timer_and_only_while_operational(device):
 
 @pytest.mark.bus
 def test_the_inhibit_time_is_refused_while_the_tpdo_exists(device):
-    """CiA 301 forbids the change while bit 31 of the COB-ID is 0.
+    """CiA 301 forbids a change of the inhibit time while bit 31 of the COB-ID is 0.
 
     The abort code 0x08000022 means "because of the present device state".
     """
@@ -129,9 +132,9 @@ def test_a_node_that_goes_quiet_has_no_taxels_and_is_never_without_sync(layout):
 
 @pytest.mark.bus
 def test_values_from_before_a_node_was_configured_again_are_not_given(tmp_path):
-    """Another master may have changed the range.
+    """Another master may have changed the range of the node.
 
-    A TPDO that has not been received since then is STALE, whatever the value of max_age.
+    A TPDO that has not been received since the new configuration is STALE, whatever the value of max_age.
     """
     path = load_layout(SNAPSHOTS).source
     (tmp_path / 'old.yaml').write_text(open(path).read().replace('max_age: 0.15', 'max_age: 60'))
@@ -152,7 +155,7 @@ def test_values_from_before_a_node_was_configured_again_are_not_given(tmp_path):
 
 @pytest.mark.bus
 def test_while_the_driver_is_stopped_nothing_is_given():
-    """Another master may start the device. Without SYNC, the device then sends although the driver is stopped."""
+    """Without SYNC, a device that another master starts sends TPDOs even while the driver is stopped."""
     with Bench('event_stopped', SWEEPS, source=still(SWEEPS)) as bench:
         bench.run()
         bench.take_whole(2)

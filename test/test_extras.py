@@ -1,4 +1,4 @@
-"""Every extra that an error or a page names exists, and installs the missing modules."""
+"""Tests that every extra named in an error or on a page exists and installs the missing modules."""
 
 import configparser
 import re
@@ -10,7 +10,7 @@ import pytest
 from tactile_node.cli.main import COMMANDS, NEEDS, main
 
 ROOT = Path(__file__).resolve().parents[1]
-#: The pattern matches tactile-skin[picture] and '.[picture,bag]'.
+#: Matches, for example, tactile-skin[picture] and '.[picture,bag]'.
 NAMED = re.compile(r"(?:tactile-skin|\B\.)\[([a-z]+(?:, ?[a-z]+)*)\]")
 
 

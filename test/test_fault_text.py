@@ -1,4 +1,4 @@
-"""Each fault has one sentence, which contains the known details."""
+"""Tests that each fault has one sentence, which contains the known details."""
 
 from functools import partial
 

@@ -1,4 +1,7 @@
-"""The catalogue of faults: what a user sees during each fault. The taxels stay right throughout."""
+"""Tests of the fault catalogue, which lists what a user sees during each fault.
+
+The taxel values must stay right during every fault.
+"""
 
 import threading
 import time
@@ -38,7 +41,7 @@ def test_without_recovery_faults_are_reported_and_left_alone():
 
 
 def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
-    """An outage skips as many numbers as SYNC periods have passed, never more."""
+    """During an outage, the sequence numbers advance by one for each SYNC period, and never faster."""
     with FaultBench('numbers') as bench:
         bench.run()
         bench.adapter.is_plugged = False
@@ -53,14 +56,15 @@ def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
 def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
     record = tmp_path / 'session.log'
     with FaultBench('recorded', record=str(record)) as bench:
-        bench.run().wait_for_whole('pad32', time.time())  # More than one SYNC is then recorded.
+        # A new whole frame proves that more than one SYNC is recorded.
+        bench.run().wait_for_whole('pad32', time.time())
         bench.cause()
         bench.adapter.is_plugged = False
         bench.wait(lambda: bench.driver.health().outages.seconds > 0.3, 'the outage ends by itself')
         bench.repair()
     assert [path.name for path in tmp_path.iterdir()] == ['session.log']
     syncs = np.array([float(line.split()[0][1:-1]) for line in record.read_text().splitlines() if ' 080#' in line])
-    gaps = np.flatnonzero(np.diff(syncs) > 0.25)  # A busy machine may add some gaps.
+    gaps = np.flatnonzero(np.diff(syncs) > 0.25)  # A busy machine may cause further gaps.
     assert ((0 < gaps) & (gaps < len(syncs) - 2)).any()
 
 
@@ -94,7 +98,7 @@ def test_a_driver_closed_amid_an_outage_opens_again():
 def test_a_stamp_is_judged_by_the_sync_that_the_taxels_answer(stamped, answered_late, error):
     """A stamp is judged by the SYNC, not by the time that a busy machine needed.
 
-    The taxels answer SYNC 2, and carry the stamp of SYNC ``stamped``.
+    The taxels answer SYNC 2 and carry the stamp of SYNC ``stamped``.
     """
     coded, asked = Coded(), [100.0 + PERIOD * number for number in range(5)]
 

@@ -1,4 +1,7 @@
-"""Sections 4 to 6 of the paper: features against their plain definitions, worked examples, and invariances."""
+"""Tests for the features in sections 4 to 6 of the paper.
+
+The expected values come from plain definitions, worked examples and invariances.
+"""
 
 import json
 import math
@@ -33,7 +36,7 @@ def test_every_feature_is_that_of_the_definition(name):
 def test_every_rotated_pattern_is_that_of_the_definition(name):
     """With TACTILE_LONG, the test takes every angle.
 
-    Otherwise it takes every third angle, and starts at another angle for each pattern.
+    Without TACTILE_LONG, the test takes every third angle, and the first angle depends on the pattern.
     """
     mask, begin = assorted()[name], list(assorted()).index(name) % 3
     chosen = slice(None) if os.environ.get('TACTILE_LONG') else slice(begin, None, 3)

@@ -1,6 +1,6 @@
-"""A process whose node is finalized ends in order.
+"""Tests that a process exits cleanly once its node is finalized.
 
-It can do nothing more, but would look alive to a launch file.
+A finalized node can do nothing more, but its process would still look alive to a launch file.
 """
 
 import subprocess
@@ -18,7 +18,7 @@ from tactile_skin.msg import SkinStatus
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-TIMEOUT = 60.0  # Time limit on a busy machine [s].
+TIMEOUT = 60.0  # Timeout for the process, long enough for a busy machine [s].
 SHUTDOWN = {SkinStatus.UNCONFIGURED: Transition.TRANSITION_UNCONFIGURED_SHUTDOWN,
             SkinStatus.INACTIVE: Transition.TRANSITION_INACTIVE_SHUTDOWN,
             SkinStatus.ACTIVE: Transition.TRANSITION_ACTIVE_SHUTDOWN}
@@ -30,10 +30,10 @@ BRINGUP = [sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--simulate
 
 @pytest.mark.parametrize(('command', 'state'), [
     ([*DRIVER, '-p', 'autostart:=false'], SkinStatus.UNCONFIGURED),
-    ([*DRIVER, '-p', 'boot_timeout:=0.2'], SkinStatus.UNCONFIGURED),  # The driver is waiting for a device.
+    ([*DRIVER, '-p', 'boot_timeout:=0.2'], SkinStatus.UNCONFIGURED),  # This driver is waiting for a device.
     (BRINGUP, SkinStatus.ACTIVE)], ids=['driver', 'driver that waits', 'all nodes in one process'])
 def test_the_transition_shutdown_is_answered_and_ends_the_process(command, state, tmp_path):
-    errors = tmp_path / 'errors'  # A pipe that nobody reads would fill with the refusals, and the driver would block.
+    errors = tmp_path / 'errors'  # In a pipe that nobody reads, the logged refusals would block the driver.
     rclpy.init()
     with ExitStack() as stack:
         stack.callback(rclpy.shutdown)
@@ -58,7 +58,8 @@ def test_the_transition_shutdown_is_answered_and_ends_the_process(command, state
         # The first answers may be lost, because DDS has not discovered this node yet.
         while change(NO_TRANSITION, 2.0) is None:
             assert process.poll() is None
-        while not (answer := change(SHUTDOWN[state])).success:  # A waiting driver is "configuring" from time to time.
+        # From time to time, a waiting driver is configuring and refuses to shut down.
+        while not (answer := change(SHUTDOWN[state])).success:
             assert answer is not None and state == SkinStatus.UNCONFIGURED
         assert process.wait(TIMEOUT) == 0
         assert 'Traceback' not in errors.read_text()

@@ -1,7 +1,7 @@
-"""A fit that continues from the previous frame, compared with a new search in each frame.
+"""Tests that compare a fit that continues from the previous frame with a new search in each frame.
 
-Contact mechanics computes the contacts. The truth is the solver's contact set. The contact slides, turns, grows, is
-pressed harder, loses taxels, and jumps.
+A contact-mechanics solver computes the pressures, and its contact set is the ground truth. The contact slides, turns,
+grows, is pressed harder, loses taxels, and jumps.
 """
 
 import os
@@ -28,19 +28,19 @@ PUNCHES = {
     'isosceles_triangle': (1.41, 1.41)}
 LONG = bool(os.environ.get('TACTILE_LONG'))
 PERIOD, FRAMES, SIDE, MIDDLE, DEPTH = 0.02, 40, 32, 14.0, 0.6
-INSIDE = 5.99  #: The 95 % quantile of chi squared for the two coordinates of the centre.
+INSIDE = 5.99  # The 95 % quantile of chi squared for the two coordinates of the centre.
 
 
 class Moment(NamedTuple):
-    """Describes how the contact is pressed in one frame; lengths in pitches."""
+    """Place, size and load of the contact in one frame, with lengths in pitches."""
 
-    x: float = 0.0  #: Distance from the middle of the pad.
+    x: float = 0.0  # Distance from the middle of the pad.
     y: float = 0.0
     angle: float = 0.4
     area: float = 60.0
     load: float = 1.0
     dead: float = 0.0
-    line: int = -1  #: Row without values, or -1.
+    line: int = -1  # Row without values, or -1 if all rows have values.
 
 
 def path(change: Callable[[int], Moment]) -> list[Moment]:
@@ -62,7 +62,7 @@ WAYS = {
 
 @cache
 def pressed(shape: str, area: float):
-    """Return the stress field, and the middle of the contact set in the frame of the field [pitches]."""
+    """Return the stress field and the centre of its contact set in the frame of the field [pitches]."""
     solution = solve(flat_punch(Contact(shape, PUNCHES[shape], 0.0, 0.0), 0.03, 0.12), (0.05, 0.03))
     rows, cols = np.nonzero(solution.contact)
     middle = np.array(solution.origin) + np.array((cols.mean(), rows.mean())) * solution.cell
@@ -70,7 +70,11 @@ def pressed(shape: str, area: float):
 
 
 class Followed(NamedTuple):
-    """Distances from the true centre (n, 2). ``inside`` (n,) is True if the 95 % region contains it."""
+    """Results of the fits in n frames.
+
+    ``apart`` (n, 2) is the offset of the fitted centre from the true centre [pitches]. ``inside`` (n,) is True if the
+    95 % region contains the true centre.
+    """
 
     apart: np.ndarray
     inside: np.ndarray
@@ -95,12 +99,12 @@ def fits_of(shape: str, moments: list[Moment], follower: FitFollower | None) -> 
 
 
 def apart(fits: Followed) -> np.ndarray:
-    """Return the distances from the true centre [pitches]."""
+    """Return the distances of the fitted centres from the true centres [pitches]."""
     return np.hypot(*fits.apart.T)
 
 
-#: Each movement is combined with one shape, and each shape with one or two movements. TACTILE_LONG tests all
-#: combinations.
+#: Each movement is combined with one shape, and each shape with one or two movements. With TACTILE_LONG, the tests use
+#: all combinations.
 PAIRS = [(shape, way) for i, way in enumerate(WAYS) for j, shape in enumerate(PUNCHES)
          if LONG or (i + j) % len(PUNCHES) == 0]
 
@@ -127,7 +131,7 @@ def test_it_is_no_surer_than_it_is_right(shape, way):
 @pytest.mark.slow
 @pytest.mark.parametrize('shape', PUNCHES if LONG else ('rectangle', 'isosceles_triangle'))
 def test_it_does_not_lag_behind_a_slide(shape):
-    """A slide by 0.5 pitch per frame is 50 mm/s at 50 Hz on taxels 2 mm apart."""
+    """At 50 Hz and with taxels 2 mm apart, a slide by 0.5 pitch per frame is 50 mm/s."""
     searched, followed = both(shape, 'slides by 0.5 pitch a frame')
     assert abs((followed.apart - searched.apart)[:, 0].mean()) < 0.03
 
@@ -161,7 +165,7 @@ def test_a_punch_that_becomes_a_ball_of_the_same_outline_is_as_large_and_as_sure
     indenters = {'punch': flat_punch(Contact('circle', PUNCHES['circle'], 0.0, 0.0), 0.03, 0.12), 'ball': ball(0.1)}
     fields = [stress_field(solve(indenters[kind], (0.05, 0.03)), 60.0, DEPTH) for kind in kinds]
     follower, rng = FitFollower(), np.random.default_rng(20261126)
-    for number in range(20):  # The shape changes after 10 frames, before the half second is over.
+    for number in range(20):  # The indenter changes after 10 frames, before the regular search after half a second.
         frame = measured(sample(fields[number // 10], MIDDLE, MIDDLE, 0.4, SIDE, SIDE), 0.4, rng, noise=0.01)
         contact = find_contact(frame, unit=None)
         searched, followed = (fit_shape(contact.values, contact.mask, Shape.CIRCLE, find=find)
@@ -202,8 +206,8 @@ def test_on_off_taxels_are_followed_as_near(shape):
 def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
     """Return the followed and the searched radius [pitches] of a circle in its second frame.
 
-    The first frame shows less of the circle: it has only ``load`` times the pressure, and its last ``hidden`` rows have
-    no value.
+    In the first frame, the circle has only ``load`` times the pressure, and the last ``hidden`` rows of the pad have no
+    value.
     """
     rng, follower = np.random.default_rng(number), FitFollower()
     contact = random_contact(rng, 'circle', 60.0, SIDE, SIDE)
@@ -221,6 +225,6 @@ def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
 
 @pytest.mark.parametrize('load, hidden', [(0.05, 0), (0.1, 0), (0.2, 0), (1.0, 13), (1.0, 15)])
 def test_a_circle_first_seen_badly_is_as_large_as_searched_for(load, hidden):
-    """A circle that is touched lightly or half hidden may look like a cone, which is larger."""
+    """A circle that is touched lightly or is half hidden may look like a cone, whose fitted radius is larger."""
     pairs = np.array([first_press(number, load, hidden) for number in range(40 if LONG else 12)])
     assert abs(pairs[:, 0] - pairs[:, 1]).max() < 0.1
