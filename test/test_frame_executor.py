@@ -1,4 +1,4 @@
-"""Our executor serves everything that the executor of rclpy serves, and QoS events once a second."""
+"""Tests that our executor serves everything that the rclpy executor serves, and QoS events once a second."""
 
 import threading
 import time
@@ -19,7 +19,7 @@ from tactile_node.nodes.spinning import EVENTS_PERIOD, FrameExecutor, spinning
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-TIMEOUT = 60.0  # Time limit in seconds.
+TIMEOUT = 60.0  # Timeout [s].
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def test_messages_timers_and_answers_that_take_a_while_are_served(nodes):
         return response
     served.create_subscription(String, 'words', lambda message: heard.append(message.data), 10)
     served.create_timer(0.05, lambda: ticks.append(time.monotonic()))
-    # The tare service also has a reentrant group.
+    # The driver's tare service also uses a reentrant callback group.
     served.create_service(Trigger, 'ask', answer, callback_group=ReentrantCallbackGroup())
     client = other.create_client(Trigger, 'ask')
     publisher = other.create_publisher(String, 'words', 10)
@@ -90,7 +90,7 @@ def test_most_waits_are_without_event_handlers(nodes):
 
 
 class WaitCounter(FrameExecutor):
-    """Counts the waits for entities; each wait prepares all entities."""
+    """Counts how often the executor waits for entities, because each wait prepares all entities."""
 
     waits = 0
 
@@ -164,7 +164,7 @@ def test_what_was_found_and_not_run_is_served_by_the_next_executor(nodes):
     nodes[0].create_subscription(String, 'words', lambda message: heard.append(message.data), 10)
     publisher = nodes[1].create_publisher(String, 'words', 10)
     executor.add_node(nodes[0])
-    executor.spin_once(timeout_sec=0)  # This call starts the waiting thread.
+    executor.spin_once(timeout_sec=0)  # This call starts the thread that waits for messages.
     wait_for(lambda: publisher.get_subscription_count() == 1)
     publisher.publish(String(data='a'))
     wait_for(lambda: executor._found is not None)

@@ -1,4 +1,4 @@
-"""`classify` and `features` read other formats beside .npy, and write two formats."""
+"""Tests that `classify` and `features` read other formats besides .npy and write two formats."""
 
 import csv
 import io
@@ -89,7 +89,8 @@ def test_a_table_of_frames_that_is_read_as_one_frame_is_reported(tmp_path, capsy
     assert ('docs/howto/without_ros.md' in capsys.readouterr().err) == warns
 
 
-#: Exports of other systems. After a header come rows of taxels with a title for each frame, or one line for each frame.
+#: Header, frame title and shape of two exports from other systems. The CSV export has a title for each frame and one
+#: line for each row of taxels. The text export has no titles and one line for each frame.
 EXPORTS = {'export.csv': ('DATA_TYPE MOVIE\nROWS 44\nCOLS 36\nUNITS N/cm\xb2\nASCII_DATA @@\n', 'Frame {}\n', (44, 36)),
            'export.txt': ('file name: a\nsensor: 16 x 16\ntime[secs]\t1\t2\n', '', (16, 16))}
 
@@ -129,7 +130,7 @@ def test_sixteen_bits_keep_their_resolution_and_transparent_pixels_have_no_value
 
 
 def png_with_a_transparent_grey(path, depth, row, grey):
-    """Write a PNG with one line of pixels, by the PNG specification: colour type 0 and a tRNS chunk."""
+    """Write a PNG file with one line of pixels, colour type 0 and a tRNS chunk, by the PNG specification."""
     def chunk(kind, content):
         return struct.pack('>I', len(content)) + kind + content + struct.pack('>I', zlib.crc32(kind + content))
     header = struct.pack('>IIBBBBB', len(row) * 8 // depth, 1, depth, 0, 0, 0, 0)
@@ -140,7 +141,7 @@ def png_with_a_transparent_grey(path, depth, row, grey):
 
 @pytest.mark.parametrize(('depth', 'row', 'grey'), [(8, b'\x09\xff', 255), (16, b'\x00\x09\xff\xff', 65535)])
 def test_a_grey_that_the_picture_calls_transparent_is_no_value(tmp_path, depth, row, grey):
-    """Otherwise this grey would be the brightest one, which is the hardest press."""
+    """Read as an opaque pixel, this grey would be the brightest one and count as the hardest press."""
     found = read_frames(png_with_a_transparent_grey(tmp_path / 'x.png', depth, row, grey)).values
     np.testing.assert_allclose(found, [[[9 / (2 ** depth - 1), np.nan]]])
 
@@ -192,7 +193,7 @@ def test_frames_are_fused_by_their_stamps(replayed, tactile, tmp_path):
     fused = list(map(json.loads, tactile('classify', replayed, '--fuse')))
     assert max(line['fused_frames'] for line in fused) > 5 and max(line['held'] for line in fused) > 0.1
     arrays = dict(np.load(replayed))
-    later = np.arange(len(arrays['stamps'])) * 10.0  # The interval is longer than fusion waits for the next frame.
+    later = np.arange(len(arrays['stamps'])) * 10.0  # This interval is longer than fusion waits for the next frame.
     np.savez(tmp_path / 'slow.npz', **{**arrays, 'stamps': later})
     slow = list(map(json.loads, tactile('classify', tmp_path / 'slow.npz', '--fuse')))
     assert max(line['fused_frames'] for line in slow) == 1
@@ -243,7 +244,8 @@ def other_compression(path):
 def encrypted(path):
     np.savez(path, values=SQUARE)
     content = bytearray(path.read_bytes())
-    content[content.find(b'PK\x01\x02') + 8] |= 1  # Set bit 0 of the general purpose flag (PKWARE APPNOTE 4.4.4).
+    # Set bit 0 of the general purpose flag, which marks an encrypted file (PKWARE APPNOTE 4.4.4).
+    content[content.find(b'PK\x01\x02') + 8] |= 1
     path.write_bytes(content)
 
 
@@ -256,7 +258,7 @@ def test_an_archive_that_numpy_has_not_written_is_refused(tmp_path, make):
 
 def test_an_archive_is_refused_by_its_size_before_it_is_unpacked(tmp_path, monkeypatch):
     np.savez_compressed(tmp_path / 'x.npz', values=np.zeros((100, 16, 16)))
-    # The limit equals the size of the values. With the header, the file exceeds it.
+    # The limit equals the size of the values, so the file with its header exceeds the limit.
     monkeypatch.setattr(frame_file, 'MOST_UNPACKED', 100 * 16 * 16 * 8)
     monkeypatch.setattr(np, 'load', lambda *_, **__: pytest.fail('unpacked'))
     with pytest.raises(InputError):

@@ -1,4 +1,4 @@
-"""Labels given by hand: a recording has one for each frame, or none at all."""
+"""Tests that a recording has hand-made labels for all of its frames or for none."""
 
 from functools import cache
 

@@ -1,4 +1,4 @@
-"""Sweeps at the capacity limit of the bus, in virtual time."""
+"""Tests of sweeps at the capacity limit of the bus, in virtual time."""
 
 import os
 
@@ -9,7 +9,7 @@ from wire_worlds import HOST, ONE, TWO, TWO_NODES, WIRE, period_at, played, rand
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
 LOADS = (0.8, 0.9, 0.95, 0.98) if LONG else (0.8, 0.98)
-#: Number of sweeps in a world, and the number of the sweep that a fault affects.
+#: Number of sweeps in a simulation, and the number of the sweep that a fault affects.
 SWEEPS, EVENT = (600, 200) if LONG else (180, 60)
 
 
@@ -29,7 +29,10 @@ def test_a_sync_late_by_half_a_period_or_jitter_costs_nothing(load, clock):
 @pytest.mark.parametrize('pads', [ONE, TWO, TWO_NODES], ids=['one pad', 'two pads', 'a pad of two nodes'])
 @pytest.mark.parametrize('load', LOADS)
 def test_a_skipped_sweep_costs_a_few_more(load, pads, clock):
-    """A free bus proves that the node will not answer late. On a full bus, the driver omits SYNCs to get this proof."""
+    """A free bus proves that the node will not answer late.
+
+    On a full bus, the driver omits SYNCs to obtain this proof.
+    """
     for seen in played(pads, np.arange(SWEEPS) * period_at(load, pads), clock, skips=lambda number: number == EVENT):
         assert not seen.wrong and len(seen.answered) >= SWEEPS - 6 and len(seen.answered) - len(seen.whole) <= 4
 
@@ -40,9 +43,9 @@ def test_a_skipped_sweep_costs_a_few_more(load, pads, clock):
     *LONG * [(1.01, 0.98, HOST), (1.1, 0.9, WIRE), *((*loads, clock) for loads in ((1.01, 0.8), (1.03, 0.95))
                                                       for clock in (HOST, WIRE))]])
 def test_in_an_overload_no_stamp_is_wrong_and_after_it_all_is_whole(over, after, clock):
-    """The node falls behind, omits sweeps and catches up.
+    """The node falls behind, omits sweeps and catches up again.
 
-    From time to time the driver omits a SYNC, which shows which SYNC the node is answering.
+    From time to time, the driver omits a SYNC to find out which SYNC the node is answering.
     """
     loads = np.concatenate((np.full(50, 0.8), np.full(200, over), np.full(100, after)))
     syncs = np.concatenate(([0.0], np.cumsum([period_at(load, ONE) for load in loads])[:-1]))
@@ -54,7 +57,7 @@ def test_in_an_overload_no_stamp_is_wrong_and_after_it_all_is_whole(over, after,
 @pytest.mark.parametrize('clock', [HOST, WIRE])
 @pytest.mark.parametrize('delay', [0.005, 0.012, 0.018])
 def test_a_slow_node_that_leaves_out_a_sweep_has_no_wrong_stamp(delay, clock):
-    """The node may take more than half a period to answer, so that each sweep crosses the next SYNC."""
+    """If the node takes more than half a period to answer, each sweep crosses the next SYNC."""
     seen, = played(ONE, np.arange(SWEEPS) * 0.02, clock, delay=lambda number: delay,
                    skips=lambda number: number in (EVENT, 3 * EVENT // 2))
     assert not seen.wrong and len(seen.whole) >= SWEEPS - 16
@@ -62,14 +65,14 @@ def test_a_slow_node_that_leaves_out_a_sweep_has_no_wrong_stamp(delay, clock):
 
 @pytest.mark.parametrize('clock', [HOST, WIRE])
 def test_a_node_that_is_gone_holds_up_no_other(clock):
-    """The other node is not delayed, even if the lost node has answered once more before."""
+    """A lost node must not delay the other node, even if the lost node has skipped a sweep and answered once more."""
     gone = played(TWO, np.arange(SWEEPS) * period_at(0.95, TWO), clock,
                   first_skips=lambda number: number == EVENT or number > EVENT + 1)
     assert not gone[1].wrong and len(gone[1].whole) >= SWEEPS - 8
 
 
 def test_on_a_bus_that_is_never_idle_for_long_a_sweep_left_out_costs_not_all():
-    """Another device takes part of the time on the bus; the rest is free."""
+    """Another device uses part of the time on the bus, and the rest is free."""
     chatter = Node([0x700], size=1, skips=lambda number: True)
     chatter.chatter(np.arange(0, SWEEPS * 0.02, 0.0004))
     seen, = played(ONE, np.arange(SWEEPS) * 0.02, WIRE, skips=lambda number: number == EVENT, chatter=[chatter])
@@ -81,10 +84,11 @@ def test_on_a_bus_that_is_never_idle_for_long_a_sweep_left_out_costs_not_all():
 @pytest.mark.parametrize('foreign', [0.0, 0.05, 0.08, 0.15] if LONG else [0.0, 0.08])
 @pytest.mark.parametrize('load', LOADS)
 def test_foreign_frames_that_go_first_give_no_frame_a_wrong_stamp(load, foreign, pads, clock):
-    """Beyond a full bus, the nodes fall behind and omit sweeps. Without foreign frames, all sweeps arrive whole.
+    """Without foreign frames, all sweeps arrive whole.
 
-    Above a load of 94 % (90 % with slcan), the end of each sweep crosses the next SYNC. Under this load, the assembler
-    once gave only 1 whole frame in 1,000.
+    If foreign frames overload the bus, the nodes fall behind and omit sweeps. Above a load of 94 % (90 % with slcan),
+    the end of each sweep crosses the next SYNC. At such a load, the assembler once returned only 1 whole frame in
+    1,000.
     """
     period = period_at(load, pads)
     others = Node([0x081], skips=lambda number: True)
@@ -92,7 +96,7 @@ def test_foreign_frames_that_go_first_give_no_frame_a_wrong_stamp(load, foreign,
         others.chatter(np.arange(0.0, SWEEPS * period, frame_seconds(8) / foreign))
     for seen in played(pads, np.arange(SWEEPS) * period, clock, chatter=[others]):
         assert not seen.wrong and (foreign or len(seen.answered) == SWEEPS)
-        # The end of the last sweep may stay in doubt, because nothing follows it.
+        # The end of the last sweep may stay in doubt, because no further sweep follows.
         assert len(seen.whole) >= (0.3 * len(seen.answered) if foreign else SWEEPS - 1)
 
 
@@ -100,5 +104,5 @@ def test_foreign_frames_that_go_first_give_no_frame_a_wrong_stamp(load, foreign,
 @pytest.mark.parametrize('clock', [HOST, WIRE])
 @pytest.mark.parametrize('pads', [ONE, TWO, TWO_NODES], ids=['one pad', 'two pads', 'a pad of two nodes'])
 def test_random_timings_and_losses_never_mix_two_sweeps(pads, clock):
-    """No frame has the stamp of another SYNC."""
+    """No frame may have the stamp of a SYNC that its sweep does not answer."""
     assert not any(seen.wrong for seed in range(12 if LONG else 4) for seen in random_world(pads, clock, seed))

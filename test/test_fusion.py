@@ -1,4 +1,8 @@
-"""Fusion grows surer with time, has a bounded latency, allows for correlated frames, and starts again at NONE."""
+"""Tests for fusing the recognitions of successive frames.
+
+Fusion becomes surer with time, has a bounded latency, allows for correlated frames, and starts again when nothing
+touches the pad.
+"""
 
 import math
 
@@ -66,7 +70,7 @@ def test_settings_that_cannot_work_are_refused(wrong):
 
 
 def of(**shares):
-    """Return a recognition with two readings of the hidden taxels per class, each with a probability of one half."""
+    """Return a recognition with two readings of the hidden taxels, each with a probability of one half."""
     return Recognition.of_alternatives((0.5, 0.5), [Recognition.of({Shape(name): p, Shape.CIRCLE: 1 - p})
                                                     for name, p in shares.items()])
 
@@ -84,7 +88,10 @@ def test_a_frame_that_is_not_seen_is_reported_at_once_and_is_no_evidence():
 
 
 def test_repetition_does_not_show_what_is_hidden():
-    """Each frame gives the square 75 %. If the frames counted as independent, fusion would soon give it 100 %."""
+    """Each frame gives the square a probability of 75 %.
+
+    If fusion took the frames as independent, the square would soon have 100 %.
+    """
     frame = Recognition.of_alternatives((0.75, 0.25), [Recognition.certain(Shape.SQUARE),
                                                        Recognition.certain(Shape.RECTANGLE)])
     fusion = RecognitionFusion()
@@ -108,7 +115,7 @@ def test_the_reason_of_unknown_is_that_of_the_frames():
 
 
 def test_a_contact_that_has_become_too_small_ends_at_once():
-    """A residue after a release once kept the earlier shape, until as many frames had outweighed it."""
+    """After a release, a residue once kept the earlier shape until as many frames had outweighed it."""
     fusion = RecognitionFusion()
     for k in range(50):
         held = fusion.update(0.02 * k, Recognition.of({Shape.CIRCLE: 0.99, Shape.SQUARE: 0.01}))
@@ -121,7 +128,7 @@ def test_a_contact_that_has_become_too_small_ends_at_once():
 
 def test_flicker_between_two_classes_is_quietened():
     rng = generator(Purpose.TEST, 4)
-    share = rng.uniform(0.25, 0.8, 400)  # The true class is ahead in roughly three frames out of four.
+    share = rng.uniform(0.25, 0.8, 400)  # The true class leads in roughly three out of four frames.
     frames = [{Shape.SQUARE: p, Shape.CIRCLE: 1 - p} for p in share]
     fused = [each.recognition.shape for each in feed(RecognitionFusion(), frames)]
     single = [max(frame, key=frame.get) for frame in frames]

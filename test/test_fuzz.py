@@ -1,4 +1,4 @@
-"""A small, fixed part of `make fuzz`, and every input that once caused a fault."""
+"""Tests with a small, fixed part of `make fuzz` and with every input that once caused a fault."""
 
 import logging
 from pathlib import Path
@@ -13,16 +13,13 @@ CASES = sorted(path for path in CORPUS.iterdir() if path.name != 'README.md')
 
 @pytest.mark.parametrize('path', CASES, ids=lambda path: path.name)
 def test_what_once_broke_something(path: Path):
-    """The name of a case begins with the kind of its file."""
+    """The file name of a case begins with the kind of the file."""
     assert survives(path.name.split('_')[0], path) in ('read', 'refused')
 
 
 @pytest.mark.slow
 def test_mutated_files_are_read_or_refused(tmp_path):
-    """The mutations have seeds of their own.
-
-    Both outcomes must occur, so the mutations are neither harmless nor all fatal.
-    """
+    """Mutations that were all harmless or all fatal would test nothing, so both outcomes must occur."""
     outcomes = {survives(kind, path) for (kind, path), _ in zip(mutated_files(2, tmp_path), range(300))}
     assert outcomes == {'read', 'refused'}
 

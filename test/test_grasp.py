@@ -1,4 +1,4 @@
-"""The grasp of two pads: geometry computed by hand, and the timing of holding and withdrawal.
+"""Tests for the grasp of two pads, with geometry computed by hand and with the timing of holding and withdrawal.
 
 A reader of the latest state must never take "not seen" for "empty", nor old results for current ones.
 """
@@ -13,14 +13,15 @@ from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.steadiness import SteadinessSettings
 from tactile_node.grasp.tracker import GraspContact, GraspSettings, GraspTracker, SideResult, SideState
 
-# The left pad looks along +y, and its x axis is that of the gripper. The right pad looks along -y.
+# The left pad faces +y, and its x axis is the x axis of the gripper. The right pad faces -y.
 LEFT, RIGHT = PadPose((0.0, 0.0, 0.0), (-pi / 2, 0.0, 0.0)), PadPose((0.0, 0.0, 0.0), (pi / 2, 0.0, 0.0))
 SETTINGS = GraspSettings(Gripper(LEFT, RIGHT), SteadinessSettings(max_creep=0.0005, slip=0.001), min_hold=0.2,
                          max_skew=0.05, max_age=0.25)
-RESOLUTION = 0.0002  # Resolution of a position [m].
+RESOLUTION = 0.0002  # Position resolution of a result [m].
 PERIOD = 0.02  # Time between two results [s].
-PATH = 0.01    # Time from acquisition to arrival [s].
-STABLE_AFTER = 0.6  # Time until a grasp is stable [s]: 1.5 resolutions at max_creep, without noise.
+PATH = 0.01  # Delay from acquisition to arrival [s].
+# Time until a grasp is stable [s]. At max_creep and without noise, a contact moves 1.5 resolutions in this time.
+STABLE_AFTER = 0.6
 
 
 def touch(time, name='circle', centre=(0.01, 0.0), **changes):
@@ -36,7 +37,7 @@ def unseen(time):
 
 
 def run(tracker, times, gap=0.04, left=touch, right=touch):
-    """Feed the results of both sides, each received PATH after its time; return the last state."""
+    """Feed results of both sides, each received PATH after its acquisition, and return the last state."""
     for time in times:
         tracker.update('left', left(time), time + PATH, gap)
         state = tracker.update('right', right(time), time + PATH, gap)
@@ -57,7 +58,7 @@ def test_opposite_contacts_make_a_straight_line_as_wide_as_the_gap():
     assert state.line.midpoint == pytest.approx([0.01, 0, 0])
 
 
-# Touched sides.
+# Touched sides
 
 E, T, U, N = SideState.EMPTY, SideState.TOUCHED, SideState.UNSEEN, SideState.NOT_KNOWN
 CONTACT = {(E, E): GraspContact.NO_CONTACT, (E, T): GraspContact.ONE_SIDED, (T, T): GraspContact.TWO_SIDED,
@@ -82,7 +83,7 @@ def test_a_contact_is_what_both_sides_are_known_to_be(states, expected, mirrored
 
 @pytest.mark.parametrize('state', [T, E])
 def test_a_result_that_is_too_old_is_unseen(state):
-    """A result that has just arrived after a long delay is unseen, too."""
+    """A result that arrives after a long delay also counts as unseen."""
     tracker = GraspTracker(SETTINGS)
     for time in until(0.3):
         tracker.update('left', touch(time), time + PATH)
@@ -101,9 +102,9 @@ def test_a_result_of_unknown_age_is_unseen():
 @pytest.mark.parametrize('stopped', [('left', 'right'), ('left',), ('right',)])
 @pytest.mark.parametrize('period', [0.01, 0.02, 0.05, 0.1])
 def test_freshness_ends_when_the_results_of_a_side_stop(stopped, period):
-    """A reader must know within 3 periods, or within 0.1 s if that is longer.
+    """A reader must learn of the silence within 3 periods, or within 0.1 s if that is longer.
 
-    The limit is below 80 % of that time, so that time remains to send the message.
+    The limit of the tracker is below 80 % of this time, which leaves time to send the message.
     """
     tracker = GraspTracker(SETTINGS)
     last = run(tracker, np.arange(0, 3, period))
@@ -127,7 +128,7 @@ def test_sides_of_different_times_are_not_fresh():
     assert not state.fresh and not state.stable and state.contact is GraspContact.TWO_SIDED and state.line is None
 
 
-# Holding.
+# Holding
 
 def test_a_grasp_is_stable_once_it_has_held():
     tracker, times = GraspTracker(SETTINGS), until(1.0)
@@ -161,9 +162,9 @@ def test_another_shape_a_slip_or_a_loss_restarts_the_hold(name):
 
 @pytest.mark.parametrize('name', UNCERTAIN)
 def test_a_single_result_that_shows_nothing_only_suspends_it(name):
-    """A single uncertain result suspends the grasp, as a lost one does.
+    """A single uncertain result only suspends the grasp, like a lost result.
 
-    If such results continue, the hold starts again.
+    If uncertain results continue, the hold starts again.
     """
     tracker, disturbed = GraspTracker(SETTINGS), UNCERTAIN[name]
     run(tracker, until(1.0))
@@ -180,7 +181,7 @@ def test_a_result_that_is_a_bound_says_so():
 
 
 def test_a_contact_that_could_creep_unseen_is_never_stable():
-    """A bar across the whole pad may slide along itself without a change in its visible part."""
+    """A bar across the whole pad may slide along its length without a change in its visible part."""
     state = run(GraspTracker(SETTINGS), until(3.0), left=lambda t: touch(t, hides_creep=True))
     assert state.fresh and state.line is not None and not state.stable and np.isnan(state.creep)
 

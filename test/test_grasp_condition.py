@@ -1,4 +1,4 @@
-"""The example for behaviour trees: its condition never succeeds because of an old grasp."""
+"""Tests that the condition of the behaviour-tree example never succeeds because of an old grasp."""
 
 from copy import deepcopy
 from types import SimpleNamespace
@@ -21,11 +21,11 @@ from tactile_skin.msg import ContactShape, Grasp
 pytestmark = pytest.mark.ros
 
 PERIOD = 0.05  # Time between two messages [s].
-AGE = 0.03     # Age of a message on arrival [s].
+AGE = 0.03  # Age of a message on arrival [s].
 
 
 class World:
-    """A clock, a publisher of grasps, and the tree's view of the grasp."""
+    """A clock, a publisher of grasps, and the view that the behaviour tree has of the grasp."""
 
     def __init__(self):
         self.now, self._tracker = 100.0, GraspTracker()
@@ -65,7 +65,10 @@ def world():
 
 @pytest.fixture(scope='module')
 def first_held():
-    """Return a world whose grasp has been stable for a while. Computing its messages takes half a second."""
+    """Return a world whose grasp has been stable for a while.
+
+    The tests share this world, because computing its messages takes half a second.
+    """
     world = World()
     world.publish(1.5)
     assert world.tick() is Status.SUCCESS
@@ -108,7 +111,7 @@ def test_what_is_not_held_or_not_seen_fails(held, states):
 
 @pytest.mark.parametrize('required, expected', [({}, Status.SUCCESS), ({'min_confidence': 0.5}, Status.FAILURE)])
 def test_a_shape_that_is_surely_unknown_is_not_sure(held, required, expected):
-    """A minimum confidence requires a known shape, even if the confidence of the likeliest class is high enough."""
+    """With a minimum confidence, an unknown shape fails, however confident the recogniser is of "unknown"."""
     grasp = held.message(held._tracker.state(held.now))
     grasp.shape, grasp.class_name, grasp.confidence = ContactShape.UNKNOWN, 'unknown', 0.5
     held.watch = SimpleNamespace(current=lambda: grasp)

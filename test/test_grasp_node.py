@@ -1,4 +1,7 @@
-"""The grasps that the node publishes if shapes stop, are held back, are hidden, or have stamps from other clocks."""
+"""Tests for the grasps that the node publishes.
+
+The shapes stop, are held back, are hidden, or have stamps of other clocks.
+"""
 
 import math
 from functools import partial
@@ -21,13 +24,13 @@ pytestmark = pytest.mark.ros
 
 STEP = 0.01  # Step of the virtual time [s].
 PERIOD = 2 * STEP  # Period of the shapes [s].
-AGE = 0.015  # Age of a shape when it is sent [s].
-HELD_BACK = 1.5  # Time for which shapes are held back [s]: fifteen times the largest age of a grasp.
+AGE = 0.015  # Age of a shape when the classifier sends it [s].
+HELD_BACK = 1.5  # Delay of the shapes that are held back [s], which is fifteen times the largest age of a grasp.
 BOTH = ('left', 'right')
 
 
 def hidden_shape() -> ContactShape:
-    """Return a shape of a pad on which nothing is visible, but hidden taxels could hold a contact."""
+    """Return the shape of a pad without a visible contact, whose hidden taxels could hold a contact."""
     names = ['none', 'unknown']
     return ContactShape(shape=ContactShape.UNKNOWN, class_name='unknown', unknown_reason=ContactShape.NOT_SEEN,
                         confidence=1.0, class_names=names, probabilities=[0.0, 1.0], frame_probabilities=[0.0, 1.0],
@@ -35,7 +38,7 @@ def hidden_shape() -> ContactShape:
 
 
 class Gripper(TimedBench):
-    """Two classifiers with separate clocks, and a reader of the node's grasps."""
+    """Two classifiers with separate clocks, the grasp node, and a reader of its grasps."""
 
     def __init__(self, stack, parameters=(), offsets=(0.0, 0.0), lossless=False, **bench):
         super().__init__(stack, STEP, **bench)
@@ -62,7 +65,7 @@ class Gripper(TimedBench):
         return [each for each in self.grasps if each[0] > since]
 
     def message(self, side: str, shape: ContactShape | None = None) -> ContactShape:
-        """Return the shape of an acquisition AGE ago, by the clock of its side."""
+        """Return a shape that was acquired AGE ago, with a stamp of the clock of its side."""
         shape = shape or self._shape
         shape.header.stamp = time_message(1.7e9 + self._offsets[side] + self.steady() - AGE)
         shape.age = age_message(AGE)
@@ -73,7 +76,7 @@ class Gripper(TimedBench):
         self._publishers[side].publish(message)
 
     def run(self, seconds: float, sides=BOTH, shapes=None) -> None:
-        """Publish the shapes of ``sides`` every PERIOD."""
+        """Publish the shapes of ``sides`` once in every PERIOD for ``seconds``."""
         for _ in range(round(seconds / PERIOD)):
             self._sequence += 1
             for side in sides:
@@ -116,18 +119,18 @@ def test_pads_of_any_clocks_are_one_grasp_with_an_age(make_gripper, offsets):
     gripper = make_gripper(offsets=offsets)
     gripper.run_until(lambda grasp: grasp.contact == Grasp.UNSEEN, 'a grasp of both')
     assert not gripper.latest.fresh
-    # The delay is not settled yet, so the shape may have been held back for any time.
+    # Until the delay has settled, the shape may have been held back for any time.
     assert age_seconds(gripper.latest.age) == math.inf
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
     assert gripper.latest.contact == Grasp.TWO_SIDED and gripper.latest.fresh and gripper.latest.creep < 1e-4
-    # The tolerance allows for stamps that count from 1970.
+    # The tolerance covers the rounding of stamps that count from 1970.
     assert age_seconds(gripper.latest.age) == pytest.approx(AGE, abs=1e-6)
 
 
 @pytest.mark.parametrize('parameters', SIM_TIME, ids=['', 'sim time without a clock'])
 @pytest.mark.parametrize('continuing', [(), ('left',), ('right',)], ids=['none', 'left', 'right'])
 def test_when_shapes_stop_a_message_says_so(make_gripper, parameters, continuing):
-    """The delay of this message is tested in test_grasp.py; `make misled` measures it."""
+    """test_grasp.py tests how late this message may be, and `make misled` measures the delay."""
     gripper = make_gripper(parameters)
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')
     gripper.run_until(lambda grasp: not grasp.fresh and age_seconds(grasp.age) > 0.3, 'nothing', sides=continuing)

@@ -1,8 +1,8 @@
-"""The whole chain with a simulated gripper that moves. No single Grasp message has a wrong or old opening.
+"""Tests of the whole chain with a simulated gripper that moves.
 
-The pads are those of urdf/example_gripper.urdf.xacro. A square of 6x6 taxels of 2 mm presses on each pad. The middle of
-the left square is at column 8.5, row 7.5. The right square lies three columns further. The contacts are therefore 6 mm
-apart across the closing direction.
+No Grasp message may have a wrong or old opening. The pads are placed as in urdf/example_gripper.urdf.xacro. A square of
+6 x 6 taxels with a pitch of 2 mm presses on each pad. The middle of the left square is at column 8.5, row 7.5, and the
+right square lies three columns further. The contacts are therefore 6 mm apart across the closing direction.
 """
 
 import time
@@ -23,7 +23,7 @@ from tactile_skin.msg import Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-LIMIT = 0.3  # Value of max_gap_age [s].
+LIMIT = 0.3  # Value of the parameter max_gap_age [s].
 JOINTS = ['left_finger_joint', 'right_finger_joint']
 GRASP = {'gap_source': 'joint_states', 'gap_joints': JOINTS, 'max_gap_age': LIMIT,
          'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-pi / 2, 0.0, 0.0],
@@ -39,7 +39,7 @@ def square(column):
 
 
 class World(RosBench):
-    """The nodes of a gripper, and the messages that one consumer reads."""
+    """The nodes for a gripper with two pads, and the messages that one consumer receives."""
 
     def __init__(self, stack):
         super().__init__(stack)
@@ -50,7 +50,7 @@ class World(RosBench):
         stack.callback(skin.stop)
         system = System(bus_nodes(['left', 'right'], grasp=GRASP, driver={
             'interface': 'virtual', 'channel': channel, 'node_ids': [32, 64], 'layouts': ['sim16x16.yaml'],
-            # SYNC period in seconds. It is long because the chain, the skins and the consumer share one process.
+            # The SYNC period [s] is long, because the chain, the skins and the consumer share one process.
             'sync_period': 0.1}))
         stack.callback(system.destroy)
         beside = self.add('beside')
@@ -70,7 +70,7 @@ class World(RosBench):
         self.joints.publish(message)
 
     def spin(self, seconds, opening=None):
-        """Run for some seconds. The gripper reports ``opening`` every 30 ms."""
+        """Run for ``seconds`` while the gripper reports ``opening`` every 30 ms."""
         end, due = time.monotonic() + seconds, 0.0
         while time.monotonic() < end:
             if opening is not None and time.monotonic() >= due:
@@ -91,7 +91,7 @@ def world(ros):
 
 
 def check_place(grasp, gap):
-    """Compare a grasp with the drawing: the left square is 17 mm from column 0 and 15 mm from row 0."""
+    """Check a grasp against the drawing, in which the left square is 17 mm from column 0 and 15 mm from row 0."""
     assert grasp.gap == pytest.approx(gap) and grasp.gap_source == Grasp.GAP_JOINT_STATES
     left, right = grasp.left_centre, grasp.right_centre
     assert (left.x, left.y, left.z) == pytest.approx((0.002, -gap / 2, 0.130), abs=PLACE)
@@ -115,7 +115,7 @@ def test_no_grasp_has_a_wrong_or_an_old_opening(world):
     world.spin_until(lambda grasp: two_sided(grasp) and isfinite(grasp.width), 0.040)
     check_place(world.grasps[-1], 0.040)
 
-    # The opening jumps. Each message must be complete, with either the old opening or the new one.
+    # When the opening jumps, each message must be consistent and have either the old or the new opening.
     before = len(world.grasps)
     world.spin_until(lambda grasp: two_sided(grasp) and grasp.gap == pytest.approx(0.020), 0.020)
     openings = [grasp for grasp in world.grasps[before:] if isfinite(grasp.gap)]
@@ -125,7 +125,7 @@ def test_no_grasp_has_a_wrong_or_an_old_opening(world):
         if two_sided(grasp):
             check_place(grasp, grasp.gap)
 
-    world.spin_until(lambda grasp: isnan(grasp.gap), None)  # Joint states stop, and shapes continue.
+    world.spin_until(lambda grasp: isnan(grasp.gap), None)  # The joint states stop, but the shapes continue.
     ended = len(world.grasps)
     world.spin_until(lambda grasp: len(world.grasps) > ended + 10 and two_sided(grasp), None)
     assert all(isnan(grasp.gap) for grasp in world.grasps[ended:])

@@ -1,4 +1,4 @@
-"""The action and the service of the grasp node: no old grasp fulfils a goal."""
+"""Tests that no old grasp fulfils a goal of the grasp node's action or a request to its service."""
 
 import time
 from functools import partial
@@ -29,11 +29,11 @@ from tactile_skin.srv import CheckGrasp
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 Result, S = WaitForGrasp.Result, RequirementState
-LONG = 60.0  # A timeout that does not expire [s].
+LONG = 60.0  # Timeout that is too long to expire in a test [s].
 
 
 class Planner:
-    """A client of a grasp node, with two classifiers."""
+    """A client of a grasp node, which receives shapes from two classifiers."""
 
     def __init__(self, stack, parameters=(), lossless=False, **bench):
         self.gripper = Gripper(stack, parameters, lossless=lossless, **bench)
@@ -50,7 +50,7 @@ class Planner:
             self.gripper.run(PERIOD, sides)
 
     def send(self, timeout=LONG, sides=(), **required):
-        """Send a goal; return its handle and the list that receives its feedback."""
+        """Send a goal, and return its handle and the list that collects its feedback."""
         feedback = []
         goal = WaitForGrasp.Goal(requirement=GraspRequirement(**required), timeout=timeout if isinstance(
             timeout, Duration) else duration_message(timeout))
@@ -81,9 +81,9 @@ def planner(make_planner):
 
 @pytest.fixture
 def make_own(ros):
-    """Return a function that makes a planner in real time, served by the executor of our processes.
+    """Return a function that makes a planner in real time, served by the executor that our processes use.
 
-    A large ``max_age`` prevents shapes from becoming too old on a busy machine.
+    The large ``max_age`` prevents shapes from becoming too old on a busy machine.
     """
     return partial(Planner, ros, (('max_age', Parameter.Type.DOUBLE, 10.0),), executor=FrameExecutor(),
                    is_real_time=True)
@@ -91,9 +91,9 @@ def make_own(ros):
 
 @pytest.fixture(params=['', 'rules of Lyrical'])
 def rules(request, monkeypatch):
-    """Apply the rules of rclpy 10.0.10 to goals that are only accepted.
+    """Apply the rules of rclpy 10.0.10 to goals that are accepted but not yet executing.
 
-    No feedback is sent for such a goal, and ``executing`` may be called first.
+    For such a goal, rclpy sends no feedback, and ``executing`` may be called first.
     """
     update, publish = ServerGoalHandle._update_state, ServerGoalHandle.publish_feedback
 
@@ -127,12 +127,12 @@ def test_goals_wait_beside_each_other_and_each_gets_its_answer(rules, planner):
     status, result = planner.result(other, BOTH)
     assert (status, result.outcome, result.state.missing) == (GoalStatus.STATUS_CANCELED, Result.CANCELED,
                                                               S.OTHER_SHAPE)
-    # The check publishes no shapes, so the last ones are still current.
+    # No shapes arrive during the check, but the last shapes are still current.
     assert planner.check().outcome == CheckGrasp.Response.HELD
 
 
 def test_each_of_the_goals_that_end_together_gets_its_answer(make_own):
-    """Middleware keeps a limited number of requests and replies of a service, and drops more without notice."""
+    """Middleware queues a limited number of service requests and replies, and silently drops any more."""
     planner = make_own()
     handles = [planner.send(shapes=[ContactShape.SQUARE])[0] for _ in range(MOST_GOALS)]
     asked = [handle.get_result_async() for handle in handles]
@@ -189,7 +189,8 @@ def test_the_service_answers_at_once_from_what_is_current(planner):
     assert planner.check().state.missing == S.NO_RESULT
     planner.until(lambda: planner.gripper.grasps and planner.gripper.latest.stable, BOTH)
     answers = []
-    while not answers or answers[-1].outcome != CheckGrasp.Response.HELD:  # An answer may arrive while shapes pause.
+    # An answer may arrive during a pause of the shapes, so the check is repeated.
+    while not answers or answers[-1].outcome != CheckGrasp.Response.HELD:
         planner.gripper.run(PERIOD, BOTH)
         answers.append(planner.check())
         assert len(answers) < 100
@@ -225,7 +226,7 @@ def test_a_goal_with_wrong_limits_is_refused_with_the_reason_and_so_is_one_too_m
 
 
 def test_a_goal_that_waits_does_not_keep_the_executor_busy(make_own):
-    """The executor would poll an awaiting coroutine without a pause."""
+    """A waiting goal must not be a coroutine that awaits, because the executor would poll it without a pause."""
     planner = make_own()
     planner.send()
     passes, before = 0, time.process_time()
@@ -261,11 +262,12 @@ def test_a_requirement_arrives_by_codes_names_and_units():
 
 
 def test_a_grasp_that_is_lost_before_the_answer_leaves_is_not_reported_as_held(planner):
-    """Between the decision on a goal and the answer, the executor may have other work."""
+    """Between the decision on a goal and the answer, the executor may run other callbacks."""
     held = GraspState((SideState.TOUCHED,) * 2, GraspContact.TWO_SIDED, fresh=True, same_shape=True, line=None,
                       line_is_bound=False, held=1.0, stable=True, creep=0.0)
     unseen = held._replace(contact=GraspContact.UNSEEN, fresh=False, stable=False)
-    looks = [held, held]  # The first look checks the requirement and the second one the grasp. Then the grasp is lost.
+    # The first two readings still show a held grasp. All later readings show that the grasp is lost.
+    looks = [held, held]
     sides = [ContactShape(), ContactShape()]
     node = rclpy.create_node('brief')
     requests = GraspRequests(node, lambda: CurrentGrasp(looks.pop() if looks else unseen, sides, Grasp))

@@ -1,6 +1,7 @@
-"""The server of the gripper's own action is killed or stopped. The tests check later goals of the gripper node.
+"""Tests of the goals after the gripper's own action server was killed or stopped.
 
-Gripper, gripper node and client are separate processes, because the middleware shows a killed server for 20 s.
+The gripper, the gripper node and the client are separate processes, because the middleware shows a killed server for 20
+s.
 """
 
 import os
@@ -19,23 +20,23 @@ from tactile_node.grasp.closing import Outcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
-# Time limit for an answer of the gripper [s]. The limit is longer than the 3 s after which Fast DDS repeats a lost
-# message.
+# Timeout for an answer of the gripper [s]. Fast DDS repeats a lost message after 3 s, so the timeout is longer than
+# that.
 TIMEOUT = 5.0
 DISCOVERY = 2.0  # Time for the gripper node to discover a gripper that has already discovered the node [s].
-WIDEST = 0.08  # Opening of the open gripper [m].
-NARROW = 0.075  # Opening of a goal that closes the gripper from WIDEST [m].
-NARROWER = 0.055  # Opening of a goal that closes the gripper from START [m].
-#: Distance by which a gripper closes in a step [m]. A gripper that was stopped may receive the cancel up to 3 s after
-#: the goal. By then it has moved 15 mm, and touches nothing.
+WIDEST = 0.08  # Jaw opening when the gripper is fully open [m].
+NARROW = 0.075  # Jaw opening of a goal that closes the gripper from WIDEST [m].
+NARROWER = 0.055  # Jaw opening of a goal that closes the gripper from START [m].
+#: Distance by which a gripper closes in one step [m]. A gripper that was stopped may receive the cancel up to 3 s after
+#: the goal. By then, the gripper has closed by 15 mm and still touches nothing.
 TRAVEL = '0.0001'
 LONG = pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LONG is not set')
 
 
 class Gripper:
-    """The process of gripper_process.py, and the lines that it has printed.
+    """The process of gripper_process.py, with the lines that it has printed.
 
-    Each time the gripper comes to rest, ``motor`` moves to the same opening.
+    Each time the gripper in this process comes to rest, ``motor`` moves to the same opening.
     """
 
     def __init__(self, kind, motor):
@@ -68,7 +69,7 @@ class Site:
         self.bench, self.grippers = bench, []
 
     def gripper(self, kind):
-        """Start a gripper, and wait until its server is ready."""
+        """Start a gripper, and wait until the gripper node has discovered its server."""
         gripper = Gripper(kind, self.bench.motor)
         self.grippers.append(gripper)
         self.bench.until(lambda: 'ready' in gripper.lines)
@@ -76,12 +77,12 @@ class Site:
         return gripper
 
     def goal(self, position):
-        """Return the status, outcome and text of a finished goal."""
+        """Send a goal, and return its final status, outcome and text."""
         status, _, outcome = self.bench.close(position=position)
         return status, Outcome(outcome.outcome), outcome.message
 
     def begun(self, position, gripper):
-        """Send a goal; return it once the gripper has accepted it."""
+        """Send a goal, and return its handle once the gripper has accepted the goal."""
         handle = self.bench.client.send(position=position)
         self.bench.until(lambda: f'accepted {position:g}' in gripper.lines)
         return handle
@@ -121,7 +122,7 @@ def test_a_gripper_that_is_killed_and_restarted_opens_and_closes_again(site, pau
     site.bench.wait(pause)
     second = site.gripper('works')
     status, outcome, text = site.cancelled(handle)
-    # A goal to open ends as cancelled if the new gripper confirms that it holds.
+    # A goal to open ends as cancelled if the new gripper confirms that it is holding its position.
     assert outcome in (Outcome.NOT_STOPPED, Outcome.CANCELED if position else Outcome.NOT_STOPPED) and IN_DOUBT in text
     assert site.goal(WIDEST)[:2] == REACHED and second.lines[-1] == f'reached {WIDEST}'
     assert site.goal(NARROW)[:2] == REACHED and second.lines[-1] == f'reached {NARROW}'
@@ -160,7 +161,7 @@ def test_a_stopped_gripper_that_wakes_up_carries_out_nothing_old(site):
     gripper.send(signal.SIGSTOP)
     status, outcome, text = site.goal(0.0)
     assert (status, outcome) == (GoalStatus.STATUS_ABORTED, Outcome.GRIPPER_SILENT) and IN_DOUBT in text
-    assert site.goal(0.0)[1] is Outcome.GRIPPER_SILENT  # This goal is not sent.
+    assert site.goal(0.0)[1] is Outcome.GRIPPER_SILENT  # The node does not send this goal to the gripper.
     gripper.send(signal.SIGCONT)
     site.bench.until(lambda: any(line.startswith('cancelled') for line in gripper.lines))
     assert site.bench.motor.opening > site.bench.pads.width

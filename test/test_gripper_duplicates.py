@@ -1,4 +1,7 @@
-"""Two gripper nodes share one gripper or one name. Nothing closes, and both nodes report the duplicate."""
+"""Tests of two gripper nodes that share one gripper or one name.
+
+No gripper may close, and both nodes must report the duplicate.
+"""
 
 import logging
 import signal
@@ -48,14 +51,14 @@ class Diagnostics:
         return self.found[name].level if name in self.found else None
 
 
-# With processes, in real time.
+# Tests with separate processes, in real time
 
 @pytest.mark.parametrize(('ros_words', 'action'), [(SAME_NAME, '/touch_gripper/gripper_cmd'), (OTHER_NAME, OTHER)],
                          ids=['same_name', 'other_name'])
 def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_path, ros_words, action):
-    """The goal is sent as soon as the client sees the second process.
+    """The client sends the first goal as soon as it sees the second process.
 
-    Later goals are sent when both have heard each other.
+    The client sends later goals once both processes have heard each other.
     """
     bench, logs = make_bench(has_node=False), [tmp_path / name for name in ('first', 'second')]
     diagnostics = Diagnostics(bench)
@@ -66,7 +69,7 @@ def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_p
                 other = bench.client if ros_words == SAME_NAME else Client(bench, bench.interface, action)
                 other.until_ready()
                 other.result(other.send(position=0.0))
-                # If the first process has not heard the second one yet, the first one closes alone.
+                # Until the first process has heard the second process, the first process may close.
                 assert bench.motor.directions.count('close') <= 1
                 bench.until(lambda: all('another touch_gripper is heard' in log.read_text() for log in logs))
                 bench.until(lambda: not bench.motor.moves)
@@ -91,9 +94,9 @@ def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_p
 
 
 def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
-    """While a process is stopped by SIGSTOP, it does not count as a duplicate.
+    """A process that is stopped by SIGSTOP does not count as a duplicate.
 
-    When it continues, its queue may contain goals of the other process.
+    When such a process continues, its queue may contain goals for the other process.
     """
     bench = make_bench(has_node=False)
     with bench.node_as_process():
@@ -114,7 +117,10 @@ def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
 
 @pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGKILL])
 def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
-    """SIGTERM to `ros2 run` leaves the child process behind. ROS arguments are accepted beside the option."""
+    """SIGTERM to `ros2 run` would leave the node behind, so the option --end-with names a process to end with.
+
+    The node also accepts ROS arguments beside this option.
+    """
     bench = make_bench(has_node=False)
     parent = subprocess.Popen(['sleep', '1000'])
     try:
@@ -133,7 +139,7 @@ def test_a_process_that_is_no_number_is_one_error(tmp_path):
     assert done.returncode == 2 and '--end-with' in done.stderr and 'Traceback' not in done.stderr
 
 
-# In virtual time.
+# Tests in virtual time
 
 def add_second(bench, name='second', **parameters):
     given = [Parameter(key, value=value) for key, value in parameters.items()]

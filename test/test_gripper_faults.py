@@ -1,7 +1,7 @@
-"""Each fault of a gripper's server with each kind of goal: the table in docs/closing.md.
+"""Tests of each fault of a gripper's server with each kind of goal, as in the table of docs/closing.md.
 
-Killed servers run in their own processes; see test_gripper_crash.py. TACTILE_LONG tests all combinations. Otherwise
-each fault and each goal is tested at least twice.
+Killed servers are tested in test_gripper_crash.py, because they need their own processes. With TACTILE_LONG, the tests
+use all combinations. Without TACTILE_LONG, each fault and each goal is tested at least twice.
 """
 
 import os
@@ -13,38 +13,38 @@ from tactile_node.grasp.closing import Outcome, TouchLimits
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
-#: Largest force above that of a goal until a gripper that answers has stopped [N].
+#: Largest force above the force of a goal until a gripper that still answers has stopped [N].
 OVERSHOOT = TouchLimits().overshoot(TouchLimits().fast_speed)
 IN_DOUBT = ('accepts and hangs', 'dies, new server', 'stopped, then woken')
 
 
 def row(text):
-    """Return the outcome and the commands accepted by the gripper, by goal.
+    """Return the outcome and the commands that the gripper accepts, for each goal.
 
-    ``text`` has one word per goal; ``-`` means that the gripper accepts nothing.
+    ``text`` has one word for each goal, and ``-`` means that the gripper accepts no command.
     """
     cells = (word.split(':') for word in text.split())
     return {goal: (None if outcome == 'GOES_ON' else Outcome[outcome], sent.replace('+', ' ').replace('-', ''))
             for goal, (outcome, sent) in zip(GOALS, cells, strict=True)}
 
 
-#: In the order of GOALS: close, force, partly, widest, preempt, hold.
+#: Expected results in the order of GOALS: close, force, partly, widest, preempt, hold.
 EXPECTED = {
-    # The hardware keeps moving, and no further command reaches it.
+    # The hardware keeps moving, and no further command reaches the gripper.
     'accepts and hangs': row('NOT_STOPPED:close NOT_STOPPED:close NOT_STOPPED:open NOT_STOPPED:open '
                              'GRIPPER_SILENT:- NOT_STOPPED:close'),
-    # The new server does not know the command. It receives a goal to hold the gripper in place, or to use the slower
-    # speed.
+    # The new server does not know the old command. The new server receives a goal to hold the position or to close more
+    # slowly.
     'dies, new server': row('NOT_STOPPED:close+hold NOT_STOPPED:close+close TOO_SLOW:open+hold TOO_SLOW:open+hold '
                             'NOT_STOPPED:close+close NOT_STOPPED:close+hold'),
     'rejects': row('GRIPPER_REFUSED:- GRIPPER_REFUSED:- GRIPPER_REFUSED:- GRIPPER_REFUSED:- GRIPPER_REFUSED:- '
                    'GRIPPER_REFUSED:-'),
-    # A command that the gripper accepts late is cancelled at once.
+    # If the gripper accepts a command late, the node cancels the command at once.
     'answers late': row('GRIPPER_SILENT:close GRIPPER_SILENT:close GRIPPER_SILENT:open GRIPPER_SILENT:open '
                         'GRIPPER_SILENT:close GRIPPER_SILENT:close'),
     'stopped, then woken': row('GRIPPER_SILENT:close GRIPPER_SILENT:close GRIPPER_SILENT:open GRIPPER_SILENT:open '
                                'GRIPPER_SILENT:close GRIPPER_SILENT:close'),
-    # The gripper keeps moving under guard. A goal stops it, because a cancel finds no command.
+    # The gripper keeps moving under guard. The node stops the gripper with a goal, because a cancel finds no command.
     'succeeds at once': row('TOUCHED:close+hold FORCE_REACHED:close+close+hold REACHED:open REACHED:open '
                             'FORCE_REACHED:close+close+hold GOES_ON:close+hold'),
     'refuses cancels': row('TOUCHED:close+hold FORCE_REACHED:close+close+hold REACHED:open REACHED:open '
@@ -63,7 +63,7 @@ def test_a_goal_that_meets_a_fault_ends_truly_and_poisons_none_after_it(ros, fau
     seen = happens(bench, fault, goal)
     assert (seen.outcome, seen.sent) == EXPECTED[fault][goal]
     assert seen.is_in_doubt == (fault in IN_DOUBT)
-    if fault == 'accepts and hangs':  # Here the force may rise to the gripper's own limit of effort.
+    if fault == 'accepts and hangs':  # Here, only the gripper's own effort limit bounds the force.
         assert not seen.moves_on and seen.strongest <= MOST + 1e-6
     else:
         force = FORCE if goal in ('force', 'preempt', 'hold') else 0.0

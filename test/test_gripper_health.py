@@ -1,4 +1,4 @@
-"""The gripper node describes its own state in /diagnostics and in the text of an outcome NOT_SEEN."""
+"""Tests that the gripper node describes its own state in /diagnostics and in the text of the outcome NOT_SEEN."""
 
 import math
 
@@ -54,7 +54,7 @@ def test_before_bringup_runs_the_text_names_it(ros):
 
 
 def restart(bench):
-    """Replace the node by one that has received nothing."""
+    """Replace the node by a new node that has not received any message."""
     bench.node.destroy_node()
     bench.node = bench.add(bench.timed(type(bench.node).__mro__[1])())
     bench.client.until_ready()
@@ -97,7 +97,7 @@ FACTS = {'duplicate': '', 'is_served': True, 'work': 'none', 'last': None, 'gras
 
 @pytest.mark.parametrize(('facts', 'level', 'says'), [
     (FACTS, DiagnosticStatus.OK, 'ready'),
-    # LOST is a fact about the object, not about the node.
+    # The outcome LOST concerns the object, not the state of the node.
     (FACTS | {'last': Outcome.LOST}, DiagnosticStatus.OK, 'ready'),
     (FACTS | {'is_served': False}, DiagnosticStatus.WARN, '/arm/gripper_cmd'),
     (FACTS | {'last': Outcome.GRIPPER_SILENT}, DiagnosticStatus.WARN, 'GRIPPER_SILENT'),

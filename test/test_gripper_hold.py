@@ -1,4 +1,7 @@
-"""The gripper node while it holds with a force: the changes that it follows or ignores, and the end of the hold."""
+"""Tests of the gripper node while it holds with a force.
+
+The tests cover the changes that the node follows or ignores, and the end of the hold.
+"""
 
 import math
 import signal
@@ -18,7 +21,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control
 
 LIMITS, FORCE = TouchLimits(), 5.0
 DEADBAND = LIMITS.stiffness * HoldLimits.gripper_step + LIMITS.overshoot(LIMITS.slow_speed)
-SHRINKS = 0.0015  # Reduction of the object's width [m], which reduces the force by 1.5 N.
+SHRINKS = 0.0015  # Decrease in the object's width [m], which reduces the force by 1.5 N.
 
 
 @pytest.fixture
@@ -29,7 +32,7 @@ def make_bench(ros):
 
 @pytest.fixture
 def held(make_bench):
-    """Return a function that makes a bench whose gripper holds with FORCE."""
+    """Return a function that makes a bench whose gripper holds with the force FORCE."""
     def make(kind=KINDS[0], **parameters):
         bench = make_bench(kind, {'hold': True, **parameters})
         hold(bench)
@@ -53,7 +56,7 @@ def force(bench):
 
 
 def ended(bench):
-    """Wait until the hold has ended; return its outcome."""
+    """Wait until the hold has ended, and return its outcome."""
     bench.until(lambda: ends(bench))
     end, = ends(bench)
     assert end.goal_id.tolist() == bench.goal_id
@@ -70,7 +73,7 @@ def test_the_opening_follows_what_gives_way_and_the_goal_has_ended_before(held, 
     bench.pads.strongest = 0.0
     speed = LIMITS.slow_speed if kind == KINDS[0] else LIMITS.fast_speed
     for _ in range(3):
-        # A fast gripper moves further, so the object must shrink more.
+        # A fast gripper moves further before it stops, so the object must shrink more.
         bench.pads.width -= SHRINKS + (speed - LIMITS.slow_speed) * LIMITS.latency * 2
         bench.until(lambda: force(bench) > FORCE - 0.1)
         bench.wait(0.2)
@@ -151,13 +154,13 @@ def test_a_force_that_may_be_more_is_not_added_to(held):
     bench = held()
     bench.pads.change = set_(force_is_bound=[True, True], at_edge=[True, True])
     bench.wait(0.05)
-    bench.pads.width -= SHRINKS  # The pads read 3.5 N, but the force may be up to 7 N.
+    bench.pads.width -= SHRINKS  # The pads read 3.5 N, but the true force may be up to 7 N.
     bench.wait(0.5)
     assert not bench.motor.commands and not ends(bench)
 
 
 def closes(bench):
-    """Make the object shrink so far that the gripper starts to close."""
+    """Shrink the object, and wait until the gripper starts to close."""
     bench.pads.width -= 0.004
     bench.until(lambda: bench.motor.moves)
 

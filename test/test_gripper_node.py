@@ -1,6 +1,6 @@
-"""The gripper node between a client, the grasp of the pads, and the gripper's own action.
+"""Tests of the gripper node between a client, the grasp of the pads, and the gripper's own action.
 
-Both interfaces of control_msgs are tested.
+The tests use both interfaces of control_msgs.
 """
 
 import itertools
@@ -26,10 +26,11 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control
 
 LIMITS = TouchLimits()
 MAX_AGE = LIMITS.max_age
-#: Increase of the force between two frames [N].
+#: Increase in the force between two frames [N].
 FAST_RISE = LIMITS.fast_speed * PERIOD * LIMITS.stiffness
 SLOW_RISE = LIMITS.slow_speed * PERIOD * LIMITS.stiffness
-BLIND_TRAVEL = LIMITS.fast_speed * (MAX_AGE + LOOK_PERIOD + STEP)  # Travel until the gripper stops [m].
+# Largest travel from the last seen frame until the gripper stops [m].
+BLIND_TRAVEL = LIMITS.fast_speed * (MAX_AGE + LOOK_PERIOD + STEP)
 SILENT = None
 SUCCEEDED, ABORTED, CANCELED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_ABORTED, GoalStatus.STATUS_CANCELED
 KINDS = ['ParallelGripperCommand', 'GripperCommand']
@@ -42,7 +43,7 @@ def make_bench(ros):
 
 
 def set_(**fields):
-    """Return a change of a grasp message that sets ``fields``."""
+    """Return a function that sets ``fields`` of a grasp message."""
     def change(message):
         for name, value in fields.items():
             setattr(message, name, value)
@@ -61,7 +62,7 @@ def test_the_outcomes_of_the_message_are_those_of_the_code():
 
 
 def test_what_is_sent_in_a_step_has_arrived_at_its_end(make_bench):
-    """Otherwise the durations in these tests would not be exact."""
+    """If messages arrived after the end of their step, the durations in these tests would not be exact."""
     bench = make_bench()
     bench.client.send(position=0.0)
     received, first = bench.node._grasps.counts.received, bench.motor.opening
@@ -79,7 +80,7 @@ def test_without_effort_it_stops_when_both_pads_are_touched(make_bench, kind, st
     assert (status, outcome.outcome, state.stalled, state.reached_goal) == (SUCCEEDED, Outcome.TOUCHED, True, False)
     before = bench.motor.opening
     bench.wait(0.3)
-    assert bench.motor.opening == pytest.approx(before, abs=2e-4)  # The gripper holds its position.
+    assert bench.motor.opening == pytest.approx(before, abs=2e-4)  # The gripper must hold its position.
     assert state.position == pytest.approx(before, abs=1e-3) and outcome.opening == pytest.approx(before, abs=1e-3)
     assert THRESHOLD < bench.pads.strongest <= THRESHOLD + FAST_RISE
     assert bench.motor.cancels == (stop_by == 'cancel')
@@ -94,7 +95,7 @@ def test_with_an_effort_it_stops_at_that_force_and_goes_slowly_from_the_touch_on
     assert list(outcome.forces) == [state.effort] * 2
     if kind == 'ParallelGripperCommand':
         assert [each.speed for each in bench.motor.commands] == pytest.approx([LIMITS.fast_speed, LIMITS.slow_speed])
-    # The node sends the gripper's own limit, never that of the client.
+    # The node sends the gripper's own effort limit, never the effort of the client.
     assert {each.effort for each in bench.motor.commands} == {10.0}
 
 
@@ -115,7 +116,7 @@ def test_without_an_object_it_reaches_its_goal(make_bench):
     assert bench.motor.opening == pytest.approx(0.03)
 
 
-NOT_SEEN = [unseen, set_(fresh=False), SILENT, set_(gap_source=77)]  # The last message is malformed.
+NOT_SEEN = [unseen, set_(fresh=False), SILENT, set_(gap_source=77)]  # The last change makes the message malformed.
 
 
 def hide(bench, change):
@@ -175,7 +176,7 @@ def test_a_frame_now_and_then_that_is_not_seen_does_not_stop_it(make_bench):
 
 
 def test_a_force_that_may_be_larger_stops_it(make_bench):
-    """The pad is saturated, partly hidden or on/off, has a bound that no edge explains, or is seen only in part."""
+    """Each change makes a pad saturated, partly hidden, on/off, bounded without an edge, or seen only in part."""
     bench = make_bench()
     for change in (set_(saturated_taxels=[1, 0]), set_(hidden_taxels=[0, 2]), set_(forces=[math.nan, 0.2]),
                    set_(force_is_bound=[True, False]), set_(pads_seen=[True, False])):
@@ -232,7 +233,7 @@ def test_a_later_goal_of_another_client_replaces_the_one_before(make_bench):
 
 
 def press(bench, force):
-    """Make both pads read ``force`` [N] before anything moves."""
+    """Move the gripper until both pads read ``force`` [N], before any goal is sent."""
     bench.motor.move_to(bench.pads.width - force / 1000.0)
     bench.wait(0.2)
     bench.motor.commands.clear()
@@ -247,7 +248,8 @@ def test_pads_that_already_press_with_more_than_the_goal_end_it_and_nothing_is_s
     assert '7.2 N more than the 2 N' in outcome.message
     bench.pads.width -= 0.009
     bench.wait(1.0)
-    assert not any(each.of_hold for each in bench.client.outcomes)  # No hold has begun; it would find no gripper.
+    # The gripper is dead, so a hold would already have ended.
+    assert not any(each.of_hold for each in bench.client.outcomes)
 
 
 def test_a_late_command_is_held_where_a_cancel_lets_the_gripper_go_on(make_bench):
@@ -263,12 +265,15 @@ def test_a_late_command_is_held_where_a_cancel_lets_the_gripper_go_on(make_bench
 
 
 def test_a_cancel_without_an_answer_is_sent_again_until_there_is_one(make_bench):
-    """The middleware stops sending to a stopped process. When the process continues, it would close for seconds."""
+    """The middleware stops sending to a stopped process.
+
+    Without a repeated cancel, the gripper would close for seconds once its process continues.
+    """
     bench, asked = make_bench(), []
     goal = bench.client.send(position=0.0)
     bench.until(lambda: bench.motor.moves)
     bench.motor.fall_silent()
-    bench.motor.rejects = True  # It rejects the goal to hold, so that the first goal can still be cancelled.
+    bench.motor.rejects = True  # The gripper rejects the goal to hold, so that the first goal can still be cancelled.
     bench.motor.server.register_cancel_callback(lambda handle: asked.append(handle) or CancelResponse.REJECT)
     goal.cancel()
     assert bench.client.result(goal)[2].outcome == Outcome.NOT_STOPPED
@@ -281,7 +286,10 @@ def test_a_cancel_without_an_answer_is_sent_again_until_there_is_one(make_bench)
 
 
 def test_a_command_that_one_server_rejects_is_cancelled_at_another_that_accepts_it_later(make_bench):
-    """One server is stopped and another one answers. When the stopped server continues, the goal is in its queue."""
+    """One server is stopped, and another server answers.
+
+    When the stopped server continues, the goal is still in its queue.
+    """
     bench = make_bench()
     stopped = bench.motor.node
     bench.motor.fall_silent()
@@ -295,9 +303,9 @@ def test_a_command_that_one_server_rejects_is_cancelled_at_another_that_accepts_
 
 
 def test_a_goal_to_open_partly_opens_after_a_server_was_lost_at_the_touch(make_bench):
-    """While in doubt, the node guards the goal like one to close.
+    """While the gripper may still be moving, the node guards this goal like a goal to close.
 
-    A goal to close would count as done at the first look.
+    A goal to close to this opening would count as done at the first check.
     """
     bench = make_bench()
     handle = bench.client.send(position=0.0)
@@ -321,9 +329,9 @@ def test_a_force_within_the_overshoot_is_reached_and_the_excess_is_said(make_ben
 @pytest.mark.parametrize('change', [lambda message: message, *NOT_SEEN])
 @pytest.mark.parametrize('opening', [LIMITS.widest, LIMITS.widest + 0.005])
 def test_a_goal_to_open_to_the_widest_is_always_sent(make_bench, change, opening):
-    """Pads that press or are not seen do not prevent the goal, nor do numbers that would refuse a goal to close."""
+    """The node sends the goal even if pads press or are not seen, and even if a number would be refused for closing."""
     bench = make_bench()
-    bench.motor.slowness = 0.1  # Fast, because only the sent commands matter.
+    bench.motor.slowness = 0.1  # A fast gripper suffices, because only the sent commands matter.
     several = bench.interface.goal(Command(opening, 1.0, 1.0))
     several.command.velocity, several.command.effort = [1.0, 1.0], [1.0, 1.0]
     for goal in ({}, {'speed': -1.0}, {'speed': math.nan}, {'speed': 99.0}, {'effort': math.nan}, {'effort': 1e9},
@@ -338,7 +346,7 @@ def test_a_goal_to_open_to_the_widest_is_always_sent(make_bench, change, opening
 
 
 def test_pads_that_are_seen_to_press_only_while_it_opens_do_not_stop_it(make_bench):
-    """The last reading before the pads went blind does not count as the force at the start."""
+    """The last reading before the pads went blind must not count as the initial force."""
     bench = make_bench()
     bench.pads.is_silent = True
     bench.wait(MAX_AGE + PERIOD)
@@ -396,7 +404,7 @@ def test_a_gripper_that_is_far_too_slow(make_bench):
     began = bench.steady()
     assert bench.close(position=0.05)[2].outcome == Outcome.TOO_SLOW
     late = bench.steady() - began - (START_TIME + SLOWNESS * 0.01 / LIMITS.fast_speed)
-    assert 0 < late < LOOK_PERIOD + 5 * STEP  # The goal, the stop and the result take a STEP each way.
+    assert 0 < late < LOOK_PERIOD + 5 * STEP  # The goal, the stop and the result take one STEP each.
 
 
 def test_a_gripper_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(make_bench):
@@ -409,10 +417,7 @@ def test_a_gripper_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(make_b
 
 @pytest.mark.parametrize('stop_by', ['cancel', 'goal'])
 def test_a_gripper_that_takes_one_goal_at_a_time_is_stopped_by_a_cancel(make_bench, stop_by):
-    """The gripper rejects the slower speed at the first touch, or the goal to hold.
-
-    The first command is still active.
-    """
+    """While its first command is active, the gripper rejects a slower speed at the first touch and a goal to hold."""
     bench = make_bench(parameters={'stop_by': stop_by})
     bench.motor.most_goals = 1
     status, _, outcome = bench.close(position=0.0, effort=10.0)
@@ -421,7 +426,7 @@ def test_a_gripper_that_takes_one_goal_at_a_time_is_stopped_by_a_cancel(make_ben
 
 
 def test_an_empty_result_is_no_opening(make_bench):
-    """Its position of 0.0 would turn the next goal to close into one to open."""
+    """An empty result has the position 0.0, which would turn the next goal to close into a goal to open."""
     bench = make_bench('GripperCommand')
     bench.pads.knows_gap, bench.motor.is_terse = False, True
     handle = bench.client.send(position=0.0)
@@ -441,7 +446,7 @@ def test_a_gripper_wider_than_widest_is_not_closed_by_a_goal_to_open(make_bench)
 
 
 def test_a_goal_between_while_it_opens_is_guarded(make_bench):
-    """When the gripper receives the goal, it may be wider open than its last reading."""
+    """When the gripper receives the goal, the jaws may be further open than at the last reading."""
     bench = make_bench()
     bench.pads.change = unseen
     bench.wait(MAX_AGE + PERIOD)
@@ -451,12 +456,12 @@ def test_a_goal_between_while_it_opens_is_guarded(make_bench):
 
 
 def listen_anew(bench, left):
-    """Make the node listen for other gripper nodes for ``left`` [s] more, as after a pause of its process."""
+    """Make the node listen for other gripper nodes for another ``left`` [s], as after a pause of its process."""
     bench.node._watch._listens_since = bench.steady() - LISTEN_TIME + left
 
 
 def test_a_goal_that_waited_while_it_opened_is_guarded(make_bench):
-    """The opening goal was replaced, and its end is not confirmed yet."""
+    """The goal to open was replaced, but the gripper has not yet confirmed the end of its command."""
     bench = make_bench()
     bench.motor.stays = True
     bench.pads.change = unseen
@@ -470,7 +475,7 @@ def test_a_goal_that_waited_while_it_opened_is_guarded(make_bench):
 
 
 def test_a_goal_that_waits_for_a_gripper_that_never_ends_its_command_is_not_stopped(make_bench):
-    """The goal to hold has a result, but nothing decides how the waiting goal ends."""
+    """The gripper accepts the goal to hold, but never reports the end of the replaced command."""
     bench = make_bench()
     bench.motor.stays = bench.motor.never_ends = True
     bench.client.send(position=0.0)
@@ -482,7 +487,7 @@ def test_a_goal_that_waits_for_a_gripper_that_never_ends_its_command_is_not_stop
 def never_ends(make_bench, **parameters):
     """Return a bench whose gripper refuses to cancel a command to close.
 
-    It holds on request, and never ends a command.
+    This gripper holds on request, but never ends a replaced command.
     """
     bench = make_bench(parameters=parameters)
     handle = bench.client.send(position=0.0)
@@ -507,7 +512,7 @@ def test_a_gripper_that_never_ends_a_command_closes_again_once_it_was_measured_a
 
 def test_a_gripper_that_never_ends_a_command_and_moves_does_not_close_again(make_bench):
     bench = never_ends(make_bench)
-    bench.motor._target = 0.04  # The hardware keeps moving.
+    bench.motor._target = 0.04  # The hardware keeps moving to this opening.
     bench.motor._speed = 0.003
     _, _, outcome = bench.close(position=0.0)
     assert outcome.outcome == Outcome.NOT_STOPPED and not bench.motor.commands
@@ -530,7 +535,7 @@ def test_a_gripper_that_never_ends_a_command_closes_only_after_a_restart_where_i
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_a_gripper_that_says_it_is_there_before_it_is_goes_on_under_guard(make_bench, kind):
-    """The controllers of ros2_control report this: their goal_tolerance is 10 mm by default."""
+    """The controllers of ros2_control report success early, because their default goal_tolerance is 10 mm."""
     bench = make_bench(kind)
     bench.motor.is_hasty = True
     assert bench.close(position=0.0)[2].outcome == Outcome.TOUCHED
@@ -559,7 +564,10 @@ def test_a_gripper_that_says_it_is_there_and_is_not_measured_is_believed(make_be
 
 @pytest.mark.parametrize('stop_by', ['cancel', 'goal'])
 def test_a_gripper_that_said_it_is_there_is_stopped_where_it_is(make_bench, stop_by):
-    """A cancel would find no command, so a goal stops the gripper. This also happens when the node ends."""
+    """A cancel would find no command, so a goal stops the gripper.
+
+    A node that is shut down stops the gripper in the same way.
+    """
     bench = make_bench(parameters={'stop_by': stop_by})
     bench.motor.is_hasty = True
     handle = bench.client.send(position=0.0)
@@ -585,7 +593,7 @@ def test_an_opening_gripper_that_stalls_or_presses_has_not_succeeded(make_bench)
     assert (status, outcome.outcome) == (ABORTED, Outcome.STALLED)
     handle = bench.client.send(position=0.08)
     bench.wait(0.1)
-    bench.pads.width += 0.01  # The effect is that of a wrong sign of gap_scale.
+    bench.pads.width += 0.01  # A wrong sign of gap_scale would have this effect.
     status, _, outcome = bench.client.result(handle)
     assert (status, outcome.outcome) == (ABORTED, Outcome.NOT_OPENING)
 
@@ -601,7 +609,7 @@ def test_a_cancel_that_is_not_confirmed_is_not_reported_as_done(make_bench):
 
 
 def test_a_partial_opening_needs_a_measured_one_or_is_guarded(make_bench):
-    """A gap from a parameter may be old, so a goal that seems to open may close."""
+    """A gap from a parameter may be outdated, so a goal that seems to open the gripper may close it."""
     bench = make_bench()
     bench.pads.change = lambda message: unseen(set_(gap=0.03, gap_source=Grasp.GAP_PARAMETER)(message))
     bench.wait(MAX_AGE + PERIOD)
@@ -613,7 +621,7 @@ def test_a_partial_opening_needs_a_measured_one_or_is_guarded(make_bench):
 
 
 def test_an_opening_that_was_held_back_on_its_way_is_not_the_present_one(make_bench):
-    """By the old opening, a goal to close would count as one to open, which nothing guards."""
+    """With the outdated opening, a goal to close would count as a goal to open, which nothing guards."""
     bench, held = make_bench(pads={'width': 0.0}), deque()
     bench.motor.move_to(0.03)
 
@@ -660,7 +668,7 @@ def test_without_control_msgs_the_error_names_it(make_bench, monkeypatch):
 
 
 def test_killed_in_mid_close_the_gripper_has_a_safe_command(make_bench):
-    """After SIGKILL, the gripper has only the last command, which includes its own limit of effort."""
+    """After SIGKILL, the gripper keeps its last command, which includes the gripper's own effort limit."""
     bench = make_bench(has_node=False)
     with bench.node_as_process() as process:
         bench.client.send(position=0.0)
