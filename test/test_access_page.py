@@ -23,13 +23,13 @@ POLICY = ElementTree.parse(ROOT / 'examples/sros2_policy.xml').getroot()
 PADS, LAYOUT = ['left', 'right'], 'sim16x16.yaml'
 TIMEOUT = 60.0  # Timeout for discovery, long enough for a busy machine [s].
 SUBSCRIBED = 'topics', 'subscribe'
-#: Type of the ROS endpoint that each kind of policy entry allows.
+#: Maps each kind of policy entry to the type of the ROS endpoint that the entry allows.
 ENDPOINTS = {('topics', 'publish'): 'publisher', SUBSCRIBED: 'subscriber', ('services', 'reply'): 'service',
              ('services', 'request'): 'client'}
 
 
 def graph_of(watcher, nodes) -> dict:
-    """Return the topics and services by (kind, attribute) of the policy and then by (namespace, node)."""
+    """Return the topics and services of each node, first by (kind, attribute) and then by (namespace, node)."""
     keys = [(node.get_namespace(), node.get_name()) for node in nodes]
     return {kind: {(space, name): {topic for topic, _ in getattr(watcher, f'get_{endpoint}_names_and_types_by_node')(
         name, space)} for space, name in keys} for kind, endpoint in ENDPOINTS.items()}
@@ -37,7 +37,7 @@ def graph_of(watcher, nodes) -> dict:
 
 @pytest.fixture(scope='module')
 def graph() -> dict:
-    """Return the endpoints of all nodes that run for two active pads."""
+    """Return the endpoints of all nodes of a system with two active pads."""
     rclpy.init()
     with ExitStack() as stack:
         stack.callback(rclpy.shutdown)
@@ -61,7 +61,7 @@ def graph() -> dict:
 
 
 def settled(watcher, nodes) -> dict:
-    """Return the graph as soon as discovery has left it unchanged for two seconds."""
+    """Wait until the ROS graph has not changed for two seconds, and return the graph."""
     deadline, before, since = time.monotonic() + TIMEOUT, None, time.monotonic()
     while True:
         now = graph_of(watcher, nodes)

@@ -30,8 +30,8 @@ ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 
        'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
 
-#: Modules of bench/recognition/ that generate the test data for the reported results. Training must never have seen
-#: this kind of data.
+#: Modules of bench/recognition/ that generate the test data for the reported results. No model is ever trained on such
+#: data.
 REPORTED = ('foreign', 'blemish', 'stamp', 'idle', 'spots', 'mechanics')
 
 
@@ -81,7 +81,7 @@ def test_only_commands_import_nodes():
 def test_every_thread_reports_the_exception_that_ends_it():
     starts = re.compile(r'\b(?:threading\.Thread[()]|Thread\(|_thread\.start_new_thread)')
     found = [path.name for path in PACKAGE.rglob('*.py') if starts.search(path.read_text(encoding='utf-8'))]
-    assert found == ['threads.py']  # This file defines the thread class of the project.
+    assert found == ['threads.py']  # This file defines the project's thread class.
 
 
 def test_training_knows_nothing_of_the_report():

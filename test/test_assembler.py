@@ -210,7 +210,7 @@ def test_part_of_them_too_and_what_is_older_still_is_late(assembler):
 
 @pytest.mark.parametrize('older', [1, 2, 3])
 def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, older):
-    """The driver lags by two periods.
+    """In this test, the driver lags by two periods.
 
     The driver receives SYNCs 1 and 2 first, then the rest of sweep 0, and then sweeps 1 and 2.
     """
@@ -229,7 +229,7 @@ def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, ol
 
 
 def played(assembler, script):
-    """Play a script and return the sweeps found in each frame, by sequence number.
+    """Play a script, and map the sequence number of each frame to the sweeps found in the frame.
 
     In the script, S2 is a SYNC at 2 s, and F is a free bus. A1@1.5 is row A of sweep 1 with the stamp 1.5 s. B1 is row
     B of sweep 1 with a stamp 0.5 s after the last SYNC.
@@ -276,7 +276,8 @@ def test_a_sender_that_often_leaves_out_a_period_is_not_given_up_for_ever(assemb
 def test_a_bus_that_is_free_when_an_answer_is_due_proves_that_there_is_none(taken, foreign, until, is_over):
     """The answer to the SYNC at 1.0 s is due at 1.01 s.
 
-    If no TPDO has arrived since that SYNC, the adapter may be holding back all TPDOs. A free bus then proves nothing.
+    If no TPDO has arrived since the SYNC at 1.0 s, the adapter may be holding back all TPDOs, so a free bus proves
+    nothing.
     """
     bus = FreeBus(1_000_000)
     for stamp in (0.98, 1.0):
@@ -481,7 +482,7 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, period
 def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost, a_period):
     """An adapter that has held back TPDOs releases ``a_period`` of them in each period until its queue is empty.
 
-    The device samples sweep n at SYNC n with the value 2 * (n // 2).
+    Sweep n is sampled at SYNC n, and each of its taxels has the value 2 * (n // 2).
     """
     assembler = telling(FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False))
     waiting, frames = [], []
@@ -508,7 +509,7 @@ UNSORTED = TINY.replace('number: 1,', 'number: 8,')  # In row order, the TPDOs h
 
 @pytest.mark.parametrize('order', [(1, 0, 2), (0, 2, 1), (2, 1, 0), (1, 2, 0), (2, 0, 1)])
 def test_the_order_in_which_a_device_sends_is_named_and_no_two_periods_are_mixed(tmp_path, order):
-    """In two of these orders, every period also looks like the end of a late sweep and the start of the next sweep."""
+    """In two of these orders, each period also looks like the end of a late sweep and the start of another sweep."""
     assembler = telling(FrameAssembler(tiny_layout(tmp_path, UNSORTED), (1,)))
     frames = []
     for number in range(3 * ORDER_MEMORY):

@@ -1,6 +1,6 @@
-"""Tests for assessing recognition on a skin and for adapting the recogniser to it.
+"""Tests for assessing recognition on a skin and for adapting the recogniser to that skin.
 
-The tests check when an adaptation is kept, what an adaptation changes, and where it is loaded.
+The tests check when an adaptation is kept, what an adaptation changes, and which programs load an adaptation.
 """
 
 import json
@@ -113,7 +113,7 @@ def test_a_recogniser_that_is_too_sure_is_better_on_touches_that_it_has_not_seen
 
 
 def test_the_gain_that_is_reported_is_that_of_fresh_touches(base, assessed):
-    """The touches that fitted the adaptation would overstate its gain, so the test uses fresh touches."""
+    """The touches used to fit an adaptation would overstate its gain, so the test uses fresh touches."""
     fresh = touches_of(EVERY, 3, count=16)
     gained = (answers_to(base, fresh).scores() - answers_to(adapted(base, assessed), fresh).scores()).mean()
     low, high = assessed.gain.interval
@@ -167,7 +167,7 @@ def test_contacts_of_too_few_taxels_are_counted_and_not_adapted_to(base):
 
 
 def test_every_contact_counts_but_those_cut_by_the_edge():
-    """`tactile teach` skips touches that show no shape, but an assessment must count their answers."""
+    """`tactile teach` skips touches that show no shape, but an assessment counts the answers to these touches."""
     speck = np.pad(np.full((2, 2), 5e4), ((6, 8), (6, 8)))
     frames = [load * each for each in (speck, np.roll(speck, 5, 0) + np.roll(speck, -5, 0), np.roll(speck, -6, 0))
               for load in LOADS]
@@ -236,9 +236,9 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
 
 @pytest.mark.parametrize('taxels, is_sure', [(3, False), (8, True)])
 def test_an_adaptation_makes_no_name_sure_that_the_taxels_do_not_support(taxels, is_sure, arrays, tmp_path):
-    """A name based on too few taxels stays unsure, even with many agreeing frames or a large bias.
+    """A shape recognised from too few taxels stays uncertain, even with many agreeing frames or a large bias.
 
-    A rectangle needs at least 9 taxels to be named with certainty, and 2 x 3 taxels are too few.
+    A certain rectangle needs at least 9 taxels, so 2 x 3 taxels are too few.
     """
     biases = [50.0 * (shape is Shape.RECTANGLE) for shape in OUTPUTS]
     np.savez(tmp_path / 'skin.npz', **changed('biases', biases)(arrays))

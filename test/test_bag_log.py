@@ -80,7 +80,7 @@ def test_every_kind_of_frame_comes_back(tmp_path):
 
 
 def test_what_we_write_others_read(tmp_path):
-    """The indexed reader of the MCAP library reads our file.
+    """The indexed reader of the MCAP library must be able to read our file.
 
     The test takes the message type only from the schema in the file.
     """

@@ -1,4 +1,4 @@
-"""Tests that `tactile scan --bitrate auto` listens at each bit rate and sends nothing on a busy bus."""
+"""Tests that `tactile scan --bitrate auto` listens at each bit rate and sends nothing on a bus in use."""
 
 import json
 import threading

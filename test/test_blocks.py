@@ -93,7 +93,7 @@ def test_a_line_that_no_block_is_half_full_of_is_fitted_in_taxels():
 def test_far_away_a_pressed_taxel_is_a_point_force(depth):
     """The expected value is Boussinesq's formula for a point force: 3 z^3 / (2 pi (r^2 + z^2)^(5/2)).
 
-    The formula holds for small taxels. The kernel averages over both taxels and is 6 % larger.
+    The formula holds for small taxels. The kernel averages over the areas of both taxels and is therefore 6 % larger.
     """
     far, z = 6.0, depth
     assert kernel(depth)[KERNEL_REACH, KERNEL_REACH + 6] == pytest.approx(

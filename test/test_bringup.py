@@ -1,4 +1,4 @@
-"""Tests that `tactile bringup` and `make demo` deliver results, or explain every failure in one sentence."""
+"""Tests that `tactile bringup` and `make demo` produce their results and explain every failure in one sentence."""
 
 import csv
 import gzip
@@ -105,7 +105,7 @@ def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short
 def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
     """Inside PushRosNamespace, launch_ros passes the node name and namespace as remapping arguments.
 
-    Without our handling, rcl would name both processors /robot/hand/processor.
+    Without special handling, rcl would name both processors /robot/hand/processor.
     """
     from tactile_node.cli.bringup import describe_nodes
     from tactile_node.cli.main import _parser
@@ -127,7 +127,7 @@ def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
 
 
 def test_the_force_on_a_simulated_skin_has_a_standard_deviation_and_the_process_ends_with_another_one():
-    """The force has the expected standard deviation, and the process ends with the process of --end-with.
+    """The force has the expected standard deviation, and the process ends with the process that --end-with names.
 
     The standard deviation of a taxel is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels. Taxels
     near the press threshold increase the standard deviation of the force. The test therefore waits for ten messages

@@ -149,9 +149,9 @@ def test_a_producer_that_begins_within_a_window_has_its_own_period():
 
 
 def looks(sent: Callable[[float], int], seconds: float = 12.0) -> list[tuple[float, bool]]:
-    """Return the time of each update with True if the node counts as two devices.
+    """Return the time of each update, paired with True if the node then counts as two devices.
 
-    ``sent`` returns the number of heartbeats received up to a given time.
+    ``sent(now)`` is the number of heartbeats received up to the time ``now``.
     """
     heartbeats = Heartbeats()
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]

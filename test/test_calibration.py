@@ -31,7 +31,8 @@ from training.ground_truth.seeds import Purpose, generator
 LONG = bool(os.environ.get('TACTILE_LONG'))
 FRAMES = 4 if LONG else 2  #: Number of frames for each press of the disc.
 OTHER_PRESSES, OTHER_FRAMES = (6, 6) if LONG else (4, 4)
-RADIUS = 0.0104  #: Radius of the known disc [m].
+#: Radius of the known disc [m].
+RADIUS = 0.0104
 #: Side lengths of the objects that are pressed after the calibration [m].
 OTHERS = {'square': (0.0150,), 'rectangle': (0.0180, 0.0110)}
 

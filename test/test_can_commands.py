@@ -72,7 +72,7 @@ def _whole_and_touched(frame) -> bool:
 
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.mcap'])
 def test_killed_recording_is_readable(tmp_path, suffix):
-    """SIGKILL ends a process that is writing the numbered frames 0, 1, 2 and so on.
+    """SIGKILL ends a process that is writing numbered frames to a log.
 
     The log must then contain all flushed frames in order, starting with frame 0.
     """

@@ -86,7 +86,7 @@ def test_every_tpdo_of_the_log_is_published_or_counted_as_missing(heard, syncs):
 
 
 def test_taxels_are_the_bits_of_the_log(heard, syncs):
-    """The test decodes the middle frame independently.
+    """The test decodes the middle frame without the code under test.
 
     The TPDO of row r holds the 64 taxels of that row, and bit 0 is the first taxel.
     """

@@ -149,7 +149,7 @@ ENTRY = ('- {{number: {0}, cob_id: {1}, rows: {{first: 0, count: 2, step: [1, 0]
     ((3, 1, 4, 2), 'event_driven: {transmission_type: 254, event_timer: 0.05, frames: sweeps}\n', 1),
     ((3, 1, 4, 2), 'event_driven: {transmission_type: 254, event_timer: 0.05, frames: snapshots}\n', 0)])
 def test_tpdos_that_are_not_in_ascending_order_are_a_warning(tmp_path, capsys, numbers, more, warnings):
-    """Most devices send their TPDOs in the order of their numbers, but snapshots have no order."""
+    """Most devices send their TPDOs in the order of the TPDO numbers, but snapshots have no order."""
     path = tmp_path / 'order.yaml'
     entries = [ENTRY.format(number, 0x190 + number, 0x2100 + number, 2 * place) for place, number in enumerate(numbers)]
     path.write_text(f'rows: 8\ncols: 7\npitch: 0.004\nvalue: {{unit: Pa, scale: 1.0, bits: 8}}\n{more}tpdos:\n'

@@ -37,7 +37,7 @@ QOS = {'lifespan', 'deadline', 'liveliness', 'liveliness_lease_duration'}
 
 
 def name_of(node: ast.expr) -> str:
-    """Return the dotted name of a called function, with () after each inner call."""
+    """Return the dotted name of a called function, in which each inner call ends with ()."""
     if isinstance(node, ast.Call):
         return f'{name_of(node.func)}()'
     if isinstance(node, ast.Attribute):

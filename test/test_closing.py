@@ -257,7 +257,7 @@ def test_a_speed_whose_overshoot_exceeds_the_force_is_refused_with_the_numbers()
     with pytest.raises(RefusedGoalError, match=r'at most 0\.01 m/s'):
         # A gripper with a fixed speed cannot close more slowly.
         make_goal(0.0, 0.0, 0.6, LIMITS, speed_is_fixed=True)
-    # If the goal sets no speed, the control lowers the speed instead.
+    # If a goal sets no speed, the goal gets a lower speed instead of a refusal.
     assert make_goal(0.0, 0.0, 0.6, LIMITS).speed == pytest.approx(0.01)
     with pytest.raises(ConfigurationError, match='fast_speed'):
         TouchLimits(fast_speed=0.05)
@@ -289,7 +289,7 @@ def test_a_force_that_rises_on_the_way_is_not_one_that_was_there_before():
 
 
 def clear(opening, is_answered, timeout=0.5, is_ended=True):
-    """Return the outcome and the time [s] at which the wait ends.
+    """Wait until the gripper has answered and is at rest, and return the outcome and the time [s].
 
     ``opening(now)`` is the opening [m], and ``is_answered(now)`` is True once the gripper has answered.
     """

@@ -16,7 +16,7 @@ HEAVY = 'scipy', 'rclpy', 'matplotlib', 'can', 'canopen'
 
 
 def asked(line, *words):
-    """Return the environment variables that a shell sets if ``words`` start the program."""
+    """Return the environment variables that a shell sets to complete ``line``, if ``words`` start the program."""
     return {'COMP_LINE': line, 'COMP_POINT': str(len(line)), '_ARGCOMPLETE': str(len(words) or 1)}
 
 

@@ -157,7 +157,7 @@ def test_away_from_the_edge_no_force_is_a_bound():
     assert not found_in(pressed(np.s_[6:11, 6:11])).moments.force_is_bound
 
 
-# --- All contacts of a pad
+# Tests of all contacts of a pad
 
 # At 50 kPa, the contacts of 36 and 16 taxels have forces of 7.2 N and 3.2 N.
 LARGEST, SECOND = np.s_[2:8, 2:8], np.s_[10:14, 9:13]

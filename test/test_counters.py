@@ -68,7 +68,8 @@ def test_a_row_that_goes_or_comes_does_so_everywhere(monkeypatch, table, name, p
 
 def test_a_loss_of_the_bus_warns_and_is_in_the_view(monkeypatch):
     assert not facts_of(COUNTS, HEALTH).counts
-    lost = Counter('poll_overruns', '', lambda bus: 77 * (bus is COUNTS))  # The earlier counts have no such loss.
+    # The previous counts of the bus contain no such loss.
+    lost = Counter('poll_overruns', '', lambda bus: 77 * (bus is COUNTS))
     monkeypatch.setattr(counters, 'BUS_LOSSES', (lost,))
     diagnostics, status = sent()
     assert diagnostics.status[0].level == DiagnosticStatus.WARN and lost.name in diagnostics.status[0].message

@@ -85,7 +85,7 @@ def test_of_a_format_that_only_python_can_knows_it_is_said_that_losses_are_not_c
 
 
 def other_makers(folder, suffix):
-    """Return logs with three frames each and with every other kind of record that these formats allow."""
+    """Return logs with three frames each and with every other kind of record that their formats allow."""
     text = {'.asc': """date Wed Nov 15 10:00:00.000 am 2023
 base hex  timestamps absolute
 internal events logged

@@ -141,8 +141,8 @@ def test_a_clock_slewed_as_fast_as_chrony_does_makes_nothing_old_look_current(st
 def test_a_busy_machine_does_not_withdraw_freshness_for_long(seed):
     """Delays of 10-50 ms occur now and then, from the first message on.
 
-    Messages may lose their freshness for less than 1 % of the time. The loss must span less than 0.6 s or fewer than 30
-    messages.
+    Messages may count as not fresh for less than 1 % of the time. The messages that are not fresh must span less than
+    0.6 s or be fewer than 30.
     """
     rng = np.random.default_rng(seed)
     sent = times(duration=60.0)

@@ -1,6 +1,6 @@
 """Tests for the demo's report of its touches as a table, a CSV file and a picture.
 
-The report is made from the messages of the shape topic.
+The demo makes the report from the messages of the shape topic.
 """
 
 import csv
@@ -57,7 +57,7 @@ def circle(radius, sd=0.03):
 
 
 def test_a_wrong_size_of_the_right_shape_is_no_right_touch():
-    """A wrong size stays wrong, even with a large standard deviation and a certain shape."""
+    """A wrong size counts as wrong, even if its standard deviation is large and the shape is certain."""
     near, wide = circle(4.2), circle(5.5, sd=0.76)
     assert near.is_right_shape and near.is_right_size and near.size_error == pytest.approx(0.0002)
     assert wide.is_right_shape and not wide.is_right_size and wide.size_error == pytest.approx(0.0015)

@@ -28,8 +28,8 @@ class Origin(NamedTuple):
     pip: str | None
 
 
-#: Modules whose rosdep key or requirement has another name. For every other module, the rosdep key is the name of the
-#: module, and pip does not install the module.
+#: Modules whose rosdep key or pip requirement differs from the module name. For every other module, the rosdep key is
+#: the name of the module, and pip does not install the module.
 ORIGINS = {
     'argcomplete': Origin('python3-argcomplete', 'argcomplete'),
     'can': Origin('python3-can', 'python-can'),
@@ -54,7 +54,7 @@ OF_TESTS = {'jsonschema': 'python3-jsonschema', 'py_trees': 'py_trees', 'pytest'
 NOT_MODULES = {'rosidl_default_runtime', 'ros2launch', 'xacro'}
 #: Package whose messages every action contains, although no code imports it.
 OF_INTERFACES = {'action_msgs'}
-#: rclpy modules that exist only in some of Jazzy, Kilted and Lyrical (rclpy 7.1.6, 9.1.2, 10.0.10).
+#: rclpy modules that are missing in at least one of Jazzy, Kilted and Lyrical (rclpy 7.1.6, 9.1.2, 10.0.10).
 NOT_IN_EVERY_ROS = {f'rclpy.{name}' for name in (
     'destroyable', 'endpoint_info', 'experimental', 'qos_event', 'subscription_content_filter_options',
     'topic_endpoint_info')}
@@ -132,7 +132,7 @@ def test_what_tests_and_examples_import_is_a_dependency(folder):
 
 
 def test_every_dependency_is_one_of_the_code():
-    """A superfluous dependency installs an unused package on the robot, or is a misspelt key."""
+    """A superfluous dependency makes a robot install an unused package, or has a misspelt key."""
     of_libraries = {origin.rosdep for origin in ORIGINS.values()}
     assert keys('exec_depend') - of_libraries - set(INSTALLED) <= NOT_MODULES
     assert keys('depend') - OF_INTERFACES <= set(INSTALLED)

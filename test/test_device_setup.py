@@ -1,6 +1,6 @@
 """Tests for setting up devices whose SYNC or heartbeat deviates.
 
-The driver accepts such a device if that is safe. Otherwise, the driver refuses the device by name.
+The driver accepts a deviating device if that is safe, and otherwise refuses the device by name.
 """
 
 import pytest
@@ -72,7 +72,7 @@ def set_up(device: Device, is_interrupted=lambda: False):
 def of_another_layout(**options) -> Device:
     """Return a device whose first two TPDOs map taxels of another row.
 
-    These TPDOs are event-driven and have other COB-IDs.
+    The two TPDOs are event-driven and have other COB-IDs.
     """
     device = Device(**options).having(SYNC, 0x81)
     for i in (0, 1):
@@ -153,7 +153,7 @@ def test_another_sync_cob_id_is_written(now, written):
 def test_a_device_that_produces_sync_on_another_cob_id_is_refused():
     """CiA 301 does not allow a device to change its SYNC COB-ID while the device produces SYNC.
 
-    The receivers would take the SYNC of this device for another CAN frame.
+    The driver would take a SYNC with another COB-ID for another kind of CAN frame.
     """
     device = Device().having(SYNC, 0x4000_0081)
     with pytest.raises(DeviceError, match='0x081'):

@@ -76,7 +76,7 @@ def test_the_commands_of_a_page_work_in_their_order(page, tmp_path, monkeypatch,
     with ExitStack() as stack:
         if any(LINK in text and 'simulate' not in text for text in texts):
             stack.enter_context(simulated(SKIN.replace(LINK, 'skin')))
-            texts = [text for text in texts if text != SKIN]  # The skin already runs, because other commands need it.
+            texts = [text for text in texts if text != SKIN]  # The simulated skin is already running.
         for text in texts:
             if 'simulate' in text:
                 with simulated(text.replace(LINK, 'other')):
@@ -90,7 +90,7 @@ def test_the_commands_of_a_page_work_in_their_order(page, tmp_path, monkeypatch,
 
 @contextmanager
 def simulated(text: str) -> Iterator[None]:
-    """Run a simulator during the context, which begins once the link exists."""
+    """Run a simulator in the background, and enter the context once the link exists."""
     words = shlex.split(text)[1:]
     skin = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', *words], stdout=subprocess.DEVNULL)
     try:

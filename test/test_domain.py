@@ -160,7 +160,7 @@ def test_wrong_sizes(tmp_path, size, reason):
 def test_fields_may_lie_across_any_bytes(tmp_path, order):
     """Fields of 12 bits begin at bit 3.
 
-    The test cuts field k from the whole object, which it reads as a single number.
+    The expected value of field k is cut from the whole object, read as a single number.
     """
     text = (TINY.replace('bits: 8', f'bits: 12, byte_order: {order}').replace('bytes: 9', 'bytes: 14')
             .replace('bit_step: 8', 'start_bit: 3, bit_step: 12').replace('rows: 3\n', 'rows: 3\n'))
@@ -188,7 +188,7 @@ def test_bad_layouts(tmp_path, change, says):
 def moving():
     """Return a source in which every sample differs.
 
-    The value of a taxel is 10 (taxel + 7 sample) Pa.
+    The value is 10 * (taxel number + 7 * sample number) Pa.
     """
     samples = iter(range(10 ** 6))
     return lambda t: 10.0 * (np.arange(160).reshape(16, 10) + 7 * next(samples))

@@ -1,4 +1,4 @@
-"""Tests of the driver node's conditioning by files, services, and parameters that change while frames flow."""
+"""Tests for conditioning in the driver node, which a user sets by files, services and live parameters."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -202,7 +202,7 @@ def test_incomplete_frames_can_be_dropped_live(make):
 
 @pytest.mark.parametrize(('gain', 'reading'), [(1.0, 40e3), (10.0, 4e3)])
 def test_no_tare_limit_lets_the_zero_follow_a_grasp(tmp_path, gain, reading):
-    """With both gains, the conditioned skin reads 40 kPa for a minute."""
+    """With either gain, the conditioned skin reads 40 kPa for a minute."""
     np.savetxt(tmp_path / 'gains.txt', np.full((16, 16), gain))
     settings = DriverSettings(follow_drift=True, tare_limit=1e9, gain_files=(str(tmp_path / 'gains.txt'),))
     pad = conditioned_pads(driver_pads(replace(settings, replay='a log')), settings)['pad']

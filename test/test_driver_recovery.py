@@ -263,7 +263,7 @@ def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
     chain.until(lambda: chain.status[-1].fault == SkinStatus.FAULT_NONE, 'the end is not reported')
 
 
-OFFSET = 0.05  # Below the level of a contact, and above the default tare limit [N].
+OFFSET = 0.05  # This offset [N] is too small for a contact but above the default tare limit.
 
 
 def tared(chain, limit, **request):
@@ -280,7 +280,7 @@ def wait_for_values(chain, value):
 def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain):
     """The whole skin first reads PRESSED, which is a load.
 
-    The skin then reads OFFSET, which is no load under a higher limit.
+    The skin then reads OFFSET, which a higher limit accepts.
     """
     refused, also_refused = tared(chain, 0.5 * PRESSED), tared(chain, 2 * PRESSED)
     assert not refused.success and refused.refusal == Tare.Response.REFUSAL_PRESSED and not refused.tared
@@ -327,7 +327,7 @@ def test_the_command_tries_again_while_something_presses_and_tares_all_pads_of_t
     chain.stack.callback(process.wait)
     chain.stack.callback(process.kill)
     chain.until(lambda: 'trying again for 600 s' in printed.read_text(), 'it does not try again')
-    chain.load[0] = 0.02  # Below the tare limit [N].
+    chain.load[0] = 0.02  # This load [N] is below the tare limit.
     chain.until(lambda: process.poll() is not None, 'the command has not ended')
     assert process.returncode == 0
     assert printed.read_text().splitlines()[-1].startswith('pad32: tared over 5 frames, noise ')

@@ -196,16 +196,18 @@ DefaultValue=0x12
 @pytest.mark.parametrize(('text', 'says'), [
     (IDENTITY_AS_VAR, 'section [1018]'),
     (IDENTITY_AS_VAR.replace('ObjectType=0x7\n', ''), 'section [1018]'),
-    (IDENTITY_AS_VAR.replace('0x7\n', '0x6\n'), 'section [1018]'),  # canopen skips objects of the type DEFSTRUCT.
+    # canopen skips objects of the type DEFSTRUCT.
+    (IDENTITY_AS_VAR.replace('0x7\n', '0x6\n'), 'section [1018]'),
     # For these malformed numbers, canopen would return no value at all.
     (SMALL.replace('0x12 ;', '0x12G4 ;'), 'section [1018sub1], key "DefaultValue"'),
     (SMALL.replace('0x12 ;', '018 ;'), 'section [1018sub1], key "DefaultValue"'),
-    (SMALL.replace('DataType=0x0007', 'DataType=0x0009'), 'section [1018sub1]'),  # This vendor-ID is a VISIBLE_STRING.
+    # This vendor-ID is a VISIBLE_STRING.
+    (SMALL.replace('DataType=0x0007', 'DataType=0x0009'), 'section [1018sub1]'),
     # This vendor-ID is a REAL32.
     (SMALL.replace('DataType=0x0007', 'DataType=0x0008').replace('0x12 ;', '18 ;'), 'section [1018sub1]'),
     (SMALL.replace('1018sub1', '1018SUB01').replace('0x12 ;', 'ACME ;'), 'section [1018sub01], key "DefaultValue"')])
 def test_an_identity_that_cannot_be_compared_is_refused(tmp_path, text, says):
-    """Without the refusal, the identity would not be checked at all, or the check would end in a TypeError."""
+    """If such an EDS were accepted, the identity would not be checked, or the check would end in a TypeError."""
     with pytest.raises(ConfigurationError) as refused:
         identity_of(load_eds(write(tmp_path, text), 5), 'device.eds')
     assert says in str(refused.value) and 'device.eds' in refused.value.where and refused.value.remedy
@@ -282,7 +284,8 @@ def test_taxels_that_a_tpdo_may_map_are_accepted(tmp_path, taxels):
 
 
 @pytest.mark.parametrize(('taxels', 'at', 'says'), [
-    (ARRAY, '[2000]', '[2000sub1]'),  # The array declares nine elements but lists none.
+    # The array declares nine elements but lists none.
+    (ARRAY, '[2000]', '[2000sub1]'),
     # canopen would derive the missing element from sub 1.
     (ARRAY + ELEMENTS.replace('[2000sub3]', '[2000sub4]'), '[2000]', '[2000sub3]'),
     (COMPACT.replace('CompactSubObj=3', 'CompactSubObj=2'), 'CompactSubObj=2', '3 elements'),

@@ -96,7 +96,7 @@ def test_a_driver_closed_amid_an_outage_opens_again():
     (2, 0.06, None), (3, 0.005, AssertionError), (1, 0.005, AssertionError), (3, 0.06, TooSlowError)],
     ids=['right, held up by adapter and skin', 'a value of the past', 'a value of the future', 'a device that is late'])
 def test_a_stamp_is_judged_by_the_sync_that_the_taxels_answer(stamped, answered_late, error):
-    """A stamp is judged by the SYNC, not by the time that a busy machine needed.
+    """The check judges a stamp by the SYNC that the taxels answer, not by the time that a busy machine needs.
 
     The taxels answer SYNC 2 and carry the stamp of SYNC ``stamped``.
     """

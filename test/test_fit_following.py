@@ -34,7 +34,7 @@ INSIDE = 5.99  # The 95 % quantile of chi squared for the two coordinates of the
 class Moment(NamedTuple):
     """Place, size and load of the contact in one frame, with lengths in pitches."""
 
-    x: float = 0.0  # Distance from the middle of the pad.
+    x: float = 0.0  # Distance from the middle of the pad along x.
     y: float = 0.0
     angle: float = 0.4
     area: float = 60.0
@@ -204,7 +204,7 @@ def test_on_off_taxels_are_followed_as_near(shape):
 
 
 def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
-    """Return the followed and the searched radius [pitches] of a circle in its second frame.
+    """Return the radius [pitches] found by following and by searching in the second frame of a circle.
 
     In the first frame, the circle has only ``load`` times the pressure, and the last ``hidden`` rows of the pad have no
     value.

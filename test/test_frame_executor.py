@@ -1,4 +1,4 @@
-"""Tests that our executor serves everything that the rclpy executor serves, and QoS events once a second."""
+"""Tests that our executor serves everything that rclpy's executor serves, but QoS events only once a second."""
 
 import threading
 import time

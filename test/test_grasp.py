@@ -19,7 +19,8 @@ SETTINGS = GraspSettings(Gripper(LEFT, RIGHT), SteadinessSettings(max_creep=0.00
                          max_skew=0.05, max_age=0.25)
 RESOLUTION = 0.0002  # Position resolution of a result [m].
 PERIOD = 0.02  # Time between two results [s].
-PATH = 0.01  # Delay from acquisition to arrival [s].
+# Delay from acquisition to arrival [s].
+PATH = 0.01
 # Time until a grasp is stable [s]. At max_creep and without noise, a contact moves 1.5 resolutions in this time.
 STABLE_AFTER = 0.6
 
@@ -104,7 +105,7 @@ def test_a_result_of_unknown_age_is_unseen():
 def test_freshness_ends_when_the_results_of_a_side_stop(stopped, period):
     """A reader must learn of the silence within 3 periods, or within 0.1 s if that is longer.
 
-    The limit of the tracker is below 80 % of this time, which leaves time to send the message.
+    The tracker uses less than 80 % of this time, so that the rest is left for sending the message.
     """
     tracker = GraspTracker(SETTINGS)
     last = run(tracker, np.arange(0, 3, period))

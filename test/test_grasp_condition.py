@@ -25,7 +25,7 @@ AGE = 0.03  # Age of a message on arrival [s].
 
 
 class World:
-    """A clock, a publisher of grasps, and the view that the behaviour tree has of the grasp."""
+    """A clock, a publisher of grasps, and the behaviour tree's view of the grasp."""
 
     def __init__(self):
         self.now, self._tracker = 100.0, GraspTracker()

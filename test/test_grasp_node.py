@@ -1,6 +1,6 @@
 """Tests for the grasps that the node publishes.
 
-The shapes stop, are held back, are hidden, or have stamps of other clocks.
+In these tests, shapes stop, are held back or hidden, or have stamps of other clocks.
 """
 
 import math
@@ -65,7 +65,7 @@ class Gripper(TimedBench):
         return [each for each in self.grasps if each[0] > since]
 
     def message(self, side: str, shape: ContactShape | None = None) -> ContactShape:
-        """Return a shape that was acquired AGE ago, with a stamp of the clock of its side."""
+        """Return a shape that was acquired AGE ago, with a stamp from the clock of its side."""
         shape = shape or self._shape
         shape.header.stamp = time_message(1.7e9 + self._offsets[side] + self.steady() - AGE)
         shape.age = age_message(AGE)
@@ -76,7 +76,7 @@ class Gripper(TimedBench):
         self._publishers[side].publish(message)
 
     def run(self, seconds: float, sides=BOTH, shapes=None) -> None:
-        """Publish the shapes of ``sides`` once in every PERIOD for ``seconds``."""
+        """Publish one shape for each of ``sides`` per PERIOD, for ``seconds``."""
         for _ in range(round(seconds / PERIOD)):
             self._sequence += 1
             for side in sides:

@@ -81,7 +81,7 @@ def planner(make_planner):
 
 @pytest.fixture
 def make_own(ros):
-    """Return a function that makes a planner in real time, served by the executor that our processes use.
+    """Return a function that makes a real-time planner, served by the executor that our processes use.
 
     The large ``max_age`` prevents shapes from becoming too old on a busy machine.
     """
@@ -93,7 +93,7 @@ def make_own(ros):
 def rules(request, monkeypatch):
     """Apply the rules of rclpy 10.0.10 to goals that are accepted but not yet executing.
 
-    For such a goal, rclpy sends no feedback, and ``executing`` may be called first.
+    For a goal that is not yet executing, rclpy sends no feedback, and ``executing`` may be called first.
     """
     update, publish = ServerGoalHandle._update_state, ServerGoalHandle.publish_feedback
 
@@ -226,7 +226,7 @@ def test_a_goal_with_wrong_limits_is_refused_with_the_reason_and_so_is_one_too_m
 
 
 def test_a_goal_that_waits_does_not_keep_the_executor_busy(make_own):
-    """A waiting goal must not be a coroutine that awaits, because the executor would poll it without a pause."""
+    """A goal must not wait in a coroutine, because the executor would poll the coroutine without a pause."""
     planner = make_own()
     planner.send()
     passes, before = 0, time.process_time()

@@ -1,4 +1,4 @@
-"""Tests of the goals after the gripper's own action server was killed or stopped.
+"""Tests of goals sent after the gripper's own action server was killed or stopped.
 
 The gripper, the gripper node and the client are separate processes, because the middleware shows a killed server for 20
 s.
@@ -26,7 +26,8 @@ TIMEOUT = 5.0
 DISCOVERY = 2.0  # Time for the gripper node to discover a gripper that has already discovered the node [s].
 WIDEST = 0.08  # Jaw opening when the gripper is fully open [m].
 NARROW = 0.075  # Jaw opening of a goal that closes the gripper from WIDEST [m].
-NARROWER = 0.055  # Jaw opening of a goal that closes the gripper from START [m].
+# Jaw opening of a goal that closes the gripper from START [m].
+NARROWER = 0.055
 #: Distance by which a gripper closes in one step [m]. A gripper that was stopped may receive the cancel up to 3 s after
 #: the goal. By then, the gripper has closed by 15 mm and still touches nothing.
 TRAVEL = '0.0001'

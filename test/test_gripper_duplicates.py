@@ -117,9 +117,9 @@ def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
 
 @pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGKILL])
 def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
-    """SIGTERM to `ros2 run` would leave the node behind, so the option --end-with names a process to end with.
+    """SIGTERM to `ros2 run` would leave the node behind, so --end-with names a process with which the node ends.
 
-    The node also accepts ROS arguments beside this option.
+    The node also accepts ROS arguments beside --end-with.
     """
     bench = make_bench(has_node=False)
     parent = subprocess.Popen(['sleep', '1000'])

@@ -176,7 +176,7 @@ def test_a_frame_now_and_then_that_is_not_seen_does_not_stop_it(make_bench):
 
 
 def test_a_force_that_may_be_larger_stops_it(make_bench):
-    """Each change makes a pad saturated, partly hidden, on/off, bounded without an edge, or seen only in part."""
+    """Each change makes a pad saturated, partly hidden, on/off, bounded away from the edge, or only partly seen."""
     bench = make_bench()
     for change in (set_(saturated_taxels=[1, 0]), set_(hidden_taxels=[0, 2]), set_(forces=[math.nan, 0.2]),
                    set_(force_is_bound=[True, False]), set_(pads_seen=[True, False])):
