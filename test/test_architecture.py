@@ -30,8 +30,7 @@ ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 
        'launch', 'launch_ros'}
 CAN = {'can', 'canopen'}
 
-#: Modules of bench/recognition/ that generate the test data for the reported results. No model is ever trained on such
-#: data.
+#: Modules of bench/recognition/ that generate the test data for the reported results. No model is trained on this data.
 REPORTED = ('foreign', 'blemish', 'stamp', 'idle', 'spots', 'mechanics')
 
 

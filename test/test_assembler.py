@@ -509,7 +509,7 @@ UNSORTED = TINY.replace('number: 1,', 'number: 8,')  # In row order, the TPDOs h
 
 @pytest.mark.parametrize('order', [(1, 0, 2), (0, 2, 1), (2, 1, 0), (1, 2, 0), (2, 0, 1)])
 def test_the_order_in_which_a_device_sends_is_named_and_no_two_periods_are_mixed(tmp_path, order):
-    """In two of these orders, each period also looks like the end of a late sweep and the start of another sweep."""
+    """In two of the tested orders, each period also looks like the end of one late sweep and the start of another."""
     assembler = telling(FrameAssembler(tiny_layout(tmp_path, UNSORTED), (1,)))
     frames = []
     for number in range(3 * ORDER_MEMORY):

@@ -238,7 +238,7 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
 def test_an_adaptation_makes_no_name_sure_that_the_taxels_do_not_support(taxels, is_sure, arrays, tmp_path):
     """A shape recognised from too few taxels stays uncertain, even with many agreeing frames or a large bias.
 
-    A certain rectangle needs at least 9 taxels, so 2 x 3 taxels are too few.
+    A rectangle is certain only from 9 taxels on, so 2 x 3 taxels are too few.
     """
     biases = [50.0 * (shape is Shape.RECTANGLE) for shape in OUTPUTS]
     np.savez(tmp_path / 'skin.npz', **changed('biases', biases)(arrays))

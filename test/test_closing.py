@@ -257,7 +257,7 @@ def test_a_speed_whose_overshoot_exceeds_the_force_is_refused_with_the_numbers()
     with pytest.raises(RefusedGoalError, match=r'at most 0\.01 m/s'):
         # A gripper with a fixed speed cannot close more slowly.
         make_goal(0.0, 0.0, 0.6, LIMITS, speed_is_fixed=True)
-    # If a goal sets no speed, the goal gets a lower speed instead of a refusal.
+    # A goal without a speed gets a lower speed instead of being refused.
     assert make_goal(0.0, 0.0, 0.6, LIMITS).speed == pytest.approx(0.01)
     with pytest.raises(ConfigurationError, match='fast_speed'):
         TouchLimits(fast_speed=0.05)

@@ -132,7 +132,7 @@ def test_what_tests_and_examples_import_is_a_dependency(folder):
 
 
 def test_every_dependency_is_one_of_the_code():
-    """A superfluous dependency makes a robot install an unused package, or has a misspelt key."""
+    """An unused dependency makes a robot install a superfluous package, or comes from a misspelt key."""
     of_libraries = {origin.rosdep for origin in ORIGINS.values()}
     assert keys('exec_depend') - of_libraries - set(INSTALLED) <= NOT_MODULES
     assert keys('depend') - OF_INTERFACES <= set(INSTALLED)

@@ -204,7 +204,7 @@ def test_on_off_taxels_are_followed_as_near(shape):
 
 
 def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
-    """Return the radius [pitches] found by following and by searching in the second frame of a circle.
+    """Return the radii [pitches] that following and searching find for a circle in its second frame.
 
     In the first frame, the circle has only ``load`` times the pressure, and the last ``hidden`` rows of the pad have no
     value.

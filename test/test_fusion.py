@@ -90,7 +90,7 @@ def test_a_frame_that_is_not_seen_is_reported_at_once_and_is_no_evidence():
 def test_repetition_does_not_show_what_is_hidden():
     """Each frame gives the square a probability of 75 %.
 
-    If fusion treated the frames as independent, this probability would soon reach 100 %.
+    If fusion treated the frames as independent, the probability of the square would soon reach 100 %.
     """
     frame = Recognition.of_alternatives((0.75, 0.25), [Recognition.certain(Shape.SQUARE),
                                                        Recognition.certain(Shape.RECTANGLE)])

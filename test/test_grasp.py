@@ -17,8 +17,10 @@ from tactile_node.grasp.tracker import GraspContact, GraspSettings, GraspTracker
 LEFT, RIGHT = PadPose((0.0, 0.0, 0.0), (-pi / 2, 0.0, 0.0)), PadPose((0.0, 0.0, 0.0), (pi / 2, 0.0, 0.0))
 SETTINGS = GraspSettings(Gripper(LEFT, RIGHT), SteadinessSettings(max_creep=0.0005, slip=0.001), min_hold=0.2,
                          max_skew=0.05, max_age=0.25)
-RESOLUTION = 0.0002  # Position resolution of a result [m].
-PERIOD = 0.02  # Time between two results [s].
+# Position resolution of a result [m].
+RESOLUTION = 0.0002
+# Time between two results [s].
+PERIOD = 0.02
 # Delay from acquisition to arrival [s].
 PATH = 0.01
 # Time until a grasp is stable [s]. At max_creep and without noise, a contact moves 1.5 resolutions in this time.
@@ -105,7 +107,7 @@ def test_a_result_of_unknown_age_is_unseen():
 def test_freshness_ends_when_the_results_of_a_side_stop(stopped, period):
     """A reader must learn of the silence within 3 periods, or within 0.1 s if that is longer.
 
-    The tracker uses less than 80 % of this time, so that the rest is left for sending the message.
+    The tracker uses less than 80 % of this time and leaves the rest for sending the message.
     """
     tracker = GraspTracker(SETTINGS)
     last = run(tracker, np.arange(0, 3, period))

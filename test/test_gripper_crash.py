@@ -23,9 +23,12 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control
 # Timeout for an answer of the gripper [s]. Fast DDS repeats a lost message after 3 s, so the timeout is longer than
 # that.
 TIMEOUT = 5.0
-DISCOVERY = 2.0  # Time for the gripper node to discover a gripper that has already discovered the node [s].
-WIDEST = 0.08  # Jaw opening when the gripper is fully open [m].
-NARROW = 0.075  # Jaw opening of a goal that closes the gripper from WIDEST [m].
+# Time for the gripper node to discover a gripper that has already discovered the node [s].
+DISCOVERY = 2.0
+# Jaw opening when the gripper is fully open [m].
+WIDEST = 0.08
+# Jaw opening of a goal that closes the gripper from WIDEST [m].
+NARROW = 0.075
 # Jaw opening of a goal that closes the gripper from START [m].
 NARROWER = 0.055
 #: Distance by which a gripper closes in one step [m]. A gripper that was stopped may receive the cancel up to 3 s after
