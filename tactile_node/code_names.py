@@ -44,7 +44,7 @@ def name_of(interface: str | type, field: str, code: int) -> str:
     Raises
     ------
     KeyError
-        If the field has no constants.
+        Raised if the field has no constants.
 
     Examples
     --------

@@ -80,7 +80,7 @@ def bus_nodes(pads: Sequence[str], *, driver: Parameters, every: Parameters | No
     Raises
     ------
     ConfigurationError
-        If two pads have the same name, or a name cannot be used.
+        Raised if two pads have the same name, or a name cannot be used.
 
     Examples
     --------

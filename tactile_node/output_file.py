@@ -29,7 +29,7 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
     Raises
     ------
     InputError
-        If the file is one of ``inputs`` or cannot be written.
+        Raised if the file is one of ``inputs`` or cannot be written.
     """
     target = Path(os.path.realpath(path))
     _check_no_input(path, inputs)
@@ -68,7 +68,7 @@ def check_writable(path: str | Path, inputs: Iterable[str | Path] = (), *, force
     Raises
     ------
     InputError
-        If the file cannot be written, is one of ``inputs``, or exists and ``force`` is False.
+        Raised if the file cannot be written, is one of ``inputs``, or exists and ``force`` is False.
     """
     target = Path(os.path.realpath(path))
     _check_no_input(path, inputs)

@@ -20,7 +20,7 @@ def config_path(name: str) -> Path:
     Raises
     ------
     ConfigurationError
-        If neither exists.
+        Raised if neither exists.
     """
     given = Path(name).expanduser()
     return given if given.is_file() else package_file(f'config/{name}')
@@ -41,7 +41,7 @@ def package_file(name: str) -> Path:
     Raises
     ------
     ConfigurationError
-        If the package has no such file.
+        Raised if the package has no such file.
     """
     folders = [PACKAGE_FOLDER, *([CHECKOUT] if is_checkout() else [])]
     for folder in folders:

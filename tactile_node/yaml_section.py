@@ -46,7 +46,7 @@ def load_mapping(path: Path, about: str) -> 'Section':
     Raises
     ------
     ConfigurationError
-        If the file cannot be read or is not a YAML mapping.
+        Raised if the file cannot be read or is not a YAML mapping.
     """
     try:
         with Path(path).open('rb') as stream:

@@ -40,10 +40,10 @@ def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
     Raises
     ------
     DeviceError
-        If no channel was zeroed.
+        Raised if no channel was zeroed.
     HalfZeroedError
-        If some channels were zeroed before the device refused one, or if the device did not answer. In the second case
-        it is not known whether it has zeroed the channel.
+        Raised if some channels were zeroed before the device refused one, or if the device did not answer. In the
+        second case it is not known whether it has zeroed the channel.
     """
     where = f'{label}, object 0x{objects.AUTO_ZERO:04X}'
     entry = dictionary[objects.AUTO_ZERO] if objects.AUTO_ZERO in dictionary else None
@@ -76,7 +76,7 @@ def read_errors(sdo: SdoClient) -> DeviceErrors:
     Raises
     ------
     BusError
-        If a request cannot be sent.
+        Raised if a request cannot be sent.
     """
     def read(index: int, sub: int) -> int | None:
         with suppress(SdoAbortedError):  # 0x1003 is optional
@@ -106,7 +106,7 @@ class BusDevices:
     monitor : BusMonitor
         Monitor that receives the heartbeats of the nodes.
     network : callable
-        Returns the open bus. It raises BusError if the bus is not open.
+        Function that returns the open bus. It raises BusError if the bus is not open.
     """
 
     def __init__(self, settings: BusSettings, nodes: Sequence[CanopenNode], monitor: BusMonitor,
@@ -145,13 +145,13 @@ class BusDevices:
         Raises
         ------
         DeviceError
-            If the device is absent, has another identity, or refuses a request.
+            Raised if the device is absent, has another identity, or refuses a request.
         TwoDevicesError
-            If two devices answer under this node-ID.
+            Raised if two devices answer under this node-ID.
         BusError
-            If the bus cannot be used.
+            Raised if the bus cannot be used.
         InterruptedSetupError
-            If ``interrupt`` was called during the configuration.
+            Raised if ``interrupt`` was called during the configuration.
         """
         interrupts = self._interrupts
         foreign_requests = self._monitor.foreign_requests[node.node_id]
@@ -193,9 +193,9 @@ class BusDevices:
         Raises
         ------
         DeviceError, BusError
-            If no channel was zeroed.
+            Raised if no channel was zeroed.
         HalfZeroedError
-            If some channels were zeroed, or if a device did not answer.
+            Raised if some channels were zeroed, or if a device did not answer.
         """
         zeroed = 0
         for node in self._nodes:
@@ -226,9 +226,10 @@ class BusDevices:
         Raises
         ------
         DeviceError
-            If the node does not become OPERATIONAL in time. The message lists the errors that the device reports.
+            Raised if the node does not become OPERATIONAL in time. The message lists the errors that the device
+            reports.
         BusError
-            If a command or request cannot be sent.
+            Raised if a command or request cannot be sent.
         """
         end = time.monotonic() + max(self._settings.boot_timeout, START_PERIOD) + 3e-3 * self._settings.heartbeat_ms
         while time.monotonic() < end:

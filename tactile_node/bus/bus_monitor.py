@@ -38,8 +38,8 @@ class BusMonitor:
     node_ids : iterable of int
         Node-IDs of the pads on the bus.
     on_news : callable
-        Called when the state of a node changes, when another master sends an NMT command to one of the nodes, or when
-        another master changes the TPDOs of a node. The callback must return immediately.
+        Function that is called when the state of a node changes, when another master sends an NMT command to one of the
+        nodes, or when another master changes the TPDOs of a node. The callback must return immediately.
     """
 
     def __init__(self, node_ids: Iterable[int], on_news: Callable[[], None] = lambda: None):

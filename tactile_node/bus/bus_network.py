@@ -63,9 +63,9 @@ def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.
     Raises
     ------
     ConfigurationError
-        If the interface or the bit rate does not exist.
+        Raised if the interface or the bit rate does not exist.
     BusError
-        If the bus cannot be opened.
+        Raised if the bus cannot be opened.
     """
     check_bit_rate(bitrate)
     if interface not in can.VALID_INTERFACES:
@@ -107,15 +107,17 @@ class BusNetwork(Network):
     bus : can.BusABC
         Open bus.
     on_batch : callable
-        Called with each `Batch`, on the reception thread.
+        Function that is called with each `Batch`, on the reception thread.
     on_failure : callable
-        Called with a `BusFault` and the exception when receiving fails, or when canopen cannot send an answer.
+        Function that is called with a `BusFault` and the exception when receiving fails, or when canopen cannot send an
+        answer.
     record : CanLogWriter or None
         Recording of all received and sent frames.
     name : str
         Name of the bus in error messages.
     on_sent : callable
-        Called with COB-ID and data before each frame that this network sends. The callback must return immediately.
+        Function that is called with COB-ID and data before each frame that this network sends. The callback must return
+        immediately.
     """
 
     def __init__(self, bus: can.BusABC, on_batch: Callable[[Batch], None],
@@ -147,13 +149,13 @@ class BusNetwork(Network):
         remote : bool
             True for a remote frame.
         announce : callable
-            Returns the time of the frame for the recording [s]. It is called before the frame is on the bus, and while
-            no other thread sends. The order of the calls is the order of the recording.
+            Function that returns the time of the frame for the recording [s]. It is called before the frame is on the
+            bus, and while no other thread sends. The order of the calls is the order of the recording.
 
         Raises
         ------
         BusError
-            If the frame cannot be sent.
+            Raised if the frame cannot be sent.
         """
         with self.send_lock:
             with self._order:

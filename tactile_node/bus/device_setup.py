@@ -51,7 +51,8 @@ class DeviceSetup:
     retries : int
         Number of times that an unanswered request is repeated.
     is_interrupted : callable
-        Called before each request. If it returns True, the configuration ends with InterruptedSetupError.
+        Function that is called before each request. If it returns True, the configuration ends with
+        InterruptedSetupError.
     """
 
     def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats, retries: int,
@@ -82,13 +83,13 @@ class DeviceSetup:
         Raises
         ------
         DeviceAbsentError
-            If the device does not answer.
+            Raised if the device does not answer.
         DeviceError
-            If the device has another identity or does not accept the configuration.
+            Raised if the device has another identity or does not accept the configuration.
         BusError
-            If a request cannot be sent.
+            Raised if a request cannot be sent.
         InterruptedSetupError
-            If the configuration was interrupted.
+            Raised if the configuration was interrupted.
         """
         try:
             return self._run(boot_timeout, heartbeat_ms)

@@ -35,7 +35,7 @@ def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
     Raises
     ------
     BusError
-        If a request cannot be sent.
+        Raised if a request cannot be sent.
     canopen.SdoAbortedError
         If the device aborts the upload.
     canopen.SdoCommunicationError
@@ -73,7 +73,7 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
     Raises
     ------
     DeviceError
-        If the object cannot be read or does not have the length that the layout specifies.
+        Raised if the object cannot be read or does not have the length that the layout specifies.
     """
     where = f'{label}, object 0x{domain.index:04X} sub {domain.subindex}'
     read, is_block = None, False
@@ -108,9 +108,10 @@ class DomainPolling(Pacer):
     period : float
         Time between two polls [s].
     open_sdo : callable
-        Returns a context manager that yields the SDO client of the node.
+        Function that returns a context manager that yields the SDO client of the node.
     on_failure : callable
-        Called with a `BusFault` and the exception if a request cannot be sent, or if the thread ends with an exception.
+        Function that is called with a `BusFault` and the exception if a request cannot be sent, or if the thread ends
+        with an exception.
     """
 
     def __init__(self, domain: DomainLayout, label: str, period: float,

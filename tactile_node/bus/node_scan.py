@@ -81,7 +81,7 @@ class NodeScan:
         Raises
         ------
         BusError
-            If a request cannot be sent.
+            Raised if a request cannot be sent.
         """
         with self._lock:
             node_ids = sorted(self.answered | self._states.keys())
@@ -145,9 +145,9 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
     Raises
     ------
     ConfigurationError
-        If the interface cannot find the bit rate.
+        Raised if the interface cannot find the bit rate.
     BusError
-        If there are no valid frames at any bit rate, or only together with error frames.
+        Raised if there are no valid frames at any bit rate, or only together with error frames.
     """
     if interface != 'slcan':
         by_hand = BY_IP_LINK if interface == 'socketcan' else 'Give the bit rate; only slcan can find it.'

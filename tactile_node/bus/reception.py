@@ -43,9 +43,9 @@ class Reception:
     bus : can.BusABC
         Open bus. Its method ``recv_all`` is used if it has one, as `BulkSlcanBus` does.
     on_batch : callable
-        Called with each `Batch` that has messages.
+        Function that is called with each `Batch` that has messages.
     on_error : callable
-        Called with the exception when a read fails or the thread ends with an exception.
+        Function that is called with the exception when a read fails or the thread ends with an exception.
     """
 
     def __init__(self, bus: can.BusABC, on_batch: Callable[[Batch], None], on_error: Callable[[Exception], None]):

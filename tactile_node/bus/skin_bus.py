@@ -43,16 +43,16 @@ class SkinBus:
     pads : tuple of LivePad
         Pads on the bus.
     on_frame : callable
-        Called with the name of the pad and each taxel frame.
+        Function that is called with the name of the pad and each taxel frame.
     monitor : BusMonitor or None
         Monitor to feed; None for a new one.
     on_failure : callable or None
-        Called with a `Failure` when the bus stops working; None to log the failure.
+        Function that is called with a `Failure` when the bus stops working; None to log the failure.
 
     Raises
     ------
     ConfigurationError
-        If the pads conflict, the bit rate does not exist, or the planned load is too high.
+        Raised if the pads conflict, the bit rate does not exist, or the planned load is too high.
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
@@ -96,9 +96,9 @@ class SkinBus:
         Raises
         ------
         BusError
-            If the bus cannot be opened.
+            Raised if the bus cannot be opened.
         LogError
-            If the recording cannot be written.
+            Raised if the recording cannot be written.
         """
         if self._network is not None:
             return
@@ -142,11 +142,11 @@ class SkinBus:
         Raises
         ------
         DeviceError
-            If the device is absent or does not accept the configuration.
+            Raised if the device is absent or does not accept the configuration.
         TwoDevicesError
-            If two devices answer under this node-ID.
+            Raised if two devices answer under this node-ID.
         BusError
-            If the bus cannot be used.
+            Raised if the bus cannot be used.
         """
         as_set = self.devices.configure(node, boot_timeout, pause)
         if node.node_id in self._polls:
@@ -164,9 +164,9 @@ class SkinBus:
         Raises
         ------
         DeviceError
-            If a device does not become OPERATIONAL.
+            Raised if a device does not become OPERATIONAL.
         BusError
-            If a command cannot be sent.
+            Raised if a command cannot be sent.
         """
         self._opened()
         if self._is_running:
@@ -198,7 +198,7 @@ class SkinBus:
         Raises
         ------
         BusError
-            If the command cannot be sent.
+            Raised if the command cannot be sent.
         """
         if was_silent:
             self.traffic.put(self._router.start, node.node_id)

@@ -17,7 +17,7 @@ class StoppableThread:
     name : str
         Name of the thread.
     on_death : callable
-        Called with the exception if one ends the thread.
+        Function that is called with the exception if one ends the thread.
     """
 
     def __init__(self, run: Callable[[threading.Event], None], name: str, on_death: OnDeath = lambda error: None):
@@ -90,11 +90,11 @@ class Pacer(StoppableThread):
     period : float
         Time between two calls [s].
     act : callable
-        Called every period.
+        Function that is called every period.
     name : str
         Name of the thread.
     on_death : callable
-        Called with the exception if one ends the thread.
+        Function that is called with the exception if one ends the thread.
 
     Attributes
     ----------

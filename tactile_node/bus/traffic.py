@@ -41,7 +41,7 @@ class Traffic:
     monitor : BusMonitor
         Monitor to feed on the reception thread.
     on_failure : callable
-        Called with `BusFault.BUS_OFF` and an exception if the controller reports bus-off.
+        Function that is called with `BusFault.BUS_OFF` and an exception if the controller reports bus-off.
     polled : collection of int
         Node-IDs of polled pads. The assembler needs the SDO requests to these nodes.
     queue_limit : int
@@ -208,7 +208,7 @@ class Traffic:
         Raises
         ------
         BusError
-            If the SYNC cannot be sent.
+            Raised if the SYNC cannot be sent.
         """
         if self.pause.is_due(self._router.is_in_doubt):
             return

@@ -25,7 +25,7 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
     Raises
     ------
     ConfigurationError
-        If the file cannot be read, has another shape, or contains a gain that cannot be used.
+        Raised if the file cannot be read, has another shape, or contains a gain that cannot be used.
     """
     where, most = f'gain file {path}', 64 * rows * cols + 4096
     try:

@@ -30,7 +30,7 @@ def tare_limit(given: float, unit: str) -> float:
     Raises
     ------
     ConfigurationError
-        If taxels in this unit have no limit.
+        Raised if taxels in this unit have no limit.
     """
     limit = None if unit == ON_OFF_UNIT else given or TARE_LIMIT_BY_UNIT.get(unit)
     if limit is None:
@@ -62,7 +62,7 @@ def drift_limit(given: float, unit: str, gains: np.ndarray | None = None) -> flo
     Raises
     ------
     ConfigurationError
-        If taxels in this unit have no zero.
+        Raised if taxels in this unit have no zero.
     """
     largest = 1.0 if gains is None else max(1.0, float(gains.max()))
     return min(tare_limit(given, unit), tare_limit(0.0, unit)) / largest
@@ -176,8 +176,8 @@ def measure(values: np.ndarray, limit: float, guard: ContactGuard, zero: np.ndar
     Raises
     ------
     TareRefusedError
-        If a taxel reads ``limit`` or more, or varies by as much; if ``guard`` finds a contact; or if no taxel has a
-        valid value in all frames.
+        Raised if a taxel reads ``limit`` or more, or varies by as much; if ``guard`` finds a contact; or if no taxel
+        has a valid value in all frames.
     """
     known = np.isfinite(values).all(0)
     if not known.any():
@@ -283,7 +283,7 @@ class TaredPad:
         Raises
         ------
         TareRefusedError
-            If the pad is pressed or the frames do not arrive in time.
+            Raised if the pad is pressed or the frames do not arrive in time.
         """
         boots = self._boots() if self._boots is not None else 0
         found = self._measure_next(frames, limit, timeout)
@@ -312,7 +312,7 @@ class TaredPad:
         zero_device : callable
             Commands the device to zero itself and returns the number of zeroed channels.
         boots : callable
-            Returns the number of boot-ups of the device.
+            Function that returns the number of boot-ups of the device.
         frames : int
             Number of frames to average.
         limit : float

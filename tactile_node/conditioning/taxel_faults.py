@@ -236,7 +236,7 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
     Raises
     ------
     ConfigurationError
-        If the file cannot be used; the error names the file and the key.
+        Raised if the file cannot be used; the error names the file and the key.
     """
     kinds, path = {name: np.zeros(shape, np.uint8) for name, shape in pads.items()}, _usable(path)
     if path.exists():
@@ -263,7 +263,7 @@ def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
     Raises
     ------
     ConfigurationError
-        If the file cannot be written or is another kind of file.
+        Raised if the file cannot be written or is another kind of file.
     """
     path = _usable(path)
     pads = load_mapping(path, FILE_CONTENT).take('pads', {}) if path.exists() else {}

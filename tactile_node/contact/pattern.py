@@ -156,7 +156,7 @@ class PatternExtractor:
         Raises
         ------
         InputError
-            If an argument has the wrong type or shape.
+            Raised if an argument has the wrong type or shape.
         """
         frame = as_frame(values)
         numbers = frame.astype(float, copy=False)
@@ -372,7 +372,7 @@ def as_frame(values: ArrayLike) -> np.ndarray:
     Raises
     ------
     InputError
-        If ``values`` are not real numbers or bool, do not have two dimensions, or have no taxel.
+        Raised if ``values`` are not real numbers or bool, do not have two dimensions, or have no taxel.
     """
     try:
         frame = np.ma.filled(np.ma.asarray(values, float), np.nan) if np.ma.is_masked(values) else np.asarray(values)

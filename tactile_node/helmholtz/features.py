@@ -133,7 +133,7 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     Raises
     ------
     InputError
-        If ``mask`` is not a bool array with two dimensions.
+        Raised if ``mask`` is not a bool array with two dimensions.
 
     Examples
     --------

@@ -43,9 +43,9 @@ def press(gap: np.ndarray, cell: float, load: float, tolerance: float = TOLERANC
     Raises
     ------
     ValueError
-        If there is no indenter.
+        Raised if there is no indenter.
     RuntimeError
-        If the steps do not converge.
+        Raised if the steps do not converge.
     """
     solid = np.isfinite(gap)
     if not solid.any():
