@@ -1,6 +1,6 @@
 """Poll the DOMAIN of a pad by SDO.
 
-The polls only make the device send its data. The assembler reads the data from the frames on the bus.
+The polls only cause the device to send its data. The assembler reads the data from the frames on the bus.
 """
 
 import logging
@@ -37,9 +37,9 @@ def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
     BusError
         Raised if a request cannot be sent.
     canopen.SdoAbortedError
-        If the device aborts the upload.
+        Raised if the device aborts the upload.
     canopen.SdoCommunicationError
-        If the device does not answer, or if frames are missing or do not belong to the upload.
+        Raised if the device does not answer, or if frames are missing or do not belong to the upload.
     """
     try:
         if not by_block:
@@ -48,13 +48,14 @@ def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
             return stream.read()
     except (SdoAbortedError, SdoCommunicationError, BusError):
         raise
-    # If the last frame is lost or a foreign frame comes in between, canopen raises AttributeError and others.
+    # If the last frame is lost or a foreign frame arrives in between, canopen raises AttributeError or another
+    # exception.
     except Exception as error:
         raise SdoCommunicationError(f'Upload failed: {type(error).__name__}: {error}') from error
 
 
 def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
-    """Read a DOMAIN once, to check its length and to find the kind of upload that the device supports.
+    """Read a DOMAIN once, to check its length and to find out which kind of upload the device supports.
 
     Parameters
     ----------
@@ -63,17 +64,17 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
     domain : DomainLayout
         Index, sub-index and length of the object.
     label : str
-        Name of the node in messages.
+        Name of the node for messages.
 
     Returns
     -------
     bool
-        True if the device sends the object by block upload, False for a segmented upload.
+        True if the device sends the object by block upload, False if it uses segmented upload.
 
     Raises
     ------
     DeviceError
-        Raised if the object cannot be read or does not have the length that the layout specifies.
+        Raised if the object cannot be read or its length differs from the layout.
     """
     where = f'{label}, object 0x{domain.index:04X} sub {domain.subindex}'
     read, is_block = None, False
@@ -95,9 +96,9 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
 
 
 class DomainPolling(Pacer):
-    """Polls the DOMAIN of one node on its own thread, from ``start`` to ``stop``.
+    """Polls the DOMAIN of one node on a separate thread, from ``start`` to ``stop``.
 
-    Failed polls are logged at increasing intervals. The assembler counts the lost uploads.
+    Failed polls are logged at increasing intervals. The assembler counts lost uploads.
 
     Parameters
     ----------
@@ -110,8 +111,7 @@ class DomainPolling(Pacer):
     open_sdo : callable
         Function that returns a context manager that yields the SDO client of the node.
     on_failure : callable
-        Function that is called with a `BusFault` and the exception if a request cannot be sent, or if the thread ends
-        with an exception.
+        Function that is called with a `BusFault` and the exception if a request cannot be sent or the thread fails.
     """
 
     def __init__(self, domain: DomainLayout, label: str, period: float,
@@ -128,7 +128,8 @@ class DomainPolling(Pacer):
     def _poll(self) -> None:
         try:
             with self._open_sdo() as sdo:
-                # Time after which a missing answer counts as lost [s]. A lost frame must not delay many further polls.
+                # Time after which a missing answer counts as lost [s]. The timeout is short so that a lost frame delays
+                # only a few further polls.
                 sdo.RESPONSE_TIMEOUT = 0.1
                 upload(sdo, self._domain, self.by_block)
         except (SdoAbortedError, SdoCommunicationError) as error:
