@@ -6,8 +6,8 @@ state. Each round gives certain bounds for every Λ:
 
 - The Rayleigh quotient θ of the iterate is an upper bound.
 
-- If (A - s) x = x' with x, x' > 0, then Λ >= s + min x'_i / x_i (Collatz-Wielandt). Any s for which A - s has a Cholesky
-  factor is also a lower bound.
+- If (A - s) x = x' with x, x' > 0, then Λ >= s + min x'_i / x_i (Collatz-Wielandt). Any s for which A - s has a
+  Cholesky factor is also a lower bound.
 
 For an iterate x with ‖x‖ = 1, an eigenvalue lies within ‖A x - θ x‖ of θ. The iterate is accepted if this distance is
 at most 2e-10 θ. Otherwise, the next round uses a shift just below θ. If the caller requests only the extremes over the
