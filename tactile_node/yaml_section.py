@@ -13,6 +13,7 @@ from tactile_node.errors import ConfigurationError
 
 _NO_DEFAULT = object()
 LARGEST_NUMBER = 1e300  #: Largest number accepted. A whole number in YAML may be larger than any float.
+
 #: Largest size of a file [bytes]. No pad on a CAN bus needs a larger file, and a larger file takes seconds to read.
 MOST_BYTES = 1 << 19
 SHOWN = 80           #: Largest number of characters of a value that an error message shows.

@@ -23,6 +23,7 @@ EXACT = 0.12      #: Fraction of the contacts that are aligned exactly with the 
 NOISELESS = 0.1   #: Fraction of the nominal pressure frames that have neither noise nor blur.
 LIGHT = 0.3       #: Fraction of the pressure frames with a light contact, at 5 to 35 % of full scale.
 NOISIEST = 0.25   #: Largest standard deviation of the noise, relative to the level of the contact.
+
 #: Fraction of the pressure frames whose threshold ignores the level and the tilt of the contact.
 ABSOLUTE = 0.35
 MEMORY = 400_000  #: Largest number of taxels in the frames that are drawn at once.

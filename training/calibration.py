@@ -28,10 +28,12 @@ LEAST_BIAS = 0.5
 #: memory.
 CLEAN = ((9, 60, 30, 80), (60, 130, 36, 40), (130, 500, 56, 16))
 NEAR = 0.3  #: Largest difference between the logarithms of two sizes at which contacts are evaluated together.
+
 #: Number of solutions, frames and poses for contacts computed by contact mechanics.
 SOLUTIONS, FRAMES, POSES = 150, 12_000, 3
 MECHANICS_SEED, MECHANICS_AREAS = 910_000, (9.0, 250.0)
 REAL, REAL_SEED = 6000, 920_000  #: Number of contacts on real arrays, and the seed with which they are drawn.
+
 #: Pressure, noise and fraction of dead taxels in clean contacts by contact mechanics. Tilt and depth are drawn as in
 #: training.
 PRESSURE, NOISE, DEAD = (0.05, 0.8), 0.01, 0.03

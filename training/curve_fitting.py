@@ -26,6 +26,7 @@ COLUMNS = (('value', 'N'), ('dif', 'alpha9'), ('min', 'P05'), ('min', 'info_norm
 PASSES = 6
 KNOTS = 9
 LEVELS = 41   #: Number of heights tried at each knot, first over the whole plane, then near the best heights found.
+
 #: Number of patterns that a curve must gain by a kink whose second difference of heights is 1 in v.
 STIFF = 5.0
 #: The two interpretations of the third plane's horizontal axis in the paper.

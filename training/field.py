@@ -31,16 +31,19 @@ class Conditions:
     blur: float = 0.0             #: standard deviation with which the elastomer spreads the pressure [pitches]
     noise: float = 0.0            #: standard deviation of the noise [fraction of full scale]
     dead: float = 0.0             #: fraction of taxels known to be dead (NaN)
+
     #: fraction of taxels stuck at 0 or at the contact's pressure, but not known to be stuck
     stuck: float = 0.0
     silent_lines: int = 0         #: number of adjacent rows or columns that are silent but not known to be silent
     silent_places: int = 1        #: number of places on the contact at which rows or columns are silent
+
     #: fraction of rows and columns in which some taxels are silent, but not known to be silent
     poor_lines: float = 0.0
     threshold: float = 0.5
     cut: float = 0.0              #: largest fraction of the contact that lies beyond the pad's edge
     second: float = 0.0           #: area of a second contact, as a fraction of the area of the first contact
     gap: float = 4.0              #: smallest distance between the two contacts [pitches]
+
     #: width of the rim of a hollow contact [fraction of the inscribed radius]; 0 for a solid contact
     wall: float = 0.0
     rounding: float = 0.0         #: radius of the corners [fraction of the inscribed radius]

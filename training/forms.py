@@ -19,11 +19,13 @@ from training.shapes import Figure
 
 SIDE = 144           #: Number of cells along each side of the raster.
 EXTENT = 1.55        #: Limit of the coordinates. Figures are drawn from -EXTENT to EXTENT.
+
 #: A figure is foreign if its best overlap with the five shapes is below the first value. It is known if the overlap
 #: reaches the second value.
 FOREIGN, KNOWN = 0.85, 0.92
 BESIDE = 0.02        #: If the overlaps of two shapes differ by less than this value, neither shape becomes the label.
 TIE = 0.005          #: Largest error of the overlaps.
+
 #: A figure is a rectangle only if its overlap with a square is smaller by at least this much. That is the case for a
 #: side ratio of about 5:4 or more.
 LONGER = 0.15

@@ -24,6 +24,7 @@ SOLUTIONS = 1000
 SEED = 900_000      #: Seed of the pool. No other part of the training uses this seed.
 POSES = 4           #: Number of successive frames with the same solution, size and depth.
 LEAST_SIDE = 12     #: Smallest number of rows and columns in a pad.
+
 #: Largest shift of the contact by its tilt [square root of the contact's area]. A larger shift means that too much of
 #: the contact has lifted off.
 MOST_SHIFT = 0.10
@@ -33,14 +34,17 @@ ROUNDING = (0.0, 0.3)        #: Radius of the edges of a punch [inscribed radius
 TILT = (0.0, 0.8)
 DEPTH = (0.15, 1.3)          #: Depth of the taxels [pitches].
 PRESSURE = (0.04, 0.9)       #: Mean pressure over the contact.
+
 #: Pressure on an on/off skin. The threshold follows the pressure, so the pressure only determines the relative noise.
 ON_OFF_PRESSURE = 0.5
 NOISE = (0.0, 0.02)
 DEAD = (0.0, 0.06)
 APERTURE = (0.7, 1.0)        #: Side of a taxel's sensitive square [pitches].
+
 #: Threshold of an on/off skin [mean pressure]. The middle of a flat punch carries about half of the mean pressure.
 THRESHOLD = (0.15, 0.6)
 RATIO = (1.5, 3.0)           #: Side ratio of a rectangle, and of the contact of a lying cylinder.
+
 #: Share of balls and of cones among circles, and of lying cylinders among rectangles. All other indenters are flat
 #: punches.
 BALLS, CONES, CYLINDERS = 0.25, 0.2, 0.3

@@ -7,6 +7,7 @@ from tactile_node.contact.press import PressThresholds
 
 ON_OFF = 0.5
 SPREAD = 0.4              #: Fraction of the pressure frames whose threshold differs from that of the library.
+
 #: Range of the thresholds that differ from the library's, as a fraction of the contact's level.
 FRACTIONS = (0.35, 0.65)
 #: Share of the highest readings. Readings of at least this share determine the level of the contact.

@@ -41,8 +41,8 @@ The assembler applies these rules to each node of the pad separately:
     SURPLUS.
 
  5. In an incomplete frame, the taxels that no run contains are NaN and STALE. An incomplete frame is emitted, or
-    withheld (``drop_incomplete``), as soon as none of its missing TPDOs can arrive any more. That moment is the next
-    SYNC, the beginning of the next run, or the SYNC after the next one.
+    withheld (``drop_incomplete``), as soon as none of its missing TPDOs can arrive any more. The assembler decides at
+    the next SYNC, when the next run begins, or one SYNC later.
 
  6. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC then belongs to the
     previous period, or is LATE. A driver that lags behind its bus therefore never publishes taxels with a later stamp.
@@ -51,10 +51,10 @@ The assembler applies these rules to each node of the pad separately:
     assembler discards the period: all TPDOs of all nodes are LATE until the next SYNC.
 
  8. While the bus is free, a node begins its answer to a SYNC within half a period. If TPDOs of a period were received
-    and the bus was then free for longer, no further run of that period can arrive (``FreeBus``, ``settle``). The next
-    run then belongs to the period in which it arrives. If a second run arrives in the same period, an adapter has held
-    frames back, and the conclusion was wrong. While the assembler does not know which SYNC a node is answering
-    (``is_in_doubt``), the SYNC producer skips SYNCs, so that the bus becomes free.
+    and the bus was then free for more than half a period, no further run of that period can arrive (``FreeBus``,
+    ``settle``). The next run then belongs to the period in which it arrives. If a second run arrives in the same
+    period, an adapter has held frames back, and the conclusion was wrong. While the assembler does not know which SYNC
+    a node is answering (``is_in_doubt``), the SYNC producer skips SYNCs, so that the bus becomes free.
 
  9. A SYNC that may have reached the bus more than MOST_LATE after its stamp begins a period as usual. The taxels of
     that period are not published: they are LATE.
@@ -115,6 +115,7 @@ class FrameAssembler(PadAssembler):
         self._syncs = 0
         self._distinct = [0] * len(layout.tpdos)  # by rank
         self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
+
         # previous period, not emitted yet because the end of its sweep may still arrive
         self._before: SweepPeriod | None = None
         self._period: SweepPeriod | None = None
@@ -124,7 +125,7 @@ class FrameAssembler(PadAssembler):
     def is_in_doubt(self) -> bool:
         """True if the bus must stay without SYNC until the driver knows how far each node has got.
 
-        Any thread may read this.
+        Any thread may read this property.
         """
         period = self._period
         return period is not None and any(run.is_in_doubt for run in period.runs)
@@ -143,7 +144,7 @@ class FrameAssembler(PadAssembler):
         self._is_after_outage = True
 
     def start(self, node_id: int) -> None:
-        """Note that a silent node was started. Its next TPDOs do not belong to an earlier period."""
+        """Note that a silent node was started. The next TPDOs of that node do not belong to an earlier period."""
         if self._period is not None and node_id in self._node_ids:
             self._period.runs[self._node_ids.index(node_id)].start()
 
@@ -210,7 +211,7 @@ class FrameAssembler(PadAssembler):
         """Note the order in which the TPDOs of each node arrived, if each TPDO arrived once in this period.
 
         The end of a late sweep and the beginning of the next one look like a changed order. The assembler therefore
-        accepts a changed order only if no sweep can be late. That is the case after OUT_OF_ORDER or, with several
+        accepts a changed order only if no sweep can be late. No sweep can be late after OUT_OF_ORDER or, with several
         nodes, in a discarded period. As long as a node keeps the changed order, the assembler treats none of the node's
         sweeps as late.
         """
@@ -249,7 +250,7 @@ class FrameAssembler(PadAssembler):
         return sum(period.pending for period in (self._before, self._period) if period is not None)
 
     def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Frames:
-        """Take a TPDO that was on the bus before the last SYNC."""
+        """Process a TPDO that was on the bus before the last SYNC."""
         before, run = self._before, period.runs[self._nodes[rank]]
         if run.is_seen:  # a node cannot send a TPDO of the earlier period after one of this period
             return self._lose(LossReason.LATE)

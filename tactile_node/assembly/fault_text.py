@@ -168,5 +168,5 @@ def command_text(command: ForeignCommand | None) -> str:
 
 
 def node_label(pad: str, node_id: int) -> str:
-    """Return the label of a node with which a message begins."""
+    """Return the label of a node for the beginning of a message."""
     return f'Node {node_id} (pad {pad!r})'

@@ -28,7 +28,9 @@ class LossReason(PhrasedCode):
 
 
 class PadStatistics(NamedTuple):
-    """Counts of one pad since it was opened. The number received equals used + pending + the sum of all losses.
+    """Counts of one pad since it was opened.
+
+    The number of received TPDOs equals used + pending + the sum of all losses.
 
     For a pad with a polled DOMAIN, read "SDO upload" wherever this text says "TPDO".
     """
@@ -38,17 +40,19 @@ class PadStatistics(NamedTuple):
     expected: int  #: TPDOs that all taxel frames, emitted or withheld, would hold if every frame were complete
     received: int  #: TPDOs received, valid or not
     used: int  #: TPDOs whose taxels were emitted with valid values
-    pending: int  #: TPDOs not decided yet: they may still be used or lost
-    losses: dict[LossReason, int]  #: TPDOs lost, by reason; every reason has an entry; read only
+    pending: int  #: TPDOs that may still be used or lost
+    losses: dict[LossReason, int]  #: number of TPDOs lost for each reason; read only
     withheld: int = 0  #: incomplete taxel frames that were not emitted because of ``drop_incomplete``
     padded: int = 0  #: TPDOs with more bytes than mapped, but at most 8; only their first bytes are used
     used_by_node: tuple[int, ...] = ()  #: ``used`` for each node of the pad
     syncs: int = 0  #: SYNCs that began a period
-    #: for each node and each of its TPDOs in the order of the layout: TPDOs received, without DUPLICATEs
+
+    #: number of TPDOs received, without DUPLICATEs, for each node and each of its TPDOs in the order of the layout
     distinct_by_tpdo: tuple[tuple[int, ...], ...] = ()
-    #: for each node and each of its TPDOs in the order of the layout: TPDOs used for a taxel frame, emitted or withheld
+    #: number of TPDOs used for a taxel frame, emitted or withheld, for each node and each of its TPDOs in the order of
+    #: the layout
     fresh_by_tpdo: tuple[tuple[int, ...], ...] = ()
-    #: for each node, an order of TPDOs that differs from the layout; None if the node keeps the order of the layout
+    #: for each node, the order of its TPDOs if it differs from the layout, else None
     orders: tuple[TpdoOrder | None, ...] = ()
 
     @property
@@ -66,10 +70,12 @@ class BusStatistics(NamedTuple):
     """Counts of a bus or a log since construction."""
 
     pads: dict[str, PadStatistics]  #: counts of each pad, by pad name
+
     #: CAN frames received, by service; 'tpdo' counts the TPDOs of the pads, and 'foreign' the frames of no pad
     can_frames: dict[str, int]
     queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
     sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
+
     #: SYNCs skipped on purpose to free the bus, so that the driver learns which SYNC each node is answering
     sync_pauses: int = 0
     poll_overruns: int = 0  #: polls of a DOMAIN skipped because earlier polls took too long
@@ -77,6 +83,7 @@ class BusStatistics(NamedTuple):
     clock_jumps: int = 0  #: number of times the wall clock was set
     stamps_ahead: float = 0.0  #: time by which the stamps lead the wall clock after it was set back [s]
     unread: int = 0  #: lines of a log that could not be read
+
     #: CAN frames missing from the recording, because it failed or because its format cannot hold them
     unrecorded: int = 0
 
@@ -139,14 +146,14 @@ class FrameSource(Protocol):
         DeviceError, BusError
             Raised if no channel was zeroed.
         HalfZeroedError
-            Raised if only some channels were zeroed, or if that is uncertain.
+            Raised if only some channels were zeroed, or if a device did not answer.
         """
 
     def boots(self, pad: str) -> int:
         """Return how often the devices of ``pad`` have booted. A device loses its unsaved settings when it boots."""
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
-        """Change settings; allowed at any time.
+        """Change settings. The method may be called at any time.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Prove with a free bus that no node is behind.
+"""Prove from times at which the bus is free that no node is behind.
 
 `FreeBus` measures how long the bus was free. `SyncPause` decides which SYNCs to skip, so that the bus stays free for
 long enough.
@@ -44,7 +44,7 @@ class FreeBus:
         """Forget all SYNCs, because SYNC was switched off."""
         self._synced = inf
         self._due = self._due_before = inf  # latest time of an answer to the last SYNC, and to the SYNC before it
-        self._since = self._since_before = inf  # time since which the bus has been free without that answer
+        self._since = self._since_before = inf  # time since which the bus has been free while that answer is missing
 
     def sync(self, stamp: float, late: float = 0.0) -> None:
         """Note a SYNC.
@@ -90,7 +90,7 @@ class FreeBus:
         until : float
             Stamp up to which no further TPDO was received [s].
         """
-        # the longer time allows for a frame that is on the bus right now
+        # a frame may be on the bus right now, so the time of one frame is added
         return until - self._since_before >= FREE_TIME + self._frame_time
 
 

@@ -93,7 +93,7 @@ class SentTpdo(NamedTuple):
 
 
 class TpdoOrder(NamedTuple):
-    """The TPDOs of a node whose sending order differs from the layout, by `TpdoLayout.name`."""
+    """Order of a node's TPDOs, by `TpdoLayout.name`, if the node does not send them in the order of the layout."""
 
     node_id: int
     sent: tuple[str, ...]  #: names in the order in which the node sends
@@ -121,7 +121,7 @@ class Outages(Generic[Cause]):
 
     count: int = 0
     seconds: float = 0.0  #: total duration [s]
-    cause: Cause | None = None  #: cause of the last outage when it began
+    cause: Cause | None = None  #: cause with which the last outage began
     current: Cause | None = None  #: present cause of the outage that has not ended yet; None if there is no outage
 
 

@@ -74,7 +74,7 @@ class PadAssembler:
         return ()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Frames:
-        """Take a CAN frame of this pad.
+        """Process a CAN frame of this pad.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ class Router:
     """Routes CAN frames in the order of their arrival, and calls ``on_frame`` with each taxel frame.
 
     A router is not thread-safe: only one thread may feed it. If ``on_frame`` raises an exception, the router counts and
-    logs it and continues.
+    logs the exception, and continues.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Router:
     def is_in_doubt(self) -> bool:
         """True if the bus must stay without SYNC until the driver knows how far each node has got.
 
-        Any thread may read this.
+        Any thread may read this property.
         """
         return any(assembler.is_in_doubt for assembler in self._synchronous)
 

@@ -23,7 +23,7 @@ Number of runs that the sender is behind when a period begins:
     was silent               1      any ranks
     its sender was started   none   - (and all earlier runs are forgotten)
 
-If the sender was behind in a previous period that ended SUSPECT or was silent, those runs still count as late.
+If the previous period ended SUSPECT or was silent, the number from that period is added.
 """
 
 from typing import NamedTuple
@@ -65,6 +65,7 @@ class SenderRun:
         self.last = -1  #: rank received last
         self._last_data = b''
         self._aside: dict[int, bytes] = {}  # a suspect run, set aside when the sender began the next run
+
         #: True if the run set aside is the tail of a sweep, so it belongs to the previous period
         self.is_aside_proved = False
         self.received: list[int] = []  #: ranks in order of reception; at most one more than a sweep has
@@ -190,7 +191,7 @@ class SenderRun:
         """
         lost = None
         if not self.is_seen:
-            # the next run has begun, so its delayed tail cannot arrive any more
+            # a new run has begun, so the delayed tail cannot arrive any more
             if self._behind == 1 and rank <= self._late_above:
                 self._expect_late(0)
             self._is_suspect = self._behind > 0

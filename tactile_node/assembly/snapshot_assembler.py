@@ -11,9 +11,9 @@ The assembler follows these rules:
  1. A snapshot is emitted as soon as every TPDO has been received since the previous snapshot. The assembler does not
     wait for TPDOs whose values are already too old.
 
- 2. A snapshot is also emitted before a TPDO replaces values that no snapshot contains yet. No value is lost, and the
-    fastest TPDO sets the pace. A snapshot is also emitted before a TPDO that arrives more than SNAPSHOT_WAIT after the
-    first new TPDO.
+ 2. A snapshot is also emitted before a TPDO replaces values that no snapshot contains yet. With this rule, no value is
+    lost, and the fastest TPDO sets the rate of snapshots. A snapshot is also emitted before a TPDO that arrives more
+    than SNAPSHOT_WAIT after the first new TPDO.
 
  3. If a TPDO is older than ``max_age`` or was never received, its taxels are NaN and STALE. A device repeats unchanged
     values after its event timer, so silence beyond ``max_age`` is a fault and never means "unchanged".
@@ -24,11 +24,11 @@ The assembler follows these rules:
  5. With ``drop_incomplete``, a snapshot with STALE TPDOs is withheld. The new TPDOs of a withheld snapshot are lost
     (INCOMPLETE) unless the next emitted snapshot still holds them.
 
- 6. If a stamp differs from the newest stamp by more than ``max_age``, the pad was silent or the clock was set. The
-    assembler then forgets all values. The next snapshot waits for every TPDO, as the first one does.
+ 6. If a stamp differs from the newest stamp by more than ``max_age``, the assembler forgets all values, because the pad
+    was silent or the clock was set. The next snapshot waits for every TPDO, as the first one does.
 
- 7. When a node is started, the assembler forgets the node's values. The node was silent, and its values may have
-    changed.
+ 7. When a node is started, the assembler forgets the node's values, because they may have changed while the node was
+    silent.
 """
 
 from collections.abc import Sequence

@@ -70,7 +70,7 @@ class SweepAssembler(PadAssembler):
         self.restart()
 
     def start(self, node_id: int) -> None:
-        """Note that the node was started. Its next TPDO begins a run."""
+        """Note that the node was started. The next TPDO of the node begins a run."""
         self._is_continued = False
 
     def end_period(self) -> Frames:

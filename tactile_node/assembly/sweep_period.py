@@ -49,7 +49,7 @@ class SweepPeriod:
 
     @property
     def may_be_continued(self) -> bool:
-        """True if missing TPDOs of this period may arrive in the next one."""
+        """True if missing TPDOs of this period may arrive in the next period."""
         return not self.is_emitted and not self.is_discarded and any(run.may_be_continued for run in self.runs)
 
     def may_continue(self, before: 'SweepPeriod') -> bool:

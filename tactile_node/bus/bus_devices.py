@@ -225,7 +225,7 @@ class BusDevices:
         Parameters
         ----------
         node : CanopenNode
-            Node that was sent NMT start.
+            Node to which NMT start was sent.
         since : float
             Time on the monotonic clock [s]. Heartbeats received before this time do not count.
 

@@ -50,9 +50,11 @@ class BusMonitor:
         self.bits = 0
         self.foreign_commands = 0
         self.last_command: ForeignCommand | None = None  #: last NMT command of another master to one of our nodes
+
         #: by node-ID, writes of another master to the objects in DECIDES_TPDOS
         self.foreign_writes = dict.fromkeys(self.emergencies, 0)
         self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: by node-ID, SDO requests of another master
+
         #: by node-ID, writes of another master to the heartbeat time
         self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)
         self.is_error_passive = False

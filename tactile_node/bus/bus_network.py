@@ -35,7 +35,7 @@ _REMEDIES = {
     'kvaser': 'Use the interface socketcan with the Linux driver kvaser_usb. On Linux, python-can 4.6 cannot open an '
               'adapter through CANlib (docs/adapters.md).',
     'pcan': 'Use the interface socketcan with the Linux driver peak_usb, or install PCAN-Basic (docs/adapters.md).'}
-#: By interface, the manufacturer's library that python-can loads.
+#: Manufacturer's library that python-can loads, by interface.
 _LIBRARIES = {'kvaser': 'CANlib', 'pcan': 'PCAN-Basic'}
 
 
@@ -177,7 +177,7 @@ class BusNetwork(Network):
     def sdo_client(self, node_id: int, dictionary: ObjectDictionary, timeout: float) -> Iterator[OwnSdoClient]:
         """Yield an SDO client for one device.
 
-        Only one client per device is active at a time, and other threads wait for it.
+        Only one client per device is active at a time. Other threads wait until that client is closed.
 
         canopen's RemoteNode is not used, because it stores an unlimited number of EMCY messages.
 

@@ -1,7 +1,7 @@
 """Limit how often a message is sent.
 
-`Reminder` passes repeated log messages at increasing intervals. `ChangePace` passes a state when it changes, and
-otherwise once per period.
+`Reminder` allows repeated log messages only at increasing intervals. `ChangePace` allows a state to be published when
+it changes, and otherwise once per period.
 """
 
 from collections import deque
@@ -12,7 +12,7 @@ LAST_REMINDER = 60.0  #: Longest time between two messages of one kind [s].
 
 
 class Reminder:
-    """Passes the first message of a kind immediately, and repetitions at intervals that double each time."""
+    """Allows the first message of a kind immediately, and repetitions at intervals that double each time."""
 
     def __init__(self) -> None:
         self._kind = ''
@@ -43,6 +43,7 @@ class Reminder:
 
 STATE_PERIOD = 1.0  #: Longest time between two publications of the state [s] (see REP-107).
 MOST_STATES = 20  #: Largest number of publications within any STATE_PERIOD.
+
 #: Longest time from the decision to publish until the publication [s]. STATE_PERIOD is extended by this time, so that a
 #: reader never receives more than MOST_STATES publications in a period.
 STATE_MARGIN = 0.05
@@ -51,10 +52,10 @@ EARLY_ROUND = 0.02
 
 
 class ChangePace:
-    """Passes a state when it has changed, and at least once in each STATE_PERIOD.
+    """Allows a state to be published when it has changed, and at least once in each STATE_PERIOD.
 
-    At most MOST_STATES publications fall within any STATE_PERIOD. If a change exceeds that limit, a later call passes
-    it, unless the state has changed back by then.
+    At most MOST_STATES publications fall within any STATE_PERIOD. A change beyond that limit is published at a later
+    call, unless the state has changed back by then.
     """
 
     def __init__(self) -> None:
@@ -67,7 +68,7 @@ class ChangePace:
         Parameters
         ----------
         key : hashable
-            Value that is equal for equal states.
+            Value that identifies the state. Equal states have equal values.
         now : float
             Present time on the steady clock [s].
         """

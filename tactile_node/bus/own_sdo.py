@@ -64,7 +64,7 @@ def _where(sdo: SdoClient, address: ObjectAddress) -> str:
     return f'node {sdo.rx_cobid & 0x7F}, object {address}'
 
 
-#: For each request that names an object, the command of the expected answer unless the server aborts.
+#: Command of the expected answer, for each request that names an object. An abort has a different command.
 ANSWER_COMMANDS = {constants.REQUEST_DOWNLOAD: constants.RESPONSE_DOWNLOAD,
                    constants.REQUEST_UPLOAD: constants.RESPONSE_UPLOAD,
                    constants.REQUEST_BLOCK_UPLOAD: constants.RESPONSE_BLOCK_UPLOAD}

@@ -16,6 +16,7 @@ from tactile_node.threads import ReportedThread, call_guarded
 
 RECEIVE_TIMEOUT = 0.1  #: Longest time a read waits for a message [s].
 STOP_TIMEOUT = 1.0  #: Time allowed for the reception thread to end [s].
+
 #: Shortest time between two reads on a busy bus [s]. The pause adds at most this time to the age of the taxels.
 READ_PAUSE = 0.5e-3
 #: Largest number of CAN frames in a batch. A socket buffer holds more frames than this.
@@ -29,6 +30,7 @@ class Batch(NamedTuple):
     """Messages that were read together."""
 
     messages: list[can.Message]  #: in the order of reception
+
     #: Interval of the monotonic clock in which all messages arrived [s]; None if the stamp of each message gives its
     #: time of arrival.
     came: tuple[float, float] | None = None
@@ -56,7 +58,7 @@ class Reception:
         self._on_batch = on_batch
         self._on_error = on_error
         self._recent: deque[float] = deque(maxlen=BUSY_FRAMES)  # times at which the last batches of messages were read
-        self._error: Exception | None = None  # to be reported after the messages received before it
+        self._error: Exception | None = None  # exception to be reported after the messages received before it
         self._stopping = threading.Event()
         self._thread = ReportedThread(self._run, 'reception', on_death=on_error)
         self._thread.start()

@@ -66,6 +66,7 @@ class Traffic:
         self.no_data_frames: Counter[str] = Counter()  #: received messages that are not data frames, by kind
         self._put = 0  # CAN frames put into the queue
         self._fed = 0  # CAN frames taken from the queue
+
         #: data frames lost because the queue was full; no_data_frames counts the other messages of the same batches
         self.overruns = 0
         self.syncs_sent = 0

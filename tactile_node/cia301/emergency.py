@@ -60,6 +60,7 @@ class DeviceErrors(NamedTuple):
     """Errors that a device reports when asked by SDO. A field without an answer is None or empty."""
 
     register: int | None  #: object 0x1001
+
     #: entries of object 0x1003, newest first; the lower 16 bits hold the error code, the upper 16 bits the maker's code
     field: tuple[int, ...] = ()
 

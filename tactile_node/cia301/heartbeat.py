@@ -13,8 +13,8 @@ TOGGLE = 0x80  #: bit 7, which toggles in answers to node guarding
 def nmt_state(data: bytes) -> int | None:
     """Return the NMT state in a heartbeat, a boot-up message or an answer to node guarding.
 
-    The result is None for an empty message. CiA 301 defines one byte for these frames. Some devices send more bytes; the
-    first byte is the state.
+    The result is None for an empty message. CiA 301 defines one byte for these frames. Some devices send more bytes, of
+    which the first is the state.
     """
     return data[0] & ~TOGGLE if data else None
 
@@ -28,6 +28,7 @@ class HeardNode:
     boots: int = 0  #: number of boot-up messages
     heartbeats: int = 0  #: number of heartbeats, not counting boot-up messages
     guarded: int = 0  #: number of heartbeats with a toggle bit, which are answers to node guarding
+
     #: the last two intervals between heartbeats; a change of state adds an interval, which may be short
     intervals: tuple[float, float] | None = None
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 MIN_NODE_ID = 1
 MAX_NODE_ID = 127
 ALL_NODES = 0  #: node-ID in an NMT command that addresses all nodes
+
 #: bit rates of CiA 301 (5.4) [bit/s]; its earlier versions also have 100,000
 BIT_RATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 
@@ -75,6 +76,7 @@ RESTORE_PARAMETERS = 0x1011  #: sub 1: all, sub 2: communication, sub 3: applica
 PRODUCER_HEARTBEAT_TIME = 0x1017
 IDENTITY = 0x1018  #: sub 1: vendor, sub 2: product, sub 3: revision, sub 4: serial number
 TPDO_COMMUNICATION = 0x1800  #: communication record of TPDO 1; sub-index 1: COB-ID, sub-index 2: transmission type
+
 #: mapping record of TPDO 1; sub-index 0: number of mapped objects, then index, sub-index and number of bits of each
 TPDO_MAPPING = 0x1A00
 MAX_TPDOS = 512  #: largest number of TPDOs of one node

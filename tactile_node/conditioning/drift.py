@@ -7,6 +7,7 @@ from tactile_node.taxel_frame import read_only
 TIME_CONSTANT = 20.0  #: Time constant with which the zero follows a small step [s].
 DRIFT_RATE = 1 / 300  #: Largest drift per second, as a share of ``limit``. A faster change does not count as drift.
 PRESSED_SHARE = 0.5   #: Share of ``limit``. A taxel that reads this much above its zero may be part of a contact.
+
 #: Time for which no taxel may be part of a contact before the zero follows the readings again [s].
 QUIET_TIME = 2.0
 

@@ -17,12 +17,14 @@ from tactile_node.yaml_section import load_mapping
 CONTACTS = 5        #: Number of successive contacts that must provide evidence against a taxel.
 MIN_TOUCHED = 3     #: Smallest number of taxels in a contact.
 FALLEN_SHARE = 0.6  #: Share of the taxels that rose in a contact that must have fallen when the contact is over.
+
 #: Share of the taxels pressed at the height of the contact that may still be pressed; edges come and go during a grasp.
 RELEASED_SHARE = 0.5
 APART = 3.0  #: Smallest distance between the centres of the contacts that prove a taxel dead [taxels].
 ALIVE = 0.1  #: Share of the limit. A taxel that reads this much has felt something.
 SIDE_DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 JUMP_SHARE = 2.0      #: Share of the limit. A larger change from one frame to the next is a jump.
+
 #: Share of the limit. A jump is a lone jump if no neighbour changes by this much in the same frame.
 ALONE_SHARE = 0.5
 FLICKER_TIME = 5.0    #: Time over which lone jumps are counted [s].

@@ -9,6 +9,7 @@ from tactile_node.contact.neighbours import box_of, grown
 
 SKIRT_REACH = 2  #: Distance from a contact at which its halo is visible but its own rim is not [taxels].
 LEAST_SKIRT = 8  #: Smallest number of taxels that can show a halo.
+
 #: Quantile of the readings around a contact at which the halo is measured. A halo surrounds its contact on all sides.
 #: Around a tilted or uneven contact without a halo, the lowest quarter of the readings is at rest.
 ALL_ROUND = 0.25

@@ -6,9 +6,11 @@ from tactile_node.contact.neighbours import linked
 from tactile_node.taxel_frame import read_only
 
 REMAINING_SHARE = 1 / 3  #: A group can be left over if it has at most this share of the taxels of its former contact.
+
 #: Time within which a contact must shrink to REMAINING_SHARE to count as released [frames]; 0.3 s at 50 Hz.
 RELEASE_FRAMES = 15
 RETURN_GROWTH = 2  #: Factor by which a left-over group must grow to count as a contact again.
+
 #: Largest gap between pieces of one contact [taxels]. Silent lines of taxels tear a contact into pieces.
 PIECES_APART = 2
 #: Smallest share of the taxel sides in a contact that two of its taxels have in common. Left-over groups and random

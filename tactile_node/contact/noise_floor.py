@@ -10,6 +10,7 @@ from tactile_node.taxel_frame import read_only
 
 FEWEST_TAXELS = 8     #: Smallest number of taxels from which a level can be computed.
 RESTING_SHARE = 0.25  #: Share of the visible taxels that must rest. An object may cover the others.
+
 #: A taxel counts as resting if it reads at most this many standard deviations above the mean of the resting taxels. The
 #: limit is low because the readings of a light contact begin just above it.
 TAKEN_SPREADS = 2.5
@@ -17,6 +18,7 @@ TAKEN_SPREADS = 2.5
 #: too low by this many of their standard deviations.
 CLIPPED_SHIFT = 0.023
 CLIPPED_WIDTH = 0.972  #: Factor by which the clipping limit makes the standard deviation too small.
+
 #: Let d be the distance between the first octile and the first quartile of the values. Values that lie more than this
 #: many d below the octile count as far below the others. Normally distributed values lie at most 5 d below it.
 FAR_DISTANCES = 10.0
@@ -123,6 +125,7 @@ def _step(ordered: np.ndarray) -> float:
 
 LEARNED_FRAMES = 25      #: Number of frames at rest after which a taxel's own noise is used.
 REMEMBERED_FRAMES = 500  #: Number of frames at rest over which the noise is averaged (10 s at 50 Hz).
+
 #: Highest noise of a taxel, relative to the noise of the pad. Higher values come from a contact or a fault, not from
 #: noise.
 LOUDEST_RATIO = 4.0
@@ -134,6 +137,7 @@ OUTLYING_SPREADS = 2.0
 TOGETHER_SPREADS = 9.0
 FOLLOWED_RISE = 0.1  #: Largest rise of the level at rest in one frame [standard deviations].
 LOUDER_RATIO = 2.0   #: Highest noise during a touch, relative to the noise before the touch.
+
 #: Share of the frame's deviation by which the level at rest may rise from frame to frame. If an object covers the pad,
 #: the level rises by more.
 COVERED_SCATTER = 0.5

@@ -22,6 +22,7 @@ from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, PRESS_BY_UNIT, 
 BASELINE_SHARE = 0.1
 LEAST_COUNTS = 3.0     #: Smallest rise of a contact in whole counts. Idle readings differ by up to two counts.
 HIGHEST_VALUE = 1e150  #: Values of this magnitude or more are as invalid as infinity, because their squares overflow.
+
 #: Largest number of taxels in an array that one object may cover so completely that too few taxels rest.
 SMALL_ARRAY = 64
 #: Smallest correlation between neighbouring taxels on a pad with a contact. In 20,000 frames without a contact, the
@@ -37,18 +38,22 @@ class ContactPattern(NamedTuple):
     """The contacts in one frame. All arrays are read-only and have the shape (rows, cols)."""
 
     mask: np.ndarray  #: bool, True for the taxels of the largest contact
+
     #: float, values of the frame; NaN where a taxel has no valid value or is left over. If the array has no unit, these
     #: values do not include the halo of the contacts or a level at rest that differs clearly from 0.
     values: np.ndarray
     contacts: int  #: number of separate contacts on the pad; 0 if the pad is empty or not seen
+
     #: uint8, number of the contact to which a taxel belongs: 1 for the largest contact, 2 for the next, ...; 0 for none
     labels: np.ndarray
     sizes: tuple[int, ...]  #: number of taxels with each label, starting with label 1
     hidden: np.ndarray  #: bool, left-over taxels and other taxels of the pad without a valid value
     saturated: np.ndarray  #: bool, taxels at the end of their range; their values are lower bounds
+
     #: bool, places without a taxel; as beyond the edge, these places do not belong to the pad
     unmapped: np.ndarray
     noise: np.ndarray  #: float, standard deviation of each taxel at rest [unit of the values]; NaN if it is not known
+
     #: True if an object may cover most of a small array, so that no contact stands out. A covering object is assumed if
     #: neighbouring taxels have similar readings. A covering object is also assumed if all taxels read above 0 and no
     #: earlier frame shows their readings at rest.

@@ -18,9 +18,11 @@ from tactile_node.contact.halo import halo_of
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, enclosed, grown
 
 OUTLINE_SHARE = 0.5  #: Share of a contact's local level at which the outline of the contact lies.
+
 #: Smallest height of a contact's taxels above the level at rest [standard deviations of the noise].
 NOISE_SPREADS = 3.0
 KEPT_SHARE = 0.85  #: Hysteresis. A pressed taxel stays pressed down to this share of both limits.
+
 #: A group of fewer than GROUP_TAXELS taxels is pressed only if one of its taxels rises by this many standard
 #: deviations. A lower limit would accept the small groups that noise forms.
 ALONE_SPREADS = 6.0
@@ -30,6 +32,7 @@ GROUP_TAXELS = 4
 #: contact.
 HALO_SHARE = 0.25
 HALO_REACH = 3  #: Distance over which readings are compared [rows and columns].
+
 #: A taxel between pressed taxels joins them if it reads at least this share of the highest level within HALO_REACH
 #: taxels. Lower readings separate two contacts.
 BETWEEN_SHARE = 0.2
@@ -46,6 +49,7 @@ class Threshold(NamedTuple):
     level: float       #: level of the taxels at rest
     noise: np.ndarray  #: (rows, cols), standard deviation of each taxel at rest
     least: float       #: smallest rise above the level at rest, whatever the noise
+
     #: Highest reading of a resting taxel, from this frame alone. A taxel of a contact must exceed this reading or
     #: HALO_SHARE of the frame's highest reading, whichever is lower. Otherwise a wide halo would count as pressed after
     #: quieter frames.
@@ -56,6 +60,7 @@ class StandingOut(NamedTuple):
     """Pressed taxels of a frame, and their halo."""
 
     pressed: np.ndarray      #: bool (rows, cols)
+
     #: (rows, cols), part of each value that the halo of the pressed taxels adds; None without a halo
     halo: np.ndarray | None
 

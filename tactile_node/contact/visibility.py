@@ -36,6 +36,7 @@ class Visibility(NamedTuple):
     saturated_in_contact: int
     saturated_in_ring: int
     at_edge: bool  #: True if the contact reaches the pad's edge or a place without a taxel
+
     #: True if the finger continues beyond the skin at the contact, so that a part of the load may not be measured
     goes_on: bool
     #: True if the contact may continue in hidden taxels of the ring, because a group of hidden taxels has room for the

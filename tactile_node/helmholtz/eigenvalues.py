@@ -27,9 +27,11 @@ from tactile_node.helmholtz.taxel_list import WEIGHTS, Stencil, TaxelList
 RESIDUAL_TOLERANCE = 2e-10            #: Largest accepted residual, relative to the eigenvalue.
 ROUND_SOLVES = (3, 4, 4, 3, 2, 2, 2)  #: Number of inverse iterations in each round.
 SHIFT_MARGIN = 1.2                    #: Distance of the shift below the Rayleigh quotient [residuals].
+
 #: First shift times area. A disc has the smallest eigenvalue of all shapes with the same area (Faber-Krahn).
 FIRST_SHIFT = 0.7 * np.pi * 2.404825557695773 ** 2
 SHIFT_BELOW = 0.02     #: Distance of the first shift below the smallest row sum, which itself is a lower bound.
+
 #: Number of taxels processed together. The number was chosen so that they fit into the processor's cache.
 CHUNK_COLUMNS = 5_000
 

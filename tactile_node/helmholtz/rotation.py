@@ -15,6 +15,7 @@ FINE = 5                       #: Number of fine steps per pitch.
 ANGLES = np.arange(0, 181, 4)  #: The 46 angles [degrees].
 ANGLES.flags.writeable = False
 TIE_TOLERANCE = 1e-9  #: Distance below a half-way point within which a coordinate is still rounded up [fine steps].
+
 #: Number of sites, over all angles, that are processed together. The number limits the memory needed for large
 #: patterns.
 CHUNK_SITES = 200_000

@@ -27,6 +27,7 @@ class Indenter:
     kind: str             #: 'flat_punch', 'ball', 'cylinder' or 'cone'
     label: str            #: shape of the contact, one of world.CLASSES
     compression: float    #: mean pressure over the nominal area, in units of E*
+
     #: function that returns the gap at x, y; the gap is infinite outside the silhouette
     gap: Callable[[np.ndarray, np.ndarray], np.ndarray]
     low: tuple[float, float]   #: lower corner (x, y) of the rectangle that contains the contact

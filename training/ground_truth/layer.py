@@ -21,6 +21,7 @@ REACH = 8.0
 #: Largest cell of a stress field [depths]. With this cell, linear interpolation is wrong by at most 1 % at the peak.
 CELL_OF_DEPTH = 0.125
 FINEST = 0.1           #: Smallest cell of a stress field [pitches]. A taxel does not resolve smaller cells.
+
 #: Number of points along each side of a taxel over which the mean is taken (POINTS x POINTS points).
 POINTS = 4
 

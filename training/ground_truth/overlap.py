@@ -21,9 +21,11 @@ COARSE_STEPS = 50, 30   #: Number of steps on the coarse raster, for all starts,
 FINE_STEPS = 70
 MARGIN = 0.03     #: Upper bound of the error of an overlap on the coarse raster.
 TIE = 0.005       #: If the overlaps of two shapes differ by less than this, the shape with fewer dimensions is chosen.
+
 #: Number of angles over the period of a shape, and of ratios within its limits, that are tried first.
 ANGLES, RATIOS = 24, 5
 WIDEST_FIRST = 1.2           #: Largest logarithm of a side ratio that is tried first.
+
 #: Logarithms of the sizes that are tried first, relative to the square root of the figure's area.
 SIZES = (-0.05, 0.12)
 #: Extent of the first simplex: x, y, angle, log size, log ratio.
