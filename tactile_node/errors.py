@@ -7,7 +7,9 @@ from enum import IntEnum
 
 
 class TactileError(Exception):
-    """Base class of all errors of this package. An input, a device or a bus cannot be used.
+    """Base class of all errors of this package.
+
+    An error of this kind means that an input, a device or a bus cannot be used.
 
     Parameters
     ----------
@@ -91,7 +93,7 @@ class TareRefusedError(TactileError):
 class RequirementRefusal(IntEnum):
     """Reason why a requirement on a grasp, or a goal with such a requirement, was refused.
 
-    CheckGrasp.srv mirrors these numbers.
+    CheckGrasp.srv uses the same numbers.
     """
 
     NOT_KNOWN = 0

@@ -23,7 +23,7 @@ def read_only(array: np.ndarray) -> np.ndarray:
 
 
 class TaxelStatus(IntEnum):
-    """Reason why a taxel has a valid value or none. TaxelArray.msg mirrors these numbers."""
+    """Reason why a taxel has a valid value or none. TaxelArray.msg uses the same numbers."""
 
     NOT_KNOWN = 0  #: default in a message; the taxel has no value
     VALID = 1
@@ -35,7 +35,7 @@ class TaxelStatus(IntEnum):
 
 
 class SkinSide(IntFlag):
-    """A set of sides of a pad. TaxelArray.msg mirrors these numbers."""
+    """A set of sides of a pad. TaxelArray.msg uses the same numbers."""
 
     FIRST_ROW = 1
     LAST_ROW = 2

@@ -24,7 +24,7 @@ class ReportedThread(threading.Thread):
 
 
 def call_guarded(call: Callable[..., object], *args: object) -> Exception | None:
-    """Call a function. If it raises an exception, log and return the exception."""
+    """Call a function. If the function raises an exception, log and return the exception."""
     try:
         call(*args)
     except Exception as error:

@@ -87,7 +87,7 @@ def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
 
 
 def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:
-    """Return the gain if each pattern lies above curve ``index``: 1, -1, or 0 if the side makes no difference."""
+    """Return the gain of placing each pattern above curve ``index``: 1, -1, or 0 if the side makes no difference."""
     gets_there = ~(heights[:index] > 0).any(0)
     otherwise = index + 1 + by_curves(heights[index + 1:])
     gain: np.ndarray = gets_there * ((labels == index).astype(float) - (labels == otherwise))
@@ -104,7 +104,7 @@ def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
     """Return the share of each true class, by TAXEL_BANDS and by the answer of the curves, (bands, 5, 5)."""
     # a small count for every class, because no class is ever quite impossible
     counts = np.full((len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)), 0.1)
-    counts += np.eye(len(ANSWERS))  # an answer that never occurred in training is taken at its word
+    counts += np.eye(len(ANSWERS))  # an answer that never occurred in training counts as its own class
     np.add.at(counts, (band_of(samples.of(COLUMNS[0])), answer, samples.labels), 1)
     shares: np.ndarray = counts / counts.sum(2, keepdims=True)
     return shares

@@ -2,9 +2,9 @@
 
 The families of the reported figures are not in this module or any other training module.
 
-A figure is a bool array on a grid. A figure has about unit size and lies around the origin. Its place, angle and size
-are drawn later. How familiar a figure is depends on its overlap with the five shapes (forms.py), not on its family. A
-hexagon, for example, is nearly a circle.
+A figure is a bool array on a grid. A figure has about unit size and lies around the origin. The place, angle and size
+of a figure are drawn later. The familiarity of a figure depends on its overlap with the five shapes (forms.py), not on
+its family. A hexagon, for example, is nearly a circle.
 """
 
 import numpy as np
@@ -83,7 +83,7 @@ def sector(rng, x, y):
 
 
 def teardrop(rng, x, y):
-    """Return a disc with a point."""
+    """Return a disc with a pointed end."""
     tip, radius = rng.uniform(1.15, 2.4), rng.uniform(0.4, 0.6)
     tip *= radius
     touch = radius * radius / tip
@@ -161,7 +161,7 @@ def oval(rng, x, y):
 
 
 def ragged(rng, x, y):
-    """Return the largest piece of filtered noise above a level. Its outline follows no design."""
+    """Return the largest piece of filtered noise above a level. The outline of this piece follows no design."""
     noise = ndimage.gaussian_filter(rng.standard_normal(x.shape), len(x) * rng.uniform(0.03, 0.12))
     noise = noise / noise.std() - rng.uniform(0.8, 2.5) * (x * x + y * y)
     labels, _ = ndimage.label(noise > rng.uniform(-0.6, 0.3))

@@ -75,7 +75,7 @@ def field_frame(rng: np.random.Generator, kind: str, area: float, conditions: Co
 
     The frame is a float array of pressures, or of 0 and 1. A dead taxel is NaN.
 
-    The pad is square. It has at least ``least_side`` rows, and enough rows for the contact.
+    The pad is square. The pad has at least ``least_side`` rows, and enough rows for the contact.
     """
     side = max(least_side, int(np.ceil(3.2 * np.sqrt(area))) + 8)
     touching = random_touching(rng, kind, area, conditions, rows=side, cols=side)

@@ -20,14 +20,14 @@ from training.shapes import Figure
 SIDE = 144           #: Number of cells along each side of the raster.
 EXTENT = 1.55        #: Limit of the coordinates. Figures are drawn from -EXTENT to EXTENT.
 
-#: A figure is foreign if its best overlap with the five shapes is below the first value. It is known if the overlap
-#: reaches the second value.
+#: A figure is foreign if its best overlap with the five shapes is below the first value. A figure is known if its best
+#: overlap reaches the second value.
 FOREIGN, KNOWN = 0.85, 0.92
 BESIDE = 0.02        #: If the overlaps of two shapes differ by less than this value, neither shape becomes the label.
 TIE = 0.005          #: Largest error of the overlaps.
 
-#: A figure is a rectangle only if its overlap with a square is smaller by at least this much. That is the case for a
-#: side ratio of about 5:4 or more.
+#: A figure is a rectangle only if its overlap with a square is smaller by at least this much. A side ratio of about 5:4
+#: or more meets this condition.
 LONGER = 0.15
 SQUARE, RECTANGLE = (LABELS.index(shape) for shape in ('square', 'rectangle'))
 STEPS = 250.0        #: Distances are stored as whole multiples of 1 / STEPS of the square root of the area.
@@ -64,7 +64,7 @@ def make_forms(rng: np.random.Generator, families: dict[str, Figure], count: int
 
 
 def stored_forms(folder: Path, name: str, families: dict[str, Figure], count: int, seed: int) -> Forms:
-    """Return the pool stored in ``folder``. If there is none, draw a pool and store it."""
+    """Return the pool stored in ``folder``. If the folder holds no pool, draw a pool and store it."""
     path = folder / f'forms_{name}.npz'
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,6 @@
 """Draw foreign figures for validation only.
 
-They show how well the recogniser rejects families on which it was not trained.
+These figures show how well the recogniser rejects families on which it was not trained.
 """
 
 import numpy as np

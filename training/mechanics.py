@@ -3,7 +3,7 @@
 A pool of solved indenters is sampled at many sizes and poses.
 
 Lengths are in taxel pitches, and pressures are fractions of full scale. The ranges and seeds in this module are for
-training only. The reported figures use others (bench/recognition/mechanics.py).
+training only. The reported figures use other ranges and seeds (bench/recognition/mechanics.py).
 """
 
 from dataclasses import replace

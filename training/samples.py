@@ -63,7 +63,10 @@ def joined_samples(several) -> Samples:
 
 
 def random_area(rng: np.random.Generator, hollow: bool) -> float:
-    """Draw an area [taxels]. Small contacts are more frequent, because they are harder. Hollow contacts are large."""
+    """Draw an area [taxels].
+
+    Small contacts are more frequent, because they are harder to recognise. Hollow contacts are large.
+    """
     low, high = (7, 60) if rng.random() < 0.8 and not hollow else (40, 300)
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 

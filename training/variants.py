@@ -17,7 +17,7 @@ from tactile_node.simulator.world import Contact
 class Rounded:
     """A ``contact`` (not a circle) with rounded corners.
 
-    Their ``radius`` [pitches] is below the inscribed radius of the contact.
+    The ``radius`` of the corners [pitches] is below the inscribed radius of the contact.
     """
 
     contact: Contact

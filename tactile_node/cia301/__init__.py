@@ -1,1 +1,1 @@
-"""Define each fact of CiA 301 (CANopen) once. The state machines for its frames use neither a bus nor threads."""
+"""Define each fact of CiA 301 (CANopen) once. The state machines for CANopen frames use neither a bus nor threads."""

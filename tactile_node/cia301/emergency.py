@@ -3,8 +3,8 @@
 import time
 from typing import NamedTuple
 
-#: Names of errors (CiA 301, "Emergency error codes"). The most specific known entry names an error: its full code, its
-#: high byte or its class.
+#: Names of errors (CiA 301, "Emergency error codes"). The most specific known entry names an error. An entry is a full
+#: code, a high byte or a class.
 _CODES = {
     0x8110: 'CAN overrun, frames lost', 0x8120: 'CAN in error passive mode', 0x8130: 'life guard or heartbeat error',
     0x8140: 'recovered from bus-off', 0x8150: 'CAN-ID collision', 0x8210: 'PDO not processed, wrong length',
@@ -57,7 +57,7 @@ def decode_emergency(data: bytes, stamp: float) -> Emergency:
 
 
 class DeviceErrors(NamedTuple):
-    """Errors that a device reports when asked by SDO. A field without an answer is None or empty."""
+    """Errors that a device reports when asked by SDO. A field is None or empty if the device did not report it."""
 
     register: int | None  #: object 0x1001
 

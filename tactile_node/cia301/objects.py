@@ -9,7 +9,7 @@ MIN_NODE_ID = 1
 MAX_NODE_ID = 127
 ALL_NODES = 0  #: node-ID in an NMT command that addresses all nodes
 
-#: bit rates of CiA 301 (5.4) [bit/s]; its earlier versions also have 100,000
+#: bit rates of CiA 301 (5.4) [bit/s]; earlier versions of CiA 301 also have 100,000
 BIT_RATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 
 
@@ -143,6 +143,7 @@ MAX_TIME = 0xFFFF  #: largest value of an inhibit time or event timer, in units 
 
 # A multiplexed PDO in source addressing mode carries a node-ID, the index and sub-index of one object, and the value of
 # the object.
+
 #: value of sub-index 0 in the mapping record that marks an MPDO, instead of the number of mapped objects
 SAM_MPDO = 0xFE
 MPDO_DATA_BITS = 32

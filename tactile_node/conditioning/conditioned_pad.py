@@ -25,7 +25,7 @@ def faults_text(faults: FaultyTaxels) -> str:
 
 
 class PadCondition(NamedTuple):
-    """The condition of a pad."""
+    """Condition of a pad, such as its faulty taxels and its zero."""
 
     faults: FaultyTaxels
     unchanged: float = 0.0  #: time during which no taxel has changed its value [s]

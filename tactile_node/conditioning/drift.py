@@ -20,9 +20,9 @@ class DriftFollower:
     of the taxels around a grasp are not mistaken for drift, either. The zero is also held while a taxel that previously
     had a value has none.
 
-    Holding the zero has two drawbacks. If the readings drift by more than PRESSED_SHARE x limit during one grasp, a
-    tare is needed. A lighter touch is mistaken for drift, but changes the zero by no more than DRIFT_RATE x limit per
-    second.
+    This way of following drift has two drawbacks. If the readings drift by more than PRESSED_SHARE x limit during one
+    grasp, a tare is needed. A lighter touch is mistaken for drift, but changes the zero by no more than DRIFT_RATE x
+    limit per second.
 
     Parameters
     ----------

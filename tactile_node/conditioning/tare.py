@@ -52,8 +52,8 @@ def drift_limit(given: float, unit: str, gains: np.ndarray | None = None) -> flo
     """Return the limit up to which the zero may follow a drift.
 
     If ``given`` is above the tare limit of the unit, the zero could hide a grasp. If the largest of ``gains`` amplifies
-    a zero error above the contact threshold, the error looks like a contact. The result therefore accounts for both
-    effects.
+    a zero error above the contact threshold, the error looks like a contact. The result is therefore the lower of both
+    tare limits, divided by the largest gain if that is above 1.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ RAISED_TAXELS = 3
 class ContactGuard(NamedTuple):
     """Finds a contact in readings. The thresholds apply to published values: gain x (reading - zero).
 
-    A taxel becomes pressed at ``press`` and is released below RELEASE_RATIO x ``press``. By default, the processor
-    reports the same contact.
+    A taxel becomes pressed at ``press`` and is released below RELEASE_RATIO x ``press``. With its default settings, the
+    processor reports the same contacts.
 
     A group of RAISED_TAXELS connected taxels is also pressed if the taxels read ``raised`` above the background of the
     pad. The raised taxels must also exceed the variation of the pad's offsets, because a low offset may hide a contact

@@ -16,12 +16,13 @@ from tactile_node.yaml_section import load_mapping
 
 CONTACTS = 5        #: Number of successive contacts that must provide evidence against a taxel.
 MIN_TOUCHED = 3     #: Smallest number of taxels in a contact.
-FALLEN_SHARE = 0.6  #: Share of the taxels that rose in a contact that must have fallen when the contact is over.
+FALLEN_SHARE = 0.6  #: A contact is over when at least this share of the taxels that rose in it have fallen again.
 
-#: Share of the taxels pressed at the height of the contact that may still be pressed; edges come and go during a grasp.
+#: A contact is over when at most this share of the taxels pressed at its height are still pressed. The share is not
+#: higher because edges come and go during a grasp.
 RELEASED_SHARE = 0.5
 APART = 3.0  #: Smallest distance between the centres of the contacts that prove a taxel dead [taxels].
-ALIVE = 0.1  #: Share of the limit. A taxel that reads this much has felt something.
+ALIVE = 0.1  #: Share of the limit. A taxel that reads this much counts as alive.
 SIDE_DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 JUMP_SHARE = 2.0      #: Share of the limit. A larger change from one frame to the next is a jump.
 
@@ -66,8 +67,8 @@ class FaultDetector:
     taxels are stuck than any contact presses.
 
     - A taxel is *dead* if it was not ALIVE in CONTACTS contacts, although pressed taxels lay on both sides of it in two
-      of four directions. The centres of these contacts must be APART. If one contact was a ring with the taxel in its
-      hole, another contact then presses the taxel. A taxel in the corner of a pad has no two sides, so it is never
+      of four directions. The centres of these contacts must be APART. A ring that is pressed at several places then
+      also presses the taxels that once lay in its hole. A taxel in the corner of a pad has no two sides, so it is never
       found dead. Blocks of dead taxels are not found either, because a hole of more than two taxels contains taxels
       without pressed taxels on both sides.
 

@@ -49,7 +49,7 @@ class LeftOver:
         pressed : np.ndarray
             Pressed taxels of the frame, bool (rows, cols).
         is_one : bool
-            True if the caller knows that ``pressed`` is a single group. In that case, the search for groups is skipped.
+            True if the caller knows that ``pressed`` is a single group. With True, the search for groups is skipped.
 
         Returns
         -------
@@ -90,7 +90,7 @@ class LeftOver:
 def _sizes(pressed: np.ndarray, groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the size of each group, and an array that is True for each ragged group.
 
-    Group 0 holds the taxels of no group. Its size is 0 and it is not ragged.
+    Group 0 holds the taxels of no group. The size of group 0 is 0, and group 0 is not ragged.
     """
     count = int(groups.max()) + 1
     sizes = np.bincount(groups.reshape(-1), minlength=count)

@@ -9,7 +9,7 @@ from tactile_node.contact.neighbours import grown, sum_around
 from tactile_node.taxel_frame import read_only
 
 FEWEST_TAXELS = 8     #: Smallest number of taxels from which a level can be computed.
-RESTING_SHARE = 0.25  #: Share of the visible taxels that must rest. An object may cover the others.
+RESTING_SHARE = 0.25  #: Share of the visible taxels that must rest. An object may cover the other taxels.
 
 #: A taxel counts as resting if it reads at most this many standard deviations above the mean of the resting taxels. The
 #: limit is low because the readings of a light contact begin just above it.
@@ -49,7 +49,7 @@ def resting_of(values: np.ndarray) -> Resting:
 
     The function clips high outliers (one-sided sigma clipping). The calculation begins with the lowest quarter of the
     values. In each round, all values up to 2.5 standard deviations above the mean of the accepted values are added,
-    until nothing changes. The level and the deviation are corrected for the clipping, assuming normally distributed
+    until no value is new. The level and the deviation are corrected for the clipping, assuming normally distributed
     values.
 
     Parameters

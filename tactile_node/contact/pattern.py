@@ -50,7 +50,7 @@ class ContactPattern(NamedTuple):
     hidden: np.ndarray  #: bool, left-over taxels and other taxels of the pad without a valid value
     saturated: np.ndarray  #: bool, taxels at the end of their range; their values are lower bounds
 
-    #: bool, places without a taxel; as beyond the edge, these places do not belong to the pad
+    #: bool, places without a taxel, which do not belong to the pad
     unmapped: np.ndarray
     noise: np.ndarray  #: float, standard deviation of each taxel at rest [unit of the values]; NaN if it is not known
 
@@ -101,9 +101,10 @@ class ContactPattern(NamedTuple):
 class PatternExtractor:
     """Extracts the contact pattern from successive frames of one pad.
 
-    By default, a taxel is pressed if it stands out of the noise. A contact ends where its taxels read less than half of
-    the contact's level (`standing_out`). With ``thresholds``, fixed values decide. A taxel becomes pressed at or above
-    the press threshold and is released below the release threshold. In a bool frame, True marks a pressed taxel.
+    By default, a taxel is pressed if it stands out from the noise. A contact ends where its taxels read less than half
+    of the contact's level (`standing_out`). With ``thresholds``, fixed limits decide which taxels are pressed. A taxel
+    becomes pressed at or above the press threshold and is released below the release threshold. In a bool frame, True
+    marks a pressed taxel.
 
     An array without a unit is on/off if its values are 0 and at most one other number.
 
@@ -115,7 +116,7 @@ class PatternExtractor:
     contact, although something may still press them.
 
     If pressed taxels face each other across hidden taxels along a row or a column, the pressed taxels belong to one
-    contact. A row without values therefore does not tear a contact apart.
+    contact. A row without values therefore does not split a contact.
 
     Parameters
     ----------
@@ -269,7 +270,7 @@ def are_alike(values: np.ndarray) -> bool:
 def _are_raised(values: np.ndarray) -> bool:
     """Return True if all taxels read above 0 and their readings differ as much as under a load.
 
-    Readings at rest vary less than that.
+    Readings at rest vary less than readings under a load.
     """
     spread = values.std()
     return bool(values.min() > NOISE_SPREADS * spread and spread > EVEN_SHARE * values.mean())

@@ -8,7 +8,7 @@ from tactile_node.errors import ConfigurationError
 
 
 def are_on_off(values: np.ndarray) -> bool:
-    """Return True if all ``values`` are 0 or one other number above 0. NaN (no valid value) does not count.
+    """Return True if all ``values`` are 0 or one other number above 0. NaN (no valid value) is ignored.
 
     >>> are_on_off(np.array([0.0, 5.0, np.nan])), are_on_off(np.array([0.0, 5.0, 2.0]))
     (True, False)

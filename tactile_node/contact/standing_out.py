@@ -1,4 +1,4 @@
-"""Find the taxels that stand out of the noise, and the outline of each contact.
+"""Find the taxels that stand out from the noise, and the outline of each contact.
 
 Grips are light, so a fixed fraction of the full scale misses most of them. This module compares each taxel with the
 noise and with the level of its own contact. Under a flat indenter, the normal stress in the skin below the indenter's
@@ -123,7 +123,7 @@ def _highest_near(values: np.ndarray) -> np.ndarray:
 
 
 def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> np.ndarray:
-    """Return the local level of each candidate taxel that reaches half of it, and 0 for all other taxels."""
+    """Return the local level of each candidate taxel that reaches half of that level, and 0 for all other taxels."""
     groups, count = ndimage.label(candidates, EIGHT_CONNECTED)
     flat, weight = groups.reshape(-1), raised.reshape(-1)
     sums = np.bincount(flat, weight, count + 1)

@@ -49,7 +49,7 @@ class Banded(NamedTuple):
             shift[wrong] = min(certain[wrong] * (1 - 1e-9), shift[wrong] / 2)
 
     def solved(self, right: np.ndarray) -> np.ndarray:
-        """Return the solution x of L Lᵀ x = right. The factors L are those in this object."""
+        """Return the solution x of L Lᵀ x = right. This object holds the factors L."""
         return lapack.dpbtrs(self.band.T, right, lower=1)[0]
 
     def norms(self, x: np.ndarray) -> np.ndarray:
@@ -69,7 +69,7 @@ class Banded(NamedTuple):
         return np.repeat(each, self.sizes)
 
     def dense(self, index: int) -> np.ndarray:
-        """Return matrix ``index`` as a dense array. Only its lower triangle is set."""
+        """Return matrix ``index`` as a dense array. Only the lower triangle of the dense array is set."""
         rows = self.band[self.start[index]:self.start[index + 1]]
         full = np.zeros((len(rows), len(rows)))
         for offset in range(min(rows.shape[1], len(rows))):

@@ -32,7 +32,7 @@ SHIFT_MARGIN = 1.2                    #: Distance of the shift below the Rayleig
 FIRST_SHIFT = 0.7 * np.pi * 2.404825557695773 ** 2
 SHIFT_BELOW = 0.02     #: Distance of the first shift below the smallest row sum, which itself is a lower bound.
 
-#: Number of taxels processed together. The number was chosen so that they fit into the processor's cache.
+#: Number of taxels processed together. The data of this many taxels fit into the processor's cache.
 CHUNK_COLUMNS = 5_000
 
 _NEIGHBOURS = {Stencil.FIVE: ndimage.generate_binary_structure(2, 1),

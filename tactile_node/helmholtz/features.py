@@ -94,7 +94,7 @@ GRAVITY = {Stencil.FIVE: Group.GRAVITY5, Stencil.NINE: Group.GRAVITY9}
 class Extremes(NamedTuple):
     """Extremes of a feature over the 46 angles.
 
-    They are NaN, with the angle None, if the feature is undefined at every angle.
+    The extremes are NaN, with the angle None, if the feature is undefined at every angle.
     """
 
     min: float

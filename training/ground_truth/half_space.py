@@ -29,7 +29,7 @@ class Influence:
     spectrum: np.ndarray   #: the transform is real, because the response is even
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Return the sum of the responses to all cells. Its shape is ``shape`` plus the margins."""
+        """Return the sum of the responses to all cells. The shape of the sum is ``shape`` plus the margins."""
         rows, cols = self.shape
         padded = np.zeros(self.size)
         padded[self.margin:self.margin + rows, self.margin:self.margin + cols] = values
@@ -64,8 +64,8 @@ def stress_influence(shape: tuple[int, int], cell: float, depth: float, margin: 
 def _influence(primitive: Primitive, shape: tuple[int, int], cell: float, margin: int) -> Influence:
     """Return the response to a cell at every offset.
 
-    The function ``primitive`` is the one whose derivative ∂²/∂x∂y is the response to a point load. The primitive is odd
-    in x and in y, so the offsets in one quadrant are sufficient.
+    The derivative ∂²/∂x∂y of the function ``primitive`` is the response to a point load. The primitive is odd in x and
+    in y, so the offsets in one quadrant are sufficient.
     """
     rows, cols = (count + margin for count in shape)
     y, x = ((np.arange(count + 1) - 0.5) * cell for count in (rows, cols))

@@ -51,14 +51,19 @@ def flat_punch(contact: Contact, compression: float, rounding: float = 0.0) -> I
 
 
 def ball(compression: float) -> Indenter:
-    """Return a ball, approximated by a paraboloid. By Hertz, its contact has the area 1: a³ = 3 P R / (4 E*)."""
+    """Return a ball, approximated by a paraboloid.
+
+    By Hertz, the contact of the ball has the area 1: a³ = 3 P R / (4 E*).
+    """
     a = 1 / sqrt(pi)
     radius = 4 * a ** 3 / (3 * compression)
     return _round('ball', compression, lambda r: r ** 2 / (2 * radius), a)
 
 
 def cone(compression: float, tip: float = 0.0) -> Indenter:
-    """Return a cone pressed on its tip. By Sneddon (1948), its contact has the area 1: P = π a² E* slope / 2.
+    """Return a cone pressed on its tip.
+
+    By Sneddon (1948), the contact of the cone has the area 1: P = π a² E* slope / 2.
 
     The length ``tip`` is the radius of the paraboloid that replaces the tip [fraction of the contact's radius]. At this
     radius, the paraboloid has the slope of the cone.
@@ -72,7 +77,9 @@ def cone(compression: float, tip: float = 0.0) -> Indenter:
 
 
 def cylinder(compression: float, ratio: float, rounding: float = 0.0) -> Indenter:
-    """Return a cylinder with its axis along x. Its contact has the area 1 and is ``ratio`` times as long as wide.
+    """Return a cylinder with its axis along x.
+
+    The contact of the cylinder has the area 1 and is ``ratio`` times as long as wide.
 
     The radius of the cylinder follows from Hertz's line contact, b² = 4 P R / (π E* length). The ratio ``rounding`` is
     the radius of the edges at both ends divided by the contact's half-width. Sharp ends (0) make the contact wider at

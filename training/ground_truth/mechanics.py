@@ -21,8 +21,7 @@ class Solution:
 
     The unit of length is the square root of the contact's area.
 
-    The origin is the origin of the indenter, which is the centre of area of its nominal outline. `solve` explains
-    ``tilt``.
+    The origin is the centre of area of the indenter's nominal outline. `solve` explains ``tilt``.
     """
 
     kind: str
@@ -37,7 +36,7 @@ class Solution:
 
     @property
     def contact(self) -> np.ndarray:
-        """Cells in contact, bool, with the shape of ``pressure``. Their total area is 1."""
+        """Cells in contact, bool, with the shape of ``pressure``. The total area of these cells is 1."""
         return self.pressure > 0
 
 

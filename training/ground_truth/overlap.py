@@ -154,7 +154,7 @@ def _first(cells: _Cells, families: _Families) -> tuple[np.ndarray, np.ndarray]:
 def _peaks(found: np.ndarray) -> list[int]:
     """Return the indices of the STARTS best of (angles, ratios, sizes).
 
-    No two of them are adjacent in angle and ratio.
+    No two of these starts are adjacent in angle and ratio.
     """
     left = found.copy()
     chosen: list[int] = []

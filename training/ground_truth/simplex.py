@@ -16,7 +16,7 @@ def maximised(function: Function, starts: np.ndarray, spread: np.ndarray,
 
     The ``starts``, (s, p), are the first corners. The ``spread``, (p,), is the extent of the first simplex. The four
     places that a step may try are evaluated together. The iteration ends once the corners of every simplex differ by
-    less than ``enough`` (J. A. Nelder, R. Mead, Computer Journal 7, 308, 1965).
+    less than ``enough``. The method is described by Nelder and Mead (Computer Journal 7, 308, 1965).
 
     >>> def function(poses, start):
     ...     return -((poses - 1.0) ** 2).sum(1)
