@@ -1,4 +1,6 @@
-"""Make samples from frames in bulk. The result is that of `patch.make_patch`, but for hundreds of contacts at a time.
+"""Make samples from frames in bulk.
+
+The result is the same as with `patch.make_patch`, but is computed for hundreds of contacts at a time.
 
 Contacts wider than a patch are scaled down one by one with `make_patch`.
 """

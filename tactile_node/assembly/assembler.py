@@ -252,7 +252,7 @@ class FrameAssembler(PadAssembler):
     def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Frames:
         """Process a TPDO that was on the bus before the last SYNC."""
         before, run = self._before, period.runs[self._nodes[rank]]
-        if run.is_seen:  # a node cannot send a TPDO of the earlier period after one of this period
+        if run.is_seen:  # a node cannot send a TPDO of an earlier period after a TPDO of this period
             return self._lose(LossReason.LATE)
         if before is None:
             run.note_late(rank)

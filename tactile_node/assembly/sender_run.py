@@ -72,7 +72,7 @@ class SenderRun:
         self.is_seen = False  #: True if any TPDO was received
         self._is_suspect = False
         self._ended_suspect = False
-        self._is_doubted = False  # True if a whole period has not shown whether the sender is behind
+        self._is_doubted = False  # True if a whole period has passed without showing whether the sender is behind
         self._was_started = False
         self.is_settled = False  #: True if a free bus has proved that the sender is not behind
         self._was_silent = False  # True if no TPDO was received in the previous period
@@ -117,7 +117,7 @@ class SenderRun:
 
     @property
     def is_in_doubt(self) -> bool:
-        """True if the sender is sending but a whole period has not shown whether it is behind."""
+        """True if the sender is sending, but a whole period has passed without showing whether the sender is behind."""
         return self._is_doubted and not self._was_silent
 
     @property

@@ -50,7 +50,7 @@ def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
     subs = [0] if isinstance(entry, ODVariable) else [sub for sub in entry or () if sub]
     if not subs:
         raise DeviceError(where, expected="the device's auto-zero (CiA 404) in its EDS", got='no such object',
-                          remedy='Tare without on_device; the driver then subtracts the zero itself.')
+                          remedy='Tare without on_device, so that the driver subtracts the zero.')
     for sub in subs:
         try:
             sdo.download(objects.AUTO_ZERO, sub, ZERO_SIGNATURE)
@@ -245,4 +245,4 @@ class BusDevices:
         state = self._monitor.heartbeats.of(node.node_id).state
         heard = 'no heartbeat' if state is None else f'its heartbeat ({objects.state_name(state)})'
         raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=f'{heard}; {self.read_errors(node)}',
-                          remedy='See its manual: a device with an error may refuse to start.')
+                          remedy='See the manual of the device; after an error, it may refuse to start.')

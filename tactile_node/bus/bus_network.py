@@ -43,7 +43,7 @@ def check_bit_rate(bitrate: int) -> None:
     """Raise ConfigurationError if ``bitrate`` [bit/s] is not a standard CANopen bit rate (CiA 301)."""
     if bitrate not in BIT_RATES:
         raise ConfigurationError('bitrate', expected=f'one of {", ".join(map(str, BIT_RATES))} bit/s', got=str(bitrate),
-                                 remedy='Give the bit rate that the devices are set to.')
+                                 remedy='Give the bit rate to which the devices are set.')
 
 
 def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.BusABC:
@@ -171,7 +171,7 @@ class BusNetwork(Network):
             except (can.CanError, OSError, ValueError) as error:
                 raise BusError(f'CAN bus {self._name}', expected=f'to send 0x{can_id:03X}',
                                got=str(error),
-                               remedy='Check cable, termination and the other nodes.') from error
+                               remedy='Check the cable, the termination and the other nodes.') from error
 
     @contextmanager
     def sdo_client(self, node_id: int, dictionary: ObjectDictionary, timeout: float) -> Iterator[OwnSdoClient]:

@@ -151,7 +151,7 @@ class DeviceSetup:
                                         expected=f'{ours} as in {self._node.eds}',
                                         remedy='Check the node-ID, or use the EDS and layout of this device.')
         if ours.not_given:
-            logger.warning('%s: its EDS %s gives no %s in object 0x%04X, so any value is accepted.', self._label,
+            logger.warning('%s: the EDS %s gives no %s in object 0x%04X, so the driver accepts any value.', self._label,
                            self._node.eds, ', '.join(ours.not_given), objects.IDENTITY)
         logger.info('%s was found: %s.', self._label, theirs)
 
@@ -161,7 +161,7 @@ class DeviceSetup:
         A device that produces SYNC does not allow a change of its COB-ID, so a different COB-ID is an error.
         """
         if objects.COB_ID_SYNC not in self._node.dictionary:
-            logger.info('%s: its EDS has no object 0x%04X, so its SYNC COB-ID is not changed.', self._label,
+            logger.info('%s: the EDS has no object 0x%04X, so the driver keeps the SYNC COB-ID.', self._label,
                         objects.COB_ID_SYNC)
             return
         now = self._read_if_any(objects.COB_ID_SYNC, 0)
@@ -183,8 +183,8 @@ class DeviceSetup:
                 self._download(objects.PRODUCER_HEARTBEAT_TIME, 0, wanted.to_bytes(2, 'little'))
             now = self._read_if_any(objects.PRODUCER_HEARTBEAT_TIME, 0)
         if now != wanted:
-            logger.info('%s: its heartbeat time cannot be set to %d ms; %s.', self._label, wanted,
-                        'the present one cannot be read' if now is None else
+            logger.info('%s: the heartbeat time cannot be set to %d ms; %s.', self._label, wanted,
+                        'the present heartbeat time cannot be read' if now is None else
                         f'it stays at {now} ms' if now else 'the device sends no heartbeat')
         return now
 
@@ -258,7 +258,7 @@ class DeviceSetup:
         for sub, value in () if event is None else event.times.items():
             fixed = [number for number in tpdos if not self._is_listed(objects.TPDO_COMMUNICATION + number - 1, sub)]
             if value and fixed:
-                logger.warning('%s: its EDS has no %s (sub-index %d) for TPDO %s, so this time is not set.',
+                logger.warning('%s: the EDS has no %s (sub-index %d) for TPDO %s, so the driver does not set it.',
                                self._label, SENDING_TIMES[sub][1], sub, ', '.join(map(str, fixed)))
 
     def _mapping(self, index: int) -> MappingEntries:

@@ -90,7 +90,7 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
     if len(read) != domain.length:
         raise DeviceError(where, expected=f'{domain.length} bytes, as in the layout', got=f'{len(read)} bytes',
                           remedy='Correct "bytes" in the layout, or use the layout of this device.')
-    logger.info('%s: its taxels are read by %s SDO upload, %d bytes per frame.',
+    logger.info('%s: the driver reads the taxels by %s SDO upload, %d bytes per frame.',
                 label, 'block' if is_block else 'segmented', len(read))
     return is_block
 
@@ -134,6 +134,6 @@ class DomainPolling(Pacer):
                 upload(sdo, self._domain, self.by_block)
         except (SdoAbortedError, SdoCommunicationError) as error:
             if self._reminder.is_due(str(error), time.monotonic()):
-                logger.error('%s: its taxels could not be read: %s', self._label, error, extra={'fact': error})
+                logger.error('%s: the taxels could not be read: %s', self._label, error, extra={'fact': error})
         except BusError as error:
             self._on_failure(BusFault.SENDING_FAILED, error)

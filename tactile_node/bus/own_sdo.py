@@ -46,7 +46,7 @@ def explain_refusal(where: str, what: str) -> Iterator[None]:
         yield
     except SdoAbortedError as error:
         raise DeviceError(where, expected=f'an object that can {what}', got=f'SDO abort: {error}',
-                          remedy="Compare layout and request with the device's manual and EDS.") from error
+                          remedy="Compare the layout and the request with the device's manual and EDS.") from error
 
 
 @contextmanager

@@ -30,7 +30,7 @@ ID_DIGITS = dict.fromkeys('trdb', 3) | dict.fromkeys('TxRDB', 8)  #: Number of d
 #: Identifier of the error frame that replaces a damaged line (linux/can/error.h).
 PROTOCOL_VIOLATION = 0x008
 WAKE_TIMEOUT = 0.3  #: Time within which a running adapter answers [s].
-RESET_TIME = 2.0  #: Time that an adapter such as an Arduino needs to start if opening its port resets it [s].
+RESET_TIME = 2.0  #: Start time of an adapter that resets when its port is opened, such as an Arduino [s].
 
 
 class BulkSlcanBus(slcanBus):

@@ -249,4 +249,4 @@ class Traffic:
             logger.error('The wall clock was set. Stamps never go back, so they continue %.3f s ahead of the wall '
                          'clock. To use the new time, deactivate and activate the driver.', ahead)
         else:
-            logger.error('The wall clock was set. Stamps follow it.')
+            logger.error('The wall clock was set, and the stamps follow it.')

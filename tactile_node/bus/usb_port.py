@@ -43,7 +43,7 @@ class UsbPort:
     def channel(self) -> str:
         """Return the channel to open now.
 
-        Raise BusError if the given name belongs to another adapter and the remembered one is not present.
+        Raise BusError if the given name belongs to another adapter and the remembered adapter is not present.
         """
         if self._adapter is None:
             return self._channel
