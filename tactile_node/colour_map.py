@@ -15,6 +15,7 @@ INFERNO = ((0, 0, 4), (11, 7, 36), (33, 12, 74), (61, 9, 101), (87, 16, 110), (1
            (163, 44, 97), (188, 55, 84), (208, 69, 69), (227, 89, 51), (241, 113, 31), (249, 140, 10), (252, 170, 15),
            (249, 201, 50), (242, 232, 101), (252, 255, 164))
 STEPS = 256                        #: Number of different colours for values.
+
 #: Round numbers to which a scale is rounded up. The ticks of the scale use the same steps.
 ROUND_STEPS = 1.0, 2.0, 5.0, 10.0
 NO_VALUE = STEPS                   #: Colour number of a taxel without a value.

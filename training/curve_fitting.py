@@ -27,7 +27,7 @@ PASSES = 6
 KNOTS = 9
 LEVELS = 41   #: Number of heights tried at each knot, first over the whole plane, then near the best heights found.
 
-#: Number of patterns that a curve must gain by a kink whose second difference of heights is 1 in v.
+#: Price of a kink in a curve. A kink must gain this many patterns per unit of the second difference of its heights.
 STIFF = 5.0
 #: The two interpretations of the third plane's horizontal axis in the paper.
 READINGS = {'caption': ('min', 'P05'), 'text': ('dif', 'P05')}

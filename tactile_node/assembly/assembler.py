@@ -65,10 +65,9 @@ Limits:
     the next sweep are all lost within two periods. In the second case, the bus or an adapter changes the order of a
     sender for the first time, and the end of the previous sweep is lost.
 
-  - After a skipped sweep, the assembler cannot detect a node that waits until after the next SYNC although the bus is
-    free. The assembler also cannot detect an adapter that holds some frames back for a whole period while it passes
-    others. In both cases the stamps of the taxels are late by one period, or by more if the answer comes after further
-    SYNCs.
+  - After a skipped sweep, the assembler cannot detect a node that delays its answer beyond the next SYNC on a free bus.
+    The assembler also cannot detect an adapter that holds some frames back for a whole period while it passes others.
+    In both cases the stamps of the taxels are late by one period, or by more if the answer comes after further SYNCs.
 """
 
 from collections.abc import Sequence

@@ -4,7 +4,7 @@ The assembler is a pure state machine without access to a bus or a clock.
 
 A period begins when any client requests an upload, and ends at the next request. If the upload has not succeeded by
 then, the assembler emits a frame whose taxels are all NaN and STALE. With ``drop_incomplete``, the assembler emits no
-frame instead.
+frame for a failed upload.
 """
 
 import numpy as np

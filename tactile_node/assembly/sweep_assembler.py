@@ -22,8 +22,8 @@ The assembler follows these rules:
     missing sweeps, TPDOs may have waited in an adapter. These TPDOs are LATE until a run begins more than
     ``sweep_time`` after the previous run.
 
-Two sweeps are never mixed if each sweep takes less than ``sweep_time`` from its beginning to its last stamp. In that
-case, the first TPDO received is stamped at most ``sweep_time`` after the beginning of the sweep, and the run ends
+Two sweeps are never mixed if each sweep takes less than ``sweep_time`` from its beginning to its last stamp. Under this
+condition, the first TPDO received is stamped at most ``sweep_time`` after the beginning of the sweep, and the run ends
 ``sweep_time`` later. The sum of both times is shorter than the period (``SWEEP_SHARE``).
 
 Limit: two sweeps may be mixed if two faults coincide. The first fault is a longer delay of the stamps, for example by
@@ -65,7 +65,7 @@ class SweepAssembler(PadAssembler):
         self._first: float | None = None  # stamp of the first TPDO in the run
         self._words = bytearray()
         self._fresh = np.zeros(self._size, bool)
-        self._is_given = True  # True if the run was emitted, or if there is none
+        self._is_given = True  # True if the run was emitted or no run has begun
         self._last = -1, b''  # rank and bytes of the last TPDO
         self.restart()
 

@@ -54,8 +54,8 @@ EARLY_ROUND = 0.02
 class ChangePace:
     """Allows a state to be published when it has changed, and at least once in each STATE_PERIOD.
 
-    At most MOST_STATES publications fall within any STATE_PERIOD. A change beyond that limit is published at a later
-    call, unless the state has changed back by then.
+    At most MOST_STATES publications fall within any STATE_PERIOD. A change beyond this limit of MOST_STATES is
+    published at a later call, unless the state has changed back by then.
     """
 
     def __init__(self) -> None:
@@ -68,7 +68,7 @@ class ChangePace:
         Parameters
         ----------
         key : hashable
-            Value that identifies the state. Equal states have equal values.
+            Value by which two states are compared.
         now : float
             Present time on the steady clock [s].
         """

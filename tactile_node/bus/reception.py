@@ -39,8 +39,7 @@ class Batch(NamedTuple):
 class Reception:
     """Reads a bus on a separate thread until stopped.
 
-    If ``on_batch`` raises an exception, only that batch is affected and the exception is logged, because the bus has no
-    fault.
+    An exception raised by ``on_batch`` is logged and affects only one batch, because it is not a fault of the bus.
 
     Parameters
     ----------

@@ -16,8 +16,8 @@ PIECES_APART = 2
 #: Smallest share of the taxel sides in a contact that two of its taxels have in common. Left-over groups and random
 #: groups are ragged and have a smaller share.
 LEAST_COMPACTNESS = 0.62
-#: Time without being pressed after which the history of a taxel is forgotten [frames]. The time is not shorter because
-#: some taxels flicker.
+#: Time after which the history of a taxel that is no longer pressed is forgotten [frames]. A shorter time would forget
+#: taxels that flicker.
 IDLE_FRAMES = 25
 
 
@@ -90,7 +90,7 @@ class LeftOver:
 def _sizes(pressed: np.ndarray, groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the size of each group, and an array that is True for each ragged group.
 
-    Group 0 holds the taxels of no group. The size of group 0 is 0, and group 0 is not ragged.
+    Group 0 holds the taxels outside all groups. The size of group 0 is 0, and group 0 is not ragged.
     """
     count = int(groups.max()) + 1
     sizes = np.bincount(groups.reshape(-1), minlength=count)

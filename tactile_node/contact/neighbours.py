@@ -186,8 +186,8 @@ def linked(taxels: np.ndarray, between: int) -> np.ndarray:
     Returns
     -------
     np.ndarray
-        Group number of each taxel, int (rows, cols). Taxels of no group have number 0, and taxels in the gaps may have
-        a number.
+        Group number of each taxel, int (rows, cols). Taxels outside all groups have the number 0. Taxels in the gaps
+        may have a group number.
 
     Examples
     --------

@@ -36,7 +36,7 @@ class Banded(NamedTuple):
         """Return the Cholesky factors of A - shift, and the shifts.
 
         Each returned shift is guaranteed to be below the smallest eigenvalue of its matrix. A given shift that is too
-        high is replaced by a lower value: slightly below ``certain``, the known lower bound, or half the shift.
+        high is halved or, if that is lower, set slightly below the known lower bound ``certain``.
         """
         while True:
             band = self.band.copy()

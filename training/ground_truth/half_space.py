@@ -1,4 +1,4 @@
-"""Compute by FFT how uniformly loaded square cells affect an elastic half-space.
+"""Compute with FFT the response of an elastic half-space to uniformly loaded square cells.
 
 The sum over the cells is exact for pressures that are constant in each cell, because zero padding prevents the FFT from
 wrapping around. The model assumes small strains, no friction, and an infinitely thick homogeneous material. A thin

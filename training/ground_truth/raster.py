@@ -72,9 +72,9 @@ def _of_mask(mask: np.ndarray, cells: int) -> np.ndarray:
 
 
 def _shares(size: int, width: float) -> np.ndarray:
-    """Return the share of each new cell that each of ``size`` old cells covers.
+    """Return how much of each new cell each old cell covers.
 
-    A new cell is ``width`` old cells wide.
+    There are ``size`` old cells, and a new cell is ``width`` old cells wide.
     """
     low = width * np.arange(np.ceil(size / width - 1e-9))[:, None]
     old = np.arange(size)
