@@ -130,7 +130,8 @@ def samples_from(contacts) -> Samples:
 
 def packed(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray, labels: np.ndarray) -> Samples:
     """Return the samples for K patches, (K, SIDE, SIDE) each."""
-    at_a_time = [slice(first, first + 256) for first in range(0, len(labels), 256)]  # describe_all needs much memory
+    # describe_all needs a lot of memory
+    at_a_time = [slice(first, first + 256) for first in range(0, len(labels), 256)]
     geometry = [describe_all(levels[part], unseen[part], scales[part]) for part in at_a_time]
     return Samples(np.clip(levels * LEVEL_STEPS + 0.5, 0, 255).astype(np.uint8),
                    (unseen * 255 + 0.5).astype(np.uint8), np.concatenate(geometry), labels)

@@ -15,13 +15,15 @@ A sender is one CANopen node of a pad, and ``assembler`` states the rules.
 If a free bus proves that nothing is late (settle), SUSPECT becomes CURRENT at the next SYNC, because no second run
 followed.
 
-Number of runs that the sender is behind when a period begins:
+The previous period determines how many more runs the sender is behind when a period begins:
 
-    previous period          adds   the late run may have
-    ended with the last rank 0      -
-    ended early              1      ranks above its end
-    was silent               1      any ranks
-    its sender was started   none   - (and all earlier runs are forgotten)
+  - If the previous period ended with the last rank, no run is added.
+
+  - If the previous period ended early, one run is added. The late run may contain the ranks above that end.
+
+  - If the previous period was silent, one run is added. The late run may contain any ranks.
+
+  - If the sender was started in the previous period, no run is added, and all earlier runs are forgotten.
 
 If the previous period ended SUSPECT or was silent, the number from that period is added.
 """
@@ -157,7 +159,7 @@ class SenderRun:
     def note_late(self, rank: int) -> None:
         """Note a TPDO of an earlier period that is too late to be used.
 
-        The TPDO only shows how far the sender has got.
+        A TPDO that is too late only shows how far the sender has got.
         """
         if self.is_seen:
             if rank <= self.last:

@@ -15,9 +15,9 @@ BIT_RATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000
 
 DISABLED = 1 << 31  #: bit "PDO does not exist" in sub-index 1 of the PDO communication record (CiA 301)
 NO_RTR = 1 << 30  #: bit "no remote request allowed" in sub-index 1 of the PDO communication record (CiA 301)
-PRODUCES_SYNC = 1 << 30  #: bit in object 0x1005 that says that the device produces SYNC
+PRODUCES_SYNC = 1 << 30  #: bit in object 0x1005 that is set if the device produces SYNC
 SYNC_ID_MASK = (1 << 30) - 1  #: mask in object 0x1005 for the identifier and bit 29, which marks a 29-bit identifier
-ID_MASK = 0x7FF  #: mask for an 11-bit identifier, and the largest such identifier
+ID_MASK = 0x7FF  #: mask and largest value of an 11-bit identifier
 
 _OCTAL = re.compile(r'(?<![\w.])0+([0-7]+)(?![\w.])')
 

@@ -48,7 +48,7 @@ class DriftFollower:
         zero : np.ndarray
             Zero before this frame, (rows, cols).
         is_faulty : np.ndarray or bool
-            True for faulty taxels, bool (rows, cols). The zero is not held while these taxels lack values.
+            True for faulty taxels, bool (rows, cols). Missing values of faulty taxels do not hold the zero.
         is_contact : bool
             True if something presses the pad, even if no taxel reads much above its zero.
         """

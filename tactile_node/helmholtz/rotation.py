@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 FINE = 5                       #: Number of fine steps per pitch.
-ANGLES = np.arange(0, 181, 4)  #: The 46 angles [degrees].
+ANGLES = np.arange(0, 181, 4)  #: The 46 rotation angles [degrees].
 ANGLES.flags.writeable = False
 TIE_TOLERANCE = 1e-9  #: Distance below a half-way point within which a coordinate is still rounded up [fine steps].
 

@@ -119,8 +119,7 @@ def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
 
 
 def _neighbours(active: np.ndarray, near: int, far: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return two counts for each site: the active taxels ``near`` and ``far`` places before the site, and those after
-    it."""
+    """Return the number of active taxels ``near`` and ``far`` places before each site, and the number after it."""
     before, after = np.zeros((2, len(active)), np.uint8)
     before[near:] = active[:-near]
     before[far:] += active[:-far]

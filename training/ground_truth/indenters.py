@@ -53,7 +53,7 @@ def flat_punch(contact: Contact, compression: float, rounding: float = 0.0) -> I
 def ball(compression: float) -> Indenter:
     """Return a ball, approximated by a paraboloid.
 
-    By Hertz, the contact of the ball has the area 1: a³ = 3 P R / (4 E*).
+    According to Hertz, the contact of the ball has the area 1: a³ = 3 P R / (4 E*).
     """
     a = 1 / sqrt(pi)
     radius = 4 * a ** 3 / (3 * compression)
@@ -63,7 +63,7 @@ def ball(compression: float) -> Indenter:
 def cone(compression: float, tip: float = 0.0) -> Indenter:
     """Return a cone pressed on its tip.
 
-    By Sneddon (1948), the contact of the cone has the area 1: P = π a² E* slope / 2.
+    According to Sneddon (1948), the contact of the cone has the area 1: P = π a² E* slope / 2.
 
     The length ``tip`` is the radius of the paraboloid that replaces the tip [fraction of the contact's radius]. At this
     radius, the paraboloid has the slope of the cone.
