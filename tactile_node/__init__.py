@@ -1,4 +1,6 @@
-"""Contact shapes from a tactile skin: what touches an array of taxels, where, how large, and how certain this is.
+"""Recognise contact shapes with a tactile skin.
+
+The package reports what touches an array of taxels, where it touches, how large it is, and how certain the result is.
 
 >>> import numpy as np
 >>> import tactile_node as tn
@@ -8,8 +10,8 @@
 >>> round(tn.fit_shape(contact, tn.Shape.SQUARE, pitch=0.004).dimensions[0], 3)                     # metre
 0.028
 
-Each folder is one stage: CAN frame, taxel frame, contact pattern, features, shape. ``docs/architecture.md`` says which
-folder may import which.
+Most folders hold one stage of the data flow: CAN frame, taxel frame, contact pattern, features, shape.
+``docs/architecture.md`` states which folder may import which.
 """
 
 from importlib import import_module

@@ -1,6 +1,6 @@
-"""Codes in words: enumerations with a phrase for each member, and the names of codes in our messages.
+"""Describe codes in words: enumerations with a phrase for each member, and the names of codes in our ROS messages.
 
-The module does not need ROS.
+This module works without ROS.
 """
 
 import re
@@ -10,7 +10,10 @@ from tactile_node.package_files import package_file
 
 
 class PhrasedCode(Enum):
-    """A stable number with its meaning in words: a part of a sentence, without a full stop."""
+    """A stable number with a phrase that states its meaning.
+
+    The phrase is a part of a sentence, without a full stop.
+    """
 
     phrase: str
 
@@ -35,16 +38,16 @@ def name_of(interface: str | type, field: str, code: int) -> str:
     Parameters
     ----------
     interface : str or type
-        A ROS class, such as Grasp or CheckGrasp.Response, or a name, such as 'msg/Grasp'.
+        A ROS class, such as Grasp or CheckGrasp.Response, or an interface name, such as 'msg/Grasp'.
     field : str
-        Field of the message.
+        Field of the message that holds the code.
     code : int
         Value of the field.
 
     Raises
     ------
     KeyError
-        If the field has no constants.
+        Raised if the field has no constants.
 
     Examples
     --------

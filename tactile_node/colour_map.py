@@ -1,6 +1,6 @@
-"""Taxel values as colours: dark is nothing, and bright is the full scale.
+"""Show taxel values as colours, from dark for no load to bright for full scale.
 
-Saturated taxels and taxels without a value have colours of their own.
+Saturated taxels and taxels without a value have special colours.
 """
 
 import math
@@ -9,15 +9,17 @@ import numpy as np
 
 from tactile_node.taxel_frame import PRESS_BY_UNIT, read_only
 
-#: RGB values of matplotlib's colour map inferno at 17 even steps (N. J. Smith, S. van der Walt; CC0). Its lightness
-#: rises evenly.
+#: RGB values of matplotlib's colour map inferno at 17 even steps (N. J. Smith, S. van der Walt; CC0). The lightness of
+#: inferno rises evenly.
 INFERNO = ((0, 0, 4), (11, 7, 36), (33, 12, 74), (61, 9, 101), (87, 16, 110), (113, 25, 110), (138, 34, 106),
            (163, 44, 97), (188, 55, 84), (208, 69, 69), (227, 89, 51), (241, 113, 31), (249, 140, 10), (252, 170, 15),
            (249, 201, 50), (242, 232, 101), (252, 255, 164))
-STEPS = 256                        #: Number of colours for values.
-ROUND_STEPS = 1.0, 2.0, 5.0, 10.0  #: Steps to which a scale is rounded up, and steps of its ticks.
-NO_VALUE = STEPS                   #: Number of the colour for a taxel without a value.
-SATURATED = STEPS + 1              #: Number of the colour for a taxel at the end of its range.
+STEPS = 256                        #: Number of different colours for values.
+
+#: Round numbers to which a scale is rounded up. The ticks of the scale use the same steps.
+ROUND_STEPS = 1.0, 2.0, 5.0, 10.0
+NO_VALUE = STEPS                   #: Colour number of a taxel without a value.
+SATURATED = STEPS + 1              #: Colour number of a taxel at the end of its range.
 NO_VALUE_RGB = (128, 128, 128)     #: Grey, which inferno does not contain.
 SATURATED_RGB = (60, 210, 80)      #: Green, which inferno does not contain.
 
@@ -29,12 +31,12 @@ def _rgb_table() -> np.ndarray:
     return read_only(np.vstack([np.rint(of_values), NO_VALUE_RGB, SATURATED_RGB]).astype(np.uint8))
 
 
-RGB_TABLE = _rgb_table()     #: Colour of each number, uint8 (SATURATED + 1, 3).
+RGB_TABLE = _rgb_table()     #: Colour of each colour number, uint8 (SATURATED + 1, 3).
 PALETTE = RGB_TABLE[:STEPS]  #: Colours of values, from 0 to the brightest, uint8 (STEPS, 3).
 
 
 def rounded_up(value: float) -> float:
-    """Return the smallest of 1, 2, 5, 10, 20 ... that is not below ``value``.
+    """Return the smallest of 1, 2, 5, 10, 20, ... that is at least ``value``.
 
     >>> rounded_up(37e3), rounded_up(1.0)
     (50000.0, 1.0)
@@ -44,20 +46,23 @@ def rounded_up(value: float) -> float:
 
 
 def levels(values: np.ndarray, full_scale: float) -> np.ndarray:
-    """Return the index into PALETTE for each of ``values``, intp; 0 for NaN, which the caller has to mark."""
+    """Return the index into PALETTE for each of ``values``, intp.
+
+    The index of NaN is 0, so the caller has to mark NaN separately.
+    """
     return np.rint(np.clip(np.nan_to_num(values) / full_scale, 0.0, 1.0) * (STEPS - 1)).astype(np.intp)
 
 
 class ColourScale:
-    """Assigns numbers of colours to the values of one pad.
+    """Assigns colour numbers to the values of one pad.
 
-    A scale for each frame alone would show noise as bright as a contact.
+    If every frame were scaled separately, noise would look as bright as a contact.
 
     Parameters
     ----------
     full_scale : float
-        Value of the brightest colour [unit of the values]; higher values get the same colour. With 0, the scale follows
-        the highest value so far, which is at least the press threshold.
+        Value shown in the brightest colour [unit of the values]. Higher values get the same colour. With 0, the scale
+        follows the highest value so far, but is never below the press threshold.
     """
 
     def __init__(self, full_scale: float = 0.0):
@@ -65,12 +70,12 @@ class ColourScale:
         self._highest = 0.0
 
     def numbers(self, values: np.ndarray, saturated: np.ndarray, unit: str) -> np.ndarray:
-        """Return the number of each taxel's colour.
+        """Return the colour number of each taxel.
 
         Parameters
         ----------
         values : np.ndarray
-            Taxel values; NaN for no valid value.
+            Taxel values; NaN if a taxel has no valid value.
         saturated : np.ndarray
             Taxels at the end of their range, bool.
         unit : str
@@ -79,7 +84,7 @@ class ColourScale:
         Returns
         -------
         np.ndarray
-            intp, of the shape of ``values``.
+            intp, with the shape of ``values``.
 
         Examples
         --------

@@ -1,21 +1,26 @@
-"""The errors that this package raises. Every message states the expected value, the actual value and a remedy."""
+"""Define the errors that this package raises.
+
+Every message states the expected value, the actual value and a remedy.
+"""
 
 from enum import IntEnum
 
 
 class TactileError(Exception):
-    """Base of all errors of this package: an input, a device or a bus cannot be used.
+    """Base class of all errors of this package.
+
+    An error of this kind means that an input, a device or a bus cannot be used.
 
     Parameters
     ----------
     where : str
-        The place: a file and key, a parameter, a node or a bus.
+        Place of the error: a file and key, a parameter, a node or a bus.
     expected : str
-        What was expected there.
+        What was expected at this place.
     got : str
-        What was found there.
+        What was found at this place.
     remedy : str
-        What the user can do.
+        What the user can do about the error.
 
     Examples
     --------
@@ -33,7 +38,7 @@ class TactileError(Exception):
 
 
 class ConfigurationError(TactileError):
-    """A configuration file or a parameter is wrong: EDS, skin layout, YAML or launch argument."""
+    """A configuration is wrong, for example an EDS, a skin layout, a YAML file, a parameter or a launch argument."""
 
 
 class BusError(TactileError):
@@ -41,11 +46,11 @@ class BusError(TactileError):
 
 
 class InterruptedSetupError(BusError):
-    """The driver was stopped while it configured a device."""
+    """The driver was stopped while it was configuring a device."""
 
 
 class DeviceError(TactileError):
-    """The CANopen device is absent, is not the expected one, or refuses a request."""
+    """The CANopen device is absent, is not the expected device, or rejects a request."""
 
 
 class DeviceAbsentError(DeviceError):
@@ -53,32 +58,32 @@ class DeviceAbsentError(DeviceError):
 
 
 class UnverifiedDeviceError(DeviceError):
-    """The CANopen device, or the mapping of one of its TPDOs, differs from EDS and layout."""
+    """The CANopen device, or the mapping of one of its TPDOs, differs from the EDS and the layout."""
 
 
 class TwoDevicesError(DeviceError):
-    """Two CANopen devices answer under the same node id."""
+    """Two CANopen devices answer with the same node-ID."""
 
 
 class HalfZeroedError(DeviceError):
-    """Some channels of a pad have zeroed themselves, but others have not or may not have."""
+    """Some channels of a pad have zeroed themselves, but other channels have not, or may not have done so."""
 
 
 class TareRefusal(IntEnum):
-    """Reason why a tare was refused; the numbers are stable."""
+    """Reason why a tare was refused. The code numbers never change."""
 
     NOT_KNOWN = 0
-    PRESSED = 1          #: a taxel reads tare_limit or more
+    PRESSED = 1          #: a taxel reads ``tare_limit`` or more
     NO_VALID_VALUES = 2  #: no taxel of the pad has a valid value
-    TOO_FEW_FRAMES = 3   #: the frames to average did not arrive in time
+    TOO_FEW_FRAMES = 3   #: the frames to be averaged did not arrive in time
     DRIVER_NOT_ACTIVE = 4
-    BUSY = 5             #: another request is under way
+    BUSY = 5             #: another request is in progress
     TOO_MANY_FRAMES = 6  #: the request would take too long
-    CONTACT = 7          #: a contact is present, although the parameter tare_limit allows its readings
+    CONTACT = 7          #: a contact is present, although its readings are below the parameter tare_limit
 
 
 class TareRefusedError(TactileError):
-    """A pad cannot be tared now; ``refusal`` is the reason."""
+    """A pad cannot be tared now. The attribute ``refusal`` gives the reason."""
 
     def __init__(self, where: str, refusal: TareRefusal, *, expected: str, got: str, remedy: str):
         super().__init__(where, expected=expected, got=got, remedy=remedy)
@@ -86,11 +91,14 @@ class TareRefusedError(TactileError):
 
 
 class RequirementRefusal(IntEnum):
-    """Reason why a requirement on a grasp, or a goal with one, was refused (CheckGrasp.srv mirrors these numbers)."""
+    """Reason why a requirement on a grasp, or a goal with such a requirement, was refused.
+
+    CheckGrasp.srv uses the same numbers.
+    """
 
     NOT_KNOWN = 0
     NOT_REFUSED = 1
-    NOT_A_LIMIT = 2  #: NaN, infinite or below 0; a confidence above 1; or an invalid duration
+    NOT_A_LIMIT = 2  #: a value is NaN, infinite or below 0, a confidence is above 1, or a duration is invalid
     NO_SUCH_SHAPE = 3
     TOO_MANY_SHAPES = 4
     EMPTY_RANGE = 5
@@ -99,7 +107,7 @@ class RequirementRefusal(IntEnum):
 
 
 class RefusedRequirementError(TactileError):
-    """A requirement on a grasp cannot be used; ``refusal`` is the reason."""
+    """A requirement on a grasp cannot be used. The attribute ``refusal`` gives the reason."""
 
     def __init__(self, where: str, refusal: RequirementRefusal, *, expected: str, got: str, remedy: str):
         super().__init__(where, expected=expected, got=got, remedy=remedy)
@@ -107,11 +115,11 @@ class RefusedRequirementError(TactileError):
 
 
 class RefusedGoalError(TactileError):
-    """A goal of the gripper cannot be used."""
+    """A goal sent to the gripper cannot be used."""
 
 
 class LogError(TactileError):
-    """A recorded CAN log is missing, unreadable or cut short."""
+    """A recorded CAN log is missing, unreadable or truncated."""
 
 
 class InputError(TactileError):

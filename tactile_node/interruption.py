@@ -1,6 +1,6 @@
-"""Ctrl-C, SIGTERM and the end of another process as an event.
+"""Turn Ctrl-C, SIGTERM and the end of another process into an event.
 
-With this event, a command can end in order: it closes its log and switches its devices off.
+With this event, a command can stop cleanly: it closes its log and switches its devices off.
 """
 
 import logging
@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 
 @contextmanager
 def interruption() -> Iterator[threading.Event]:
-    """Give an event that SIGINT or SIGTERM sets; the previous handlers are restored at the end."""
+    """Yield an event that SIGINT or SIGTERM sets. The previous signal handlers are restored at the end."""
     stop_requested = threading.Event()
     before = {number: signal.signal(number, lambda *_: stop_requested.set())
               for number in (signal.SIGINT, signal.SIGTERM)}
@@ -30,9 +30,12 @@ def interruption() -> Iterator[threading.Event]:
 
 
 def stop_with(process_id: int, stop_requested: threading.Event) -> None:
-    """Set the event when another process ends in any way. This works on Linux; elsewhere nothing happens.
+    """Set the event when another process ends for any reason.
 
-    `ros2 launch` leaves its processes behind when it gets SIGTERM ("using SIGTERM can result in orphaned processes").
+    The function works on Linux. On other systems, it does nothing.
+
+    When `ros2 launch` receives SIGTERM, it leaves its processes running ("using SIGTERM can result in orphaned
+    processes").
 
     Parameters
     ----------
@@ -48,15 +51,15 @@ def stop_with(process_id: int, stop_requested: threading.Event) -> None:
     except ProcessLookupError:
         stop_requested.set()
         return
-    except OSError as error:  # an old kernel does not have this call, and a container may forbid it
-        logger.warning('Process %d cannot be watched (%s). End this process yourself when that one ends.', process_id,
-                       error)
+    except OSError as error:  # an old kernel does not provide this call, and a container may forbid it
+        logger.warning('Process %d cannot be watched (%s). Stop this program yourself when that process ends.',
+                       process_id, error)
         return
     ReportedThread(_set_at_end, 'end_with', process, stop_requested).start()
 
 
 def _set_at_end(process: int, stop_requested: threading.Event) -> None:
-    select.select([process], [], [])  # a process descriptor becomes readable when the process ends: pidfd_open(2)
+    select.select([process], [], [])  # a process descriptor becomes readable when the process ends; see pidfd_open(2)
     os.close(process)
     stop_requested.set()
 
@@ -64,7 +67,7 @@ def _set_at_end(process: int, stop_requested: threading.Event) -> None:
 def ignore_interruptions() -> None:
     """Ignore SIGINT and SIGTERM from now on.
 
-    In the last moments of a process, a second Ctrl-C must not make a clean end look like a crash.
+    While a process is ending, a second Ctrl-C must not make a clean exit look like a crash.
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)

@@ -1,6 +1,8 @@
-"""The ROS 2 nodes of one bus as data, from which the launch file, `tactile bringup` and the demo start them.
+"""Describe the ROS 2 nodes of one bus as data.
 
-The module imports neither rclpy nor a numerical library, so that a launch file can read it quickly.
+The launch file, `tactile bringup` and the demo start the nodes from this description.
+
+The module imports neither rclpy nor a numerical library, so that a launch file can import it quickly.
 """
 
 import re
@@ -15,7 +17,7 @@ Parameters = Mapping[str, ParameterValue]
 
 
 class Role(Enum):
-    """Task of a node; the value is the first word of its executable's name."""
+    """Task of a node. The value is the first word of the name of the node's executable."""
 
     DRIVER = 'driver'
     PROCESSOR = 'processor'
@@ -24,10 +26,10 @@ class Role(Enum):
 
 
 class Side(Enum):
-    """Host or process on which a node runs, if the bus and the users of the skin are separated."""
+    """Host or process on which a node runs if the bus is separated from the users of the skin."""
 
     BUS = 'bus'                #: the driver, on the host with the CAN adapter
-    PERCEPTION = 'perception'  #: the other nodes, on any host; they need neither bus nor layout
+    PERCEPTION = 'perception'  #: the other nodes, on any host, because they need neither the bus nor the layout
 
 
 NODE_NAMES = {Role.DRIVER: 'skin_driver', Role.PROCESSOR: 'processor', Role.CLASSIFIER: 'classifier',
@@ -37,11 +39,11 @@ ROS_NAME = re.compile('(/?[A-Za-z_][A-Za-z0-9_]*)(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 
 class NodeDescription(NamedTuple):
-    """One node. Its ``parameters`` take precedence over parameter files and defaults."""
+    """One node. The ``parameters`` of a node take precedence over parameter files and defaults."""
 
     role: Role
-    pad: str            #: '' for a node of the whole bus
-    bus_namespace: str  #: '' for the root
+    pad: str            #: name of the pad; '' for a node of the whole bus
+    bus_namespace: str  #: namespace of the bus; '' for the root
     parameters: Parameters
 
     @property
@@ -54,7 +56,7 @@ class NodeDescription(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Name of the node below the namespace of its bus."""
+        """Name of the node relative to the namespace of its bus."""
         return f'{self.pad}/{self.name}' if self.pad else self.name
 
 
@@ -63,15 +65,15 @@ def bus_nodes(pads: Sequence[str], *, driver: Parameters, every: Parameters | No
               namespace: str = '') -> tuple[NodeDescription, ...]:
     """Return the nodes of one bus.
 
-    These are a processor and a classifier for each pad, a grasp node if there are two pads, and the driver last. Two
-    pads are assumed to face each other.
+    The nodes are a processor and a classifier for each pad, a grasp node if there are two pads, and the driver last.
+    The grasp node assumes that the two pads face each other.
 
     Parameters
     ----------
     pads : sequence of str
         Names of the pads.
     driver, classifier, grasp : mapping
-        Parameters of these nodes.
+        Parameters of the driver, the classifiers and the grasp node.
     every : mapping or None
         Parameters of all nodes.
     namespace : str
@@ -80,7 +82,7 @@ def bus_nodes(pads: Sequence[str], *, driver: Parameters, every: Parameters | No
     Raises
     ------
     ConfigurationError
-        If two pads have the same name, or a name cannot be used.
+        Raised if two pads have the same name, or if a name cannot be used.
 
     Examples
     --------
@@ -116,7 +118,7 @@ def _check_names(pads: Sequence[str], namespace: str) -> None:
     if not pads:
         raise ConfigurationError('pads', expected='a name for each pad', got='none', remedy='Name a pad.')
     for what, name in (('namespace', namespace), *(('pads', pad) for pad in pads)):
-        if name and not ROS_NAME.fullmatch(name):  # rclpy would refuse the name after an unrelated warning
+        if name and not ROS_NAME.fullmatch(name):  # rclpy would reject the name only after an unrelated warning
             raise ConfigurationError(what, expected='letters, digits and underscores, not a digit first, joined by /',
                                      got=repr(name),
                                      remedy='Rename it.' + ' Commas separate several pads.' * (what == 'pads'))

@@ -1,6 +1,6 @@
-"""Output files that are either complete or unchanged.
+"""Write output files that are either complete or unchanged.
 
-The file is written beside its destination and renamed once it is complete.
+A new file is written next to its destination and renamed once it is complete.
 """
 
 import os
@@ -15,7 +15,7 @@ from tactile_node.errors import InputError
 
 @contextmanager
 def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator[BinaryIO]:
-    """Open a file for writing bytes. If an error occurs inside, the previous file stays as it was.
+    """Open a file for writing bytes. If an error occurs inside the block, the previous file remains unchanged.
 
     Devices and pipes are written directly. Links are followed.
 
@@ -29,7 +29,7 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
     Raises
     ------
     InputError
-        If the file is one of ``inputs`` or cannot be written.
+        Raised if the file is one of ``inputs`` or cannot be written.
     """
     target = Path(os.path.realpath(path))
     _check_no_input(path, inputs)
@@ -50,11 +50,11 @@ def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator
                 beside.unlink()
     except OSError as error:
         raise InputError(f'output {str(path)!r}', expected='a file that can be written',
-                         got=error.strerror or str(error), remedy='Give another path, or make room.') from error
+                         got=error.strerror or str(error), remedy='Give another path, or free disk space.') from error
 
 
 def check_writable(path: str | Path, inputs: Iterable[str | Path] = (), *, force: bool) -> None:
-    """Raise InputError if an output file cannot be written; commands call this before they begin a long computation.
+    """Raise InputError if an output file cannot be written. Commands call this function before a long computation.
 
     Parameters
     ----------
@@ -63,12 +63,12 @@ def check_writable(path: str | Path, inputs: Iterable[str | Path] = (), *, force
     inputs : iterable of str or Path
         Files that must not be overwritten.
     force : bool
-        True to allow that the file exists.
+        True to allow the file to exist already.
 
     Raises
     ------
     InputError
-        If the file cannot be written, is one of ``inputs``, or exists and ``force`` is False.
+        Raised if the file cannot be written, is one of ``inputs``, or exists and ``force`` is False.
     """
     target = Path(os.path.realpath(path))
     _check_no_input(path, inputs)
@@ -80,10 +80,10 @@ def check_writable(path: str | Path, inputs: Iterable[str | Path] = (), *, force
 
 
 def check_new(path: str | Path, *, force: bool) -> None:
-    """Raise InputError if ``path`` exists and ``force`` is False; devices and pipes may exist."""
+    """Raise InputError if ``path`` exists and ``force`` is False. Devices and pipes may exist."""
     if not force and os.path.lexists(path) and (os.path.isdir(path) or not _is_device(path)):
         raise InputError(f'output {str(path)!r}', expected='a new file', got='one that exists',
-                         remedy='Give another path, or --force to replace it.')
+                         remedy='Give another path, or replace the file with --force.')
 
 
 def _check_no_input(path: str | Path, inputs: Iterable[str | Path]) -> None:
@@ -93,15 +93,18 @@ def _check_no_input(path: str | Path, inputs: Iterable[str | Path]) -> None:
 
 
 def _is_device(path: str | Path) -> bool:
-    """Return True if ``path`` exists and is not a regular file. Links to pipes in /proc do not lead to a path."""
+    """Return True if ``path`` exists and is not a regular file.
+
+    The check works on the given path, because links to pipes in /proc do not resolve to a path.
+    """
     return os.path.exists(path) and not os.path.isfile(path)
 
 
 def _mode(target: Path) -> int:
-    """Return the mode of the file that is replaced, or the mode that the umask gives to a new file."""
+    """Return the mode of the file that is being replaced, or the mode that the umask gives a new file."""
     try:
         return target.stat().st_mode & 0o777
     except FileNotFoundError:
-        mask = os.umask(0)  # the umask can only be read by setting it
+        mask = os.umask(0)  # the only way to read the umask is to set it
         os.umask(mask)
         return 0o666 & ~mask

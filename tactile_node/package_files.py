@@ -1,7 +1,8 @@
 """Find the files of this package, wherever it is installed.
 
-In a wheel and in a ROS workspace, config/, msg/, srv/ and action/ are inside the Python package. In a checkout, they
-are beside it. An editable install and `colcon build --symlink-install` lead back to the checkout.
+In a wheel and in a ROS workspace, config/, msg/, srv/ and action/ are inside the Python package. In a checkout, these
+folders are beside the Python package. In an editable install or after `colcon build --symlink-install`, links lead back
+to the checkout.
 """
 
 from importlib import metadata
@@ -15,12 +16,12 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 
 
 def config_path(name: str) -> Path:
-    """Return the path of a file in the current folder, or of the file with this name in ``config/``.
+    """Return the path of a file in the current folder, or otherwise of the file with this name in ``config/``.
 
     Raises
     ------
     ConfigurationError
-        If neither exists.
+        Raised if neither file exists.
     """
     given = Path(name).expanduser()
     return given if given.is_file() else package_file(f'config/{name}')
@@ -41,7 +42,7 @@ def package_file(name: str) -> Path:
     Raises
     ------
     ConfigurationError
-        If the package has no such file.
+        Raised if the package has no such file.
     """
     folders = [PACKAGE_FOLDER, *([CHECKOUT] if is_checkout() else [])]
     for folder in folders:
@@ -53,11 +54,11 @@ def package_file(name: str) -> Path:
 
 
 def is_checkout() -> bool:
-    """Return True if this module is in a checkout, or is a link to one or an editable install of one."""
+    """Return True if this module is part of a checkout, which includes links to a checkout and editable installs."""
     return (CHECKOUT / 'package.xml').is_file()
 
 
-#: Name of the distribution for pip, and for ament_python_install_package.
+#: Names of the distribution, for pip and for ament_python_install_package.
 DISTRIBUTIONS = ('tactile-skin', 'tactile_node')
 
 

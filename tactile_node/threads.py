@@ -1,4 +1,4 @@
-"""The threads of this package. Each thread logs an unexpected exception with its traceback."""
+"""Define the threads of this package. Each thread logs an unexpected exception with its traceback."""
 
 import logging
 import threading
@@ -24,7 +24,7 @@ class ReportedThread(threading.Thread):
 
 
 def call_guarded(call: Callable[..., object], *args: object) -> Exception | None:
-    """Call a function; log an exception that it raises, and return this exception."""
+    """Call a function. If the function raises an exception, log and return the exception."""
     try:
         call(*args)
     except Exception as error:

@@ -1,4 +1,4 @@
-"""Read typed keys of a YAML mapping. Every error is a ConfigurationError that names file and key."""
+"""Read typed keys of a YAML mapping. Every error is a ConfigurationError that names the file and the key."""
 
 import re
 from collections.abc import Iterable
@@ -12,15 +12,16 @@ import yaml
 from tactile_node.errors import ConfigurationError
 
 _NO_DEFAULT = object()
-LARGEST_NUMBER = 1e300  #: Largest number; a whole number in YAML may be larger than any float.
-#: Largest size of a file; no pad on a CAN bus needs more, and a longer file takes seconds to read.
+LARGEST_NUMBER = 1e300  #: Largest number accepted. A whole number in YAML may be larger than any float.
+
+#: Largest size of a file [bytes]. No pad on a CAN bus needs a larger file, and a larger file takes seconds to read.
 MOST_BYTES = 1 << 19
-SHOWN = 80           #: Largest number of characters of a value in an error.
-LONGEST_SHOWN = 128  #: Largest number of bits of a whole number in an error.
+SHOWN = 80           #: Largest number of characters of a value that an error message shows.
+LONGEST_SHOWN = 128  #: Largest number of bits of a whole number that an error message shows.
 
 
 class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]  # libyaml: ten times faster
-    """Refuses a key that is given twice, because PyYAML would silently use the last one."""
+    """Rejects a key that is given twice, because PyYAML would silently use the last one."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[str] = set()
@@ -41,12 +42,12 @@ def load_mapping(path: Path, about: str) -> 'Section':
     path : Path
         The file.
     about : str
-        What the file should be, for errors, such as 'a skin layout'.
+        What the file should contain, for error messages, such as 'a skin layout'.
 
     Raises
     ------
     ConfigurationError
-        If the file cannot be read or is not a YAML mapping.
+        Raised if the file cannot be read or is not a YAML mapping.
     """
     try:
         with Path(path).open('rb') as stream:
@@ -61,11 +62,12 @@ def load_mapping(path: Path, about: str) -> 'Section':
     except UnicodeDecodeError as error:
         raise ConfigurationError(str(path), expected=f'{about} (YAML text in UTF-8)',
                                  got='bytes that are not text',
-                                 remedy='Give the YAML file, not a binary one.') from error
+                                 remedy='Give a YAML file instead of a binary file.') from error
     except yaml.YAMLError as error:
         raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=_one_line(error),
-                                 remedy='Correct the YAML at that line.') from error
-    except (ValueError, KeyError, IndexError, AttributeError, RecursionError) as error:  # PyYAML, for odd scalars
+                                 remedy='Correct the YAML syntax in that line.') from error
+    # PyYAML raises these errors for odd scalars
+    except (ValueError, KeyError, IndexError, AttributeError, RecursionError) as error:
         raise ConfigurationError(str(path), expected=f'{about} (YAML)', got=f'{type(error).__name__}: {error}'[:200],
                                  remedy='Correct the YAML.') from error
     if not isinstance(content, dict):
@@ -75,20 +77,20 @@ def load_mapping(path: Path, about: str) -> 'Section':
 
 
 def line_of(path: Path, key: str) -> int | None:
-    """Return the line of a key in a YAML file; if the key is missing, the line of the deepest part that exists.
+    """Return the line of a key in a YAML file. If the key is missing, return the line of the deepest part that exists.
 
     Parameters
     ----------
     path : Path
         The file.
     key : str
-        Key as errors name it, such as 'tpdos[3].taxels'. Remarks in brackets are ignored, as in 'tpdos[3] (TPDO
+        Key as error messages name it, such as 'tpdos[3].taxels'. Remarks in brackets are ignored, as in 'tpdos[3] (TPDO
         9).taxels'.
 
     Returns
     -------
     int or None
-        None if the file has no matching line.
+        Line number, or None if the file has no matching line.
     """
     try:
         node = yaml.compose(Path(path).read_text(encoding='utf-8'), yaml.SafeLoader)
@@ -116,14 +118,17 @@ def _one_line(error: yaml.YAMLError) -> str:
 
 
 class _Short(Repr):
-    """Writes the beginning of any value; aliases in a small file can stand for more than fits into memory."""
+    """Writes only the beginning of a value.
+
+    Aliases in a small file can describe a value that does not fit into memory.
+    """
 
     def repr_int(self, x: int, level: int) -> str:
         return super().repr_int(x, level) if x.bit_length() <= LONGEST_SHOWN else f'of {x.bit_length()} bits'
 
 
 def shown(value: Any) -> str:
-    """Return a YAML value in the form that errors show."""
+    """Return a YAML value in the form in which error messages show it."""
     return _Short().repr(value)[:SHOWN]
 
 
@@ -132,10 +137,10 @@ def _kind(value: Any) -> str:
 
 
 class Section:
-    """A mapping whose keys are taken one by one. Each method checks the value of one key.
+    """A mapping whose keys are read one by one. Each method checks the value of one key.
 
-    A key without a ``default`` is required. `done` refuses the keys that were not taken. Every violation raises a
-    ConfigurationError that names file and key. Values in YAML have any type, hence ``Any``.
+    A key without a ``default`` is required. The method `done` rejects all keys that were not read. Every violation
+    raises a ConfigurationError that names the file and the key. YAML values can have any type, hence ``Any``.
 
     >>> section = Section({'rows': 16, 'unit': 'Pa'}, 'skin.yaml')
     >>> section.integer('rows', 1, 1024), section.choice('unit', ('Pa', 'N'))
@@ -151,7 +156,7 @@ class Section:
 
     @property
     def path(self) -> str:
-        """Key of this section in the file; '' at the top."""
+        """Key of this section in the file; '' for the top level."""
         return self._path
 
     def refuse(self, key: str, *, expected: str, got: str, remedy: str) -> NoReturn:
@@ -160,7 +165,7 @@ class Section:
                                  remedy=remedy)
 
     def take(self, key: str, default: Any = _NO_DEFAULT) -> Any:
-        """Return the value of ``key``, of any type."""
+        """Return the value of ``key``, which may have any type."""
         self._taken.append(key)
         if key in self._mapping:
             return self._mapping[key]
@@ -171,7 +176,7 @@ class Section:
         return default
 
     def integer(self, key: str, low: int, high: int, default: Any = _NO_DEFAULT) -> int:
-        """Return a whole number from ``low`` to ``high``, both included."""
+        """Return a whole number from ``low`` to ``high``, inclusive."""
         return self.checked_integer(key, self.take(key, default), low, high)
 
     def checked_integer(self, key: str, value: Any, low: int, high: int) -> int:
@@ -191,7 +196,7 @@ class Section:
         return float(value)
 
     def choice(self, key: str, options: tuple[Any, ...], default: Any = _NO_DEFAULT) -> Any:
-        """Return one of ``options``, which are all booleans or all strings."""
+        """Return one of ``options``, which must be all booleans or all strings."""
         value = self.take(key, default)
         if value not in options or isinstance(value, bool) != isinstance(options[0], bool):
             self.refuse(key, expected=f'one of {", ".join(map(repr, options))}', got=_kind(value),
@@ -199,7 +204,7 @@ class Section:
         return value
 
     def sequence(self, key: str, default: Any = _NO_DEFAULT) -> list[Any]:
-        """Return a list of any values."""
+        """Return a list of values of any type."""
         value = self.take(key, default)
         if not isinstance(value, (list, tuple)):
             self.refuse(key, expected='a list', got=_kind(value),
@@ -218,7 +223,7 @@ class Section:
         return tuple(self.checked_integer(key, item, low, high) for item in value)
 
     def section(self, key: str, default: Any = _NO_DEFAULT) -> 'Section':
-        """Return a mapping as a section of its own."""
+        """Return a mapping as a separate section."""
         return self.subsection(key, self.take(key, default))
 
     def subsection(self, key: str, value: Any) -> 'Section':
@@ -229,7 +234,7 @@ class Section:
         return Section(value, self._where, self._name(key))
 
     def done(self) -> None:
-        """Refuse the first key that was not taken."""
+        """Raise an error for the first key that was not read."""
         for key in self._mapping:
             if key not in self._taken:
                 close = self._close(str(key), self._taken)
@@ -242,6 +247,6 @@ class Section:
 
     @staticmethod
     def _close(key: str, among: Iterable[Any]) -> str:
-        """Return the name in ``among`` that is spelt most like ``key``, or '' if none is close."""
+        """Return the name in ``among`` whose spelling is closest to ``key``, or '' if no name is close."""
         close = get_close_matches(key, map(str, among), n=1)
         return close[0] if close and close[0] != key else ''

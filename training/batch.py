@@ -1,8 +1,8 @@
-"""Draw samples in bulk: hundreds of contacts of simulator.world and of the figure pool at a time, as patches.
+"""Draw samples in bulk, as patches: hundreds of contacts of simulator.world and of the figure pool at a time.
 
-The distributions are those from which training.samples draws single contacts. The conditions cut, second and rounded
-cannot be drawn in bulk and are left out. This module adds cases that contacts in general position never show: sides
-along the lattice, and frames without noise.
+The distributions are the same as in training.samples, which draws single contacts. The conditions ``cut``, ``second``
+and ``rounding`` cannot be drawn in bulk and are omitted. This module adds cases that never occur for contacts in
+general position: sides along the lattice, and frames without noise.
 """
 
 from typing import NamedTuple
@@ -18,14 +18,15 @@ from training.samples import LABELS, UNKNOWN, Samples
 
 CIRCLE = LABELS.index('circle')
 TRIANGLES = [LABELS.index(shape) for shape in ('right_triangle', 'isosceles_triangle')]
-STEPS = 5  #: The coverage of a taxel is counted on STEPS x STEPS points.
-EXACT = 0.12      #: Fraction of the contacts that lie exactly along the lattice, or at 45 degrees to it.
+STEPS = 5  #: Number of points along each side of a taxel at which coverage is counted (STEPS x STEPS points).
+EXACT = 0.12      #: Fraction of the contacts that are aligned exactly with the lattice, or at 45 degrees to it.
 NOISELESS = 0.1   #: Fraction of the nominal pressure frames that have neither noise nor blur.
 LIGHT = 0.3       #: Fraction of the pressure frames with a light contact, at 5 to 35 % of full scale.
-NOISIEST = 0.25   #: Largest standard deviation of the noise, relative to the contact's level.
-#: Fraction of the pressure frames whose threshold does not follow the level and the tilt of the contact.
+NOISIEST = 0.25   #: Largest standard deviation of the noise, relative to the level of the contact.
+
+#: Fraction of the pressure frames whose threshold ignores the level and the tilt of the contact.
 ABSOLUTE = 0.35
-MEMORY = 400_000  #: Largest number of taxels of the frames that are drawn at a time.
+MEMORY = 400_000  #: Largest number of taxels in the frames that are drawn at once.
 
 
 class Covered(NamedTuple):
@@ -38,7 +39,7 @@ class Covered(NamedTuple):
 
 
 class Contacts:
-    """K convex contacts, each given by half-planes, or by a centre and a radius for a circle."""
+    """K convex contacts. Each contact is given by half-planes or, for a circle, by a centre and a radius."""
 
     def __init__(self, rng: np.random.Generator, areas: np.ndarray, pad: int):
         self.labels = rng.integers(UNKNOWN, size=len(areas))
@@ -69,7 +70,7 @@ class Contacts:
         return depth
 
     def on_pad(self, pad: int, wall: np.ndarray) -> Covered:
-        """Return the contacts on a square pad; only a rim of width ``wall``, (K,), is left of each contact."""
+        """Return the contacts on a square pad. Only a rim of width ``wall``, (K,), remains of each contact."""
         count = len(self.labels)
         y, x = np.indices((pad, pad), np.float32).reshape(2, 1, -1)
         k = np.arange(count)
@@ -89,8 +90,8 @@ class Contacts:
 def aligned(rng, contact):
     """Return ``contact`` aligned with the lattice.
 
-    Its angle is a multiple of 45 degrees, and its centre is at a multiple of half a taxel. Often its sides are whole
-    numbers.
+    The angle becomes a multiple of 45 degrees, and the centre a multiple of half a taxel. Often, the side lengths
+    become whole numbers.
     """
     half = [0.5 * rng.integers(-1, 2) for _ in range(2)]
     dimensions = contact.dimensions
@@ -102,7 +103,8 @@ def aligned(rng, contact):
             dimensions = (round(2 * contact.dimensions[0]) / 2,)
     angle = (np.pi / 4 if rng.random() < 0.3 else np.pi / 2) * rng.integers(8)
     middle = np.round((contact.x, contact.y))
-    if contact.shape in ('square', 'rectangle') and rng.random() < 0.6:  # the sides then lie on the borders of taxels
+    # the sides then lie on the borders between taxels
+    if contact.shape in ('square', 'rectangle') and rng.random() < 0.6:
         half = [(round(size) % 2 - 1) / 2 for size in np.resize(dimensions, 2)[::1 if round(angle / np.pi * 2) % 2 == 0
                                                                               else -1]]
     return type(contact)(contact.shape, dimensions, x=float(middle[0] + half[0]), y=float(middle[1] + half[1]),
@@ -111,7 +113,7 @@ def aligned(rng, contact):
 
 def draw_many(rng: np.random.Generator, count: int, on_off: bool, areas: tuple[float, float] = (7, 60),
               faulty: float = 0.15, pad: int = 30) -> Samples:
-    """Draw about ``count`` samples in bulk on a square pad with ``pad`` rows; the areas are log-uniform."""
+    """Draw about ``count`` samples in bulk on a square pad with ``pad`` rows. The areas are log-uniform."""
     contacts = Contacts(rng, np.exp(rng.uniform(*np.log(areas), count)), pad)
     hollow = rng.random(count) < faulty
     wall = np.where(hollow, np.maximum(rng.uniform(0.2, 0.7, count) * contacts.inner, 1.25), 1e3).astype(np.float32)
@@ -120,7 +122,7 @@ def draw_many(rng: np.random.Generator, count: int, on_off: bool, areas: tuple[f
 
 def draw_forms(rng: np.random.Generator, forms: Forms, areas: np.ndarray, on_off: bool, faulty: float = 0.15,
                pad: int = 36) -> Samples:
-    """Draw a sample of each of K figures with the given ``areas``, (K,) [taxels], anywhere in the middle of a pad."""
+    """Draw a sample of each of K figures with the given ``areas``, (K,) [taxels], near the middle of a pad."""
     count = len(areas)
     x0, y0 = rng.uniform(-0.5, 0.5, (2, count)) + (pad - 1) / 2
     angle = rng.uniform(0, 2 * np.pi, count)
@@ -137,7 +139,10 @@ def draw_forms(rng: np.random.Generator, forms: Forms, areas: np.ndarray, on_off
 
 
 def _interpolated(images: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
-    """Return linear interpolations between the four nearest cells; points beyond the raster are far outside."""
+    """Return linear interpolations between the four nearest cells.
+
+    Points beyond the raster count as far outside the figure.
+    """
     last = images.shape[1] - 2
     outside = (row < 0) | (col < 0) | (row > last) | (col > last)
     row, col = np.clip(row, 0, last), np.clip(col, 0, last)
@@ -150,7 +155,10 @@ def _interpolated(images: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.nd
 
 
 def pressed(rng: np.random.Generator, contacts: Covered, on_off: bool, faulty: float) -> Samples:
-    """Return samples of the contacts as a skin measures them; each fault affects a fraction ``faulty`` of them."""
+    """Return samples of the contacts as a skin measures them.
+
+    Each fault affects a fraction ``faulty`` of the contacts.
+    """
     values, press = (_on_off if on_off else _graded)(rng, contacts, faulty)
     dead = _dead(rng, values.shape, on_off, faulty)
     return samples_of(rng, values, press, dead, labels=contacts.labels, graded=not on_off)
@@ -165,7 +173,7 @@ def _on_off(rng, contacts: Covered, faulty: float) -> tuple[np.ndarray, np.ndarr
 
 
 def _graded(rng, contacts: Covered, faulty: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return pressures, which are about 1 under the contact, and their thresholds."""
+    """Return pressures and their thresholds. The pressures are about 1 under the contact."""
     count, shape = len(contacts.areas), contacts.covered.shape[1:]
     def either(low, high, worse):  # noqa: E306
         return np.where(rng.random(count) < faulty, rng.uniform(high, worse, count), rng.uniform(low, high, count))

@@ -1,7 +1,8 @@
-"""Known shapes with a blemish: a bump, a notch, a rough edge, a wire, a lost or a rounded corner.
+"""Draw known shapes with a blemish: a bump, a notch, a rough edge, a wire, or a lost or rounded corner.
 
-Like the figures in families.py, each is bool on a grid. A small blemish leaves the shape as it is. A large blemish
-makes the shape foreign. The overlap with the five shapes decides (forms.py).
+Each shape is a bool array on a grid, like the figures in families.py. A small blemish leaves the label of the shape
+unchanged. A large blemish makes the shape foreign. The overlap with the five shapes decides which case applies
+(forms.py).
 """
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy import ndimage
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.shapes import Figure, disc, inside, stroke
 
-AREA = 1.6  #: Area of the shapes before they get a blemish.
+AREA = 1.6  #: Area of the shapes before a blemish is added.
 
 
 def _shape(rng: np.random.Generator) -> Contact:
@@ -27,7 +28,7 @@ def _rim(rng, contact: Contact) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _patch_at(rng, x, y, point: np.ndarray, size: float) -> np.ndarray:
-    """Return a disc, a box or a triangle of about ``size`` at a point, rotated at random."""
+    """Return a disc, a box or a triangle of about ``size`` at a point, with a random rotation."""
     angle = rng.uniform(0, 2 * np.pi)
     u, v = x - point[0], y - point[1]
     u, v = u * np.cos(angle) + v * np.sin(angle), v * np.cos(angle) - u * np.sin(angle)
@@ -103,7 +104,7 @@ def holed(rng, x, y):
 def _opened(figure: np.ndarray, size: float) -> np.ndarray:
     """Return ``figure`` with its convex corners rounded.
 
-    The result is the part of the figure that discs of ``size`` cells inside the figure cover.
+    The result is the part of the figure that can be covered by discs of ``size`` cells inside the figure.
     """
     core = ndimage.distance_transform_edt(figure) > size
     return figure & (ndimage.distance_transform_edt(~core) <= size) if core.any() else figure

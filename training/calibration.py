@@ -1,4 +1,4 @@
-"""Convert logits into calibrated probabilities. Only validation contacts are used."""
+"""Convert logits into calibrated probabilities. The calibration uses only validation contacts."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -21,17 +21,21 @@ from training.segmentation import as_shipped
 
 #: Largest fraction of clean contacts of the five shapes that may be called unknown, by size [taxels].
 LOSSES = {12: 0.005, 25: 0.003, 50: 0.0012, 100: 0.0006}
-#: Smallest bias. Large clean contacts would allow a smaller one, but the same contacts in the field need this one.
+#: Smallest bias. Large clean contacts would allow a smaller bias, but the same contacts under field conditions need
+#: this one.
 LEAST_BIAS = 0.5
-#: Range of areas [taxels], side of the pad [taxels], and number of batches, each of 250 contacts or fewer to save
+#: Range of areas [taxels], side of the pad [taxels], and number of batches. A batch has at most 250 contacts, to save
 #: memory.
 CLEAN = ((9, 60, 30, 80), (60, 130, 36, 40), (130, 500, 56, 16))
-NEAR = 0.3  #: Contacts are evaluated together with contacts of similar size, up to this difference of the logarithms.
-#: Numbers of solutions, frames and poses for contacts computed by contact mechanics.
+NEAR = 0.3  #: Largest difference between the logarithms of two sizes at which contacts are evaluated together.
+
+#: Number of solutions, frames and poses for contacts computed by contact mechanics.
 SOLUTIONS, FRAMES, POSES = 150, 12_000, 3
 MECHANICS_SEED, MECHANICS_AREAS = 910_000, (9.0, 250.0)
-REAL, REAL_SEED = 6000, 920_000  #: Number of contacts on real arrays, and their seed.
-#: Pressure, noise and dead taxels of clean contacts by mechanics; tilt and depth are as in training.
+REAL, REAL_SEED = 6000, 920_000  #: Number of contacts on real arrays, and the seed with which they are drawn.
+
+#: Pressure, noise and fraction of dead taxels in clean contacts by contact mechanics. Tilt and depth are drawn as in
+#: training.
 PRESSURE, NOISE, DEAD = (0.05, 0.8), 0.01, 0.03
 
 
@@ -44,12 +48,12 @@ class Validation(NamedTuple):
 
 
 def validation(model: Model, on_off: bool, seed: int, folder: Path) -> list[Validation]:
-    """Return the validation contacts of each source.
+    """Return the validation contacts from each source.
 
-    The sources are our generator and, for pressures, contact mechanics and real arrays.
+    The sources are our generator and, for pressures, also contact mechanics and real arrays.
 
-    Contact mechanics is not used for on/off taxels, because the thresholds at which such taxels switch are not known.
-    ``folder`` holds the solved indenters.
+    Contact mechanics is not used for on/off taxels, because the thresholds at which real on/off taxels switch are
+    unknown. The solved indenters are stored in ``folder``.
     """
     rng = generator(Purpose.VALIDATION, seed)
     own = joined_samples([draw_many(rng, min(250, 400_000 // pad ** 2), on_off, (low, high), faulty=0.0, pad=pad)
@@ -64,7 +68,7 @@ def validation_solutions(folder: Path) -> list[Solution]:
 
 
 def mechanics_samples(rng: np.random.Generator, folder: Path) -> Samples:
-    """Draw clean contacts by mechanics, as most grips press them; the areas are log-uniform."""
+    """Draw clean contacts by contact mechanics, with conditions that are common in grips. The areas are log-uniform."""
     solutions = validation_solutions(folder)
     found = []
     while len(found) < FRAMES:
@@ -90,11 +94,12 @@ def logits(model: Model, samples: Samples) -> np.ndarray:
 
 
 def calibrated(worlds: list[Validation]) -> Calibration:
-    """Return the temperature with the smallest log-loss, and the biases that lose no more than LOSSES.
+    """Return the temperature with the smallest log-loss, and the biases with which the losses stay within LOSSES.
 
     The biases are fitted to the first two sources: our generator and contact mechanics.
 
-    The temperature is fitted to the hardest source, which is the last one: for pressures, the real arrays.
+    The temperature is fitted to the hardest source, which is the last one. For pressures, the last source is the real
+    arrays.
     """
     hardest = worlds[-1]
 
@@ -107,7 +112,10 @@ def calibrated(worlds: list[Validation]) -> Calibration:
 
 
 def _biases(world: Validation) -> np.ndarray:
-    """Return, for each of SIZES, the evidence for UNKNOWN that no more contacts exceed than LOSSES allow."""
+    """Return the largest permitted evidence for UNKNOWN, for each of LOG_SIZES.
+
+    Only the fraction of contacts that LOSSES allows exceeds this evidence.
+    """
     allowed = np.exp(np.interp(LOG_SIZES, np.log(list(LOSSES)), np.log(list(LOSSES.values()))))
     near = [np.abs(world.log_taxels - size) < NEAR for size in LOG_SIZES]
     return np.array([np.quantile(world.known[alike, UNKNOWN], 1 - loss) if alike.any() else -np.inf

@@ -25,10 +25,11 @@ COLUMNS = (('value', 'N'), ('dif', 'alpha9'), ('min', 'P05'), ('min', 'info_norm
            ('dif', 'P05'), ('dif', 'info_norm5'))
 PASSES = 6
 KNOTS = 9
-LEVELS = 41   #: Number of heights tried at each knot, first over the whole plane, then around the best heights found.
-#: Number of patterns that a curve must gain by a kink at a knot that is 1 in v away from the middle of its neighbours.
+LEVELS = 41   #: Number of heights tried at each knot, first over the whole plane, then near the best heights found.
+
+#: Price of a kink in a curve. A kink must gain this many patterns per unit of the second difference of its heights.
 STIFF = 5.0
-#: The two readings of the third plane's horizontal axis.
+#: The two interpretations of the third plane's horizontal axis in the paper.
 READINGS = {'caption': ('min', 'P05'), 'text': ('dif', 'P05')}
 
 
@@ -44,7 +45,7 @@ class Samples(NamedTuple):
 
 def draw_samples(rng: np.random.Generator, patterns: int, areas: tuple[float, float] = AREAS,
                  progress: Callable[[int], None] = lambda done: None) -> Samples:
-    """Draw patterns with the classes in turn and log-uniform areas; a pattern below SMALLEST taxels is drawn again."""
+    """Draw patterns of all classes in turn, with log-uniform areas. A pattern below SMALLEST taxels is drawn again."""
     rows: list[list[float]] = []
     labels: list[int] = []
     names = [shape.value for shape in ANSWERS]
@@ -63,14 +64,14 @@ def draw_samples(rng: np.random.Generator, patterns: int, areas: tuple[float, fl
 def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
     """Fit the four curves so that they recognise as many patterns as possible, as in the published method.
 
-    The function optimises one curve after another while the other curves are fixed, from the last curve to the first,
-    until the number of recognised patterns no longer rises. A pattern counts for a curve if the earlier curves pass it
-    on and if the decision of this curve makes the answer right or wrong.
+    The function optimises one curve at a time while the other curves are fixed, from the last curve to the first. The
+    function stops when the number of recognised patterns no longer rises. A pattern counts for a curve if it passes the
+    earlier curves and if this curve decides whether the answer is right or wrong.
     """
     names = [COLUMNS[:2], COLUMNS[:2], COLUMNS[2:4], (third, COLUMNS[5])]
     features = [(samples.of(horizontal), samples.of(vertical)) for horizontal, vertical in names]
     curves: dict[int, Plane] = {}
-    # At the start, each pattern passes exactly the curves before that of its own class.
+    # At the start, each pattern passes exactly the curves that precede the curve of its own class.
     heights = np.where(samples.labels == np.arange(len(names))[:, None], 1.0, -1.0)
     most = -1
     for _ in range(PASSES):
@@ -86,7 +87,7 @@ def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
 
 
 def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:
-    """Return the gain from each pattern that is above curve ``index``: 1, -1, or 0 if the side makes no difference."""
+    """Return the gain of placing each pattern above curve ``index``: 1, -1, or 0 if the side makes no difference."""
     gets_there = ~(heights[:index] > 0).any(0)
     otherwise = index + 1 + by_curves(heights[index + 1:])
     gain: np.ndarray = gets_there * ((labels == index).astype(float) - (labels == otherwise))
@@ -100,33 +101,34 @@ def answers(planes: Mapping[str, Plane], samples: Samples) -> np.ndarray:
 
 
 def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
-    """Return the share of each true class by TAXEL_BANDS and by answer of the curves, (bands, 5, 5)."""
-    counts = np.full((len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)), 0.1)  # because no class is ever quite impossible
-    counts += np.eye(len(ANSWERS))  # an answer that never occurred in training stands for its own class
+    """Return the share of each true class, by TAXEL_BANDS and by the answer of the curves, (bands, 5, 5)."""
+    # a small count for every class, because no class is ever quite impossible
+    counts = np.full((len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)), 0.1)
+    counts += np.eye(len(ANSWERS))  # an answer that never occurred in training counts as its own class
     np.add.at(counts, (band_of(samples.of(COLUMNS[0])), answer, samples.labels), 1)
     shares: np.ndarray = counts / counts.sum(2, keepdims=True)
     return shares
 
 
 def recognised(classifier: VolfClassifier, samples: Samples) -> dict[str, np.ndarray]:
-    """Return the correctly recognised patterns, bool (n,), by the curves alone and by the probabilities."""
+    """Return the patterns recognised correctly, bool (n,), by the curves alone and by the probabilities."""
     answer = answers(classifier.planes, samples)
     probable = classifier.shares[band_of(samples.of(COLUMNS[0])), answer].argmax(1)
     return {'by_curves': answer == samples.labels, 'most_probable': probable == samples.labels}
 
 
 def fit_classifier(samples: Samples, third: tuple[str, str]) -> VolfClassifier:
-    """Fit the curves, and count how often each of their answers is right."""
+    """Fit the curves, and count how often each answer of the curves is right."""
     planes = fit_planes(samples, third)
     return VolfClassifier(planes, count_shares(answers(planes, samples), samples))
 
 
 def fit_curve(u: np.ndarray, v: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the knots and the levels of the chain of lines that has the greatest sum of ``gain`` above it.
+    """Return the knots and the heights of the chain of lines that has the greatest sum of ``gain`` above it.
 
-    ``gain``, (n,), is the number won if a point lies above the curve instead of below it; it is negative for a loss.
-    The heights at the knots are found by dynamic programming, so no other chain on the grid is better. A second, finer
-    grid lies around the result on the first grid.
+    ``gain``, (n,), is the number of patterns won if a point lies above the curve instead of below it. The gain is
+    negative for a loss. The heights at the knots are found by dynamic programming, so no other chain on the grid is
+    better. A second, finer grid is then placed around the result on the first grid.
     """
     some = gain != 0
     u, v, gain = u[some], v[some], gain[some]
@@ -147,7 +149,7 @@ def _best_chain(u: np.ndarray, v: np.ndarray, gain: np.ndarray, knots: np.ndarra
         inside = segment == k
         share = (u[inside] - left) / (right - left)
         won.append(_gain_of_lines(share, v[inside], gain[inside], left=grid[k], right=grid[k + 1]))
-    best, choices = won[0], []  # best[a, b] is the best sum of all chains that end in the heights a, b
+    best, choices = won[0], []  # best[a, b] is the best sum of all chains that end with the heights a, b
     for k in range(1, len(won)):
         kink = np.abs(grid[k - 1][:, None, None] - 2 * grid[k][:, None] + grid[k + 1])
         total = best[:, :, None] - STIFF * kink

@@ -1,4 +1,4 @@
-"""Record which version of the code has drawn the samples in a folder."""
+"""Record which version of the code drew the samples in a folder."""
 
 from hashlib import sha256
 from pathlib import Path
@@ -11,9 +11,10 @@ DRAWING = ('training', 'training/ground_truth',
 
 
 def claim(folder: Path) -> None:
-    """Mark a folder as drawn by this version of the code, or raise ConfigurationError if another version has drawn it.
+    """Mark a folder as drawn by this version of the code. Raise ConfigurationError if another version has drawn it.
 
-    Otherwise the weights would name this version, although another one had drawn their samples or begun their training.
+    Without this check, the weights could name this version although another version drew their samples or began their
+    training.
     """
     mark, now = folder / 'drawn_by', _digest()
     before = mark.read_text() if mark.exists() else '' if any(folder.glob('*')) else now
@@ -26,6 +27,6 @@ def claim(folder: Path) -> None:
 
 
 def _digest() -> str:
-    """Return a short digest of all code that samples and networks depend on."""
+    """Return a short digest of all code on which samples and networks depend."""
     paths = sorted(path for folder in DRAWING for path in (ROOT / folder).glob('*.py'))
     return sha256(b''.join(path.read_bytes() for path in paths)).hexdigest()[:12]

@@ -1,8 +1,10 @@
-"""Foreign figures for training, by family. The families of the reported figures are in none of these modules.
+"""Draw foreign figures for training, by family.
 
-A figure is bool on a grid. It has about unit size and lies around the origin; its place, angle and size are drawn
-later. The overlap with the five shapes (forms.py) says how familiar a figure is, not its family: a hexagon is nearly a
-circle.
+The families of the reported figures are not in this module or any other training module.
+
+A figure is a bool array on a grid. A figure has about unit size and lies around the origin. The place, angle and size
+of a figure are drawn later. The familiarity of a figure depends on its overlap with the five shapes (forms.py), not on
+its family. A hexagon, for example, is nearly a circle.
 """
 
 import numpy as np
@@ -14,7 +16,7 @@ from training.shapes import Figure, box, disc, inside, polar, stroke
 
 
 def comb(rng, x, y):
-    """Return a comb: a back with two to five teeth."""
+    """Return a comb, which is a bar with two to five teeth."""
     teeth, back = rng.integers(2, 6), rng.uniform(0.2, 0.5)
     share, height = rng.uniform(0.35, 0.7), rng.uniform(0.5, 1.1)
     pitch = 1.4 / (teeth - 1 + share)
@@ -25,7 +27,7 @@ def comb(rng, x, y):
 
 
 def ring_sector(rng, x, y):
-    """Return a part of a ring, from an eighth of it to nearly all of it."""
+    """Return a part of a ring, from an eighth of the ring to nearly all of it."""
     hole, opening = rng.uniform(0.35, 0.8), rng.uniform(0.25, 1.75) * np.pi
     return disc(x, y, 1) & ~disc(x, y, hole) & (np.arctan2(y, x) % (2 * np.pi) <= opening)
 
@@ -38,13 +40,16 @@ def arrow(rng, x, y):
 
 
 def kite(rng, x, y):
-    """Return a kite, a rhomb or a dart."""
+    """Return a kite, a rhombus or a dart."""
     wide, at = rng.uniform(0.3, 0.9), rng.uniform(-0.9, 0.8)
     return inside(x, y, np.array([(1, 0), (at, wide), (-1 if rng.random() < 0.7 else at + 0.35, 0), (at, -wide)]))
 
 
 def regular(rng, x, y):
-    """Return a regular polygon with five to eight corners, sometimes with moved corners or stretched."""
+    """Return a regular polygon with five to eight corners.
+
+    Sometimes the corners are moved or the polygon is stretched.
+    """
     corners = rng.integers(5, 9)
     angle = np.arange(corners) * 2 * np.pi / corners
     points = polar(np.column_stack((angle, np.ones(corners))))
@@ -78,7 +83,7 @@ def sector(rng, x, y):
 
 
 def teardrop(rng, x, y):
-    """Return a disc with a point."""
+    """Return a disc with a pointed end."""
     tip, radius = rng.uniform(1.15, 2.4), rng.uniform(0.4, 0.6)
     tip *= radius
     touch = radius * radius / tip
@@ -88,7 +93,10 @@ def teardrop(rng, x, y):
 
 
 def pair(rng, x, y):
-    """Return two simple figures that touch or overlap a little, alike or different and of any relative size."""
+    """Return two simple figures that touch or overlap slightly.
+
+    The figures are alike or different and have any relative size.
+    """
     parts, sizes = [], (0.5, rng.uniform(0.2, 0.5))
     away = rng.uniform(0, 2 * np.pi)
     for k, size in enumerate(sizes):
@@ -103,7 +111,7 @@ def pair(rng, x, y):
 
 
 def curve(rng, x, y):
-    """Return an outline whose radius is a sum of random harmonics, from a slightly uneven disc to any kind of lobes."""
+    """Return an outline whose radius is a sum of random harmonics, from a slightly uneven disc to pronounced lobes."""
     order = np.arange(2, rng.integers(4, 12))
     weight = rng.standard_normal(len(order)) / order ** rng.uniform(0.2, 1.5)
     weight *= rng.uniform(0.05, 0.45) * np.sqrt(2) / np.linalg.norm(weight)
@@ -125,7 +133,7 @@ def polyomino(rng, x, y):
 
 
 def strokes(rng, x, y):
-    """Return a random line with one to four bends, thick or thin, and sometimes with a second line across it."""
+    """Return a random line with one to four bends, thick or thin, sometimes with a second line across it."""
     width, found = rng.uniform(0.15, 0.45), np.zeros(x.shape, bool)
     for _ in range(rng.integers(1, 3)):
         found |= stroke(x, y, rng.uniform(-0.9, 0.9, (rng.integers(2, 6), 2)), width)
@@ -133,7 +141,7 @@ def strokes(rng, x, y):
 
 
 def stadium(rng, x, y):
-    """Return a rounded box or a box with cut corners.
+    """Return a box with rounded corners or with cut corners.
 
     Rounded boxes range from nearly a rectangle to two half discs with a box between them.
     """
@@ -147,13 +155,13 @@ def stadium(rng, x, y):
 
 
 def oval(rng, x, y):
-    """Return an ellipse with a ratio of 1.15 to 3.5, or an egg."""
+    """Return an egg, or an ellipse with an axis ratio of 1.15 to 3.5."""
     ratio, egg = rng.uniform(1.15, 3.5), rng.choice((0.0, rng.uniform(0, 0.5)))
     return (x / 1.1) ** 2 + (y * ratio / 1.1) ** 2 * (1 + egg * x) <= 1
 
 
 def ragged(rng, x, y):
-    """Return the largest piece of filtered noise above a level, whose outline follows no design."""
+    """Return the largest piece of filtered noise above a level. The outline of this piece follows no design."""
     noise = ndimage.gaussian_filter(rng.standard_normal(x.shape), len(x) * rng.uniform(0.03, 0.12))
     noise = noise / noise.std() - rng.uniform(0.8, 2.5) * (x * x + y * y)
     labels, _ = ndimage.label(noise > rng.uniform(-0.6, 0.3))

@@ -1,6 +1,6 @@
-"""Field conditions: frames of contacts as a skin on a robot measures them, together with the true shape.
+"""Draw frames of contacts under field conditions, as a skin on a robot measures them, together with the true shape.
 
-Pressures are fractions of full scale. The benchmark's clean figures are measured under the nominal conditions.
+Pressures are fractions of full scale. The benchmark measures its clean figures under the nominal conditions.
 """
 
 from dataclasses import dataclass, replace
@@ -14,12 +14,12 @@ from training.ground_truth.indenters import inscribed_radius
 from training.outliers import random_outlier
 from training.variants import Hollow, Rounded
 
-THINNEST_WALL = 1.25  #: Smallest width of a rim [pitches]; a thinner rim falls to pieces.
+THINNEST_WALL = 1.25  #: Smallest width of a rim [pitches]. A thinner rim would fall to pieces.
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """Faults of a contact and of a skin. At its default, each fault is absent.
+    """Faults of a contact and of a skin. At its default value, each fault is absent.
 
     The frame of an on/off skin is compared with ``threshold`` (a fraction of the contact's pressure). Without blur,
     noise and tilt, and with the default threshold, a taxel is on if its centre is inside the contact.
@@ -30,18 +30,21 @@ class Conditions:
     tilt: float = 0.0             #: relative rise of the pressure over the contact's mean radius
     blur: float = 0.0             #: standard deviation with which the elastomer spreads the pressure [pitches]
     noise: float = 0.0            #: standard deviation of the noise [fraction of full scale]
-    dead: float = 0.0             #: fraction of taxels that are known to be dead (NaN)
-    #: fraction of taxels that are stuck at 0 or at the contact's pressure without being known to be stuck
+    dead: float = 0.0             #: fraction of taxels known to be dead (NaN)
+
+    #: fraction of taxels stuck at 0 or at the contact's pressure, but not known to be stuck
     stuck: float = 0.0
-    silent_lines: int = 0         #: number of adjacent rows or columns that are silent without being known to be silent
-    silent_places: int = 1        #: number of places on the contact with such rows, or with such columns
-    #: fraction of rows and columns in which some taxels are silent without being known to be silent
+    silent_lines: int = 0         #: number of adjacent rows or columns that are silent but not known to be silent
+    silent_places: int = 1        #: number of places on the contact at which rows or columns are silent
+
+    #: fraction of rows and columns in which some taxels are silent, but not known to be silent
     poor_lines: float = 0.0
     threshold: float = 0.5
     cut: float = 0.0              #: largest fraction of the contact that lies beyond the pad's edge
     second: float = 0.0           #: area of a second contact, as a fraction of the area of the first contact
-    gap: float = 4.0              #: smallest distance of the second contact from the first [pitches]
-    #: width of the rim of a hollow contact [fraction of its inscribed radius]; 0 for a solid contact
+    gap: float = 4.0              #: smallest distance between the two contacts [pitches]
+
+    #: width of the rim of a hollow contact [fraction of the inscribed radius]; 0 for a solid contact
     wall: float = 0.0
     rounding: float = 0.0         #: radius of the corners [fraction of the inscribed radius]
 
@@ -52,9 +55,9 @@ NOMINAL_ON_OFF = Conditions(on_off=True)
 
 def random_touching(rng: np.random.Generator, kind: str, area: float, conditions: Conditions,
                     rows: int = PAD, cols: int = PAD) -> Touching:
-    """Draw a contact of a ``kind`` and an ``area`` [taxels], hollow or rounded if the conditions say so.
+    """Draw a contact of a ``kind`` and an ``area`` [taxels]. The contact is hollow or rounded if the conditions say so.
 
-    ``kind`` is a class or a kind of outlier.
+    The ``kind`` is a class or a kind of outlier.
     """
     if kind not in CLASSES:
         return random_outlier(rng, kind, area, rows=rows, cols=cols)
@@ -68,9 +71,11 @@ def random_touching(rng: np.random.Generator, kind: str, area: float, conditions
 
 def field_frame(rng: np.random.Generator, kind: str, area: float, conditions: Conditions,
                 least_side: int = PAD) -> np.ndarray:
-    """Draw a frame with one contact of a ``kind``. The frame is float: pressures, or 0 and 1; NaN for a dead taxel.
+    """Draw a frame with one contact of a ``kind``.
 
-    The pad is square and has at least ``least_side`` rows, so that the contact has room on it.
+    The frame is a float array of pressures, or of 0 and 1. A dead taxel is NaN.
+
+    The pad is square. The pad has at least ``least_side`` rows, and enough rows for the contact.
     """
     side = max(least_side, int(np.ceil(3.2 * np.sqrt(area))) + 8)
     touching = random_touching(rng, kind, area, conditions, rows=side, cols=side)
@@ -106,7 +111,7 @@ def _pressures(rng, touching: Touching, area: float, conditions: Conditions, sha
 
 
 def _cut(rng, covered: np.ndarray, values: np.ndarray, most: float) -> np.ndarray:
-    """Remove rows or columns at one side of the pad, with up to a fraction ``most`` of the contact."""
+    """Remove rows or columns at one side of the pad, together with up to a fraction ``most`` of the contact."""
     side = rng.integers(4)
     turned = np.rot90(covered, side)
     lost = np.cumsum(turned.sum(1)) / turned.sum()
@@ -114,7 +119,7 @@ def _cut(rng, covered: np.ndarray, values: np.ndarray, most: float) -> np.ndarra
 
 
 def _with_second(rng, values: np.ndarray, area: float, conditions: Conditions, analog: bool) -> np.ndarray:
-    """Add another contact of any class, at least ``gap`` away from the first, if the pad has room for it."""
+    """Add another contact of any class at least ``gap`` away from the first contact, if the pad has room for it."""
     wide = np.pad(values, PAD // 2)
     room = ndimage.distance_transform_edt(wide == 0)
     other = random_contact(rng, CLASSES[rng.integers(len(CLASSES))], area * conditions.second, rows=4, cols=4)

@@ -1,7 +1,7 @@
-"""Fit the curves of the paper's planes, and write them with their provenance: python -m training.fit_curves.
+"""Fit the curves of the paper's planes, and write them with their provenance. Run ``python -m training.fit_curves``.
 
-The option `--curves` of `tactile classify` and the parameter model of the classifier node name this file for `method:
-volf`.
+For `method: volf`, the option `--curves` of `tactile classify` and the parameter ``model`` of the classifier node name
+this file.
 """
 
 import argparse
@@ -41,7 +41,7 @@ def main() -> int:
     training = _draw(Purpose.TRAINING, args.seed, args.patterns)
     validation = _draw(Purpose.VALIDATION, args.seed, args.validation)
     readings = {name: fit_classifier(training, third) for name, third in READINGS.items()}
-    # the choice uses the training patterns, so that the validation figure stays unbiased
+    # the choice uses only the training patterns, so that the validation figure stays unbiased
     kept = max(readings, key=lambda name: recognised(readings[name], training)['by_curves'].mean())
     _write(args, kept, readings, training=training, validation=validation)
     rate = recognised(readings[kept], validation)['most_probable'].mean()

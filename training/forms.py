@@ -1,7 +1,7 @@
-"""A pool of figures with their labels. A figure is drawn once and then pressed at many places, angles and sizes.
+"""Draw a pool of figures with their labels. A figure is drawn once and then pressed at many places, angles and sizes.
 
-A figure is stored as the signed distance from its outline on a square raster, in units of the root of its area. The
-coverage of a taxel then follows without counting points.
+A figure is stored as the signed distance from its outline on a square raster, in units of the square root of its area.
+The coverage of a taxel can therefore be computed without counting points.
 """
 
 from pathlib import Path
@@ -18,24 +18,28 @@ from training.samples import LABELS, UNKNOWN
 from training.shapes import Figure
 
 SIDE = 144           #: Number of cells along each side of the raster.
-EXTENT = 1.55        #: Figures are drawn from -EXTENT to EXTENT.
-#: A figure is foreign if its best overlap with the five shapes is below the first value, and known from the second on.
+EXTENT = 1.55        #: Limit of the coordinates. Figures are drawn from -EXTENT to EXTENT.
+
+#: A figure is foreign if its best overlap with the five shapes is below the first value. A figure is known if its best
+#: overlap reaches the second value.
 FOREIGN, KNOWN = 0.85, 0.92
-BESIDE = 0.02        #: If the overlaps of two shapes differ by less than this, neither shape is the label.
-TIE = 0.005          #: Error of the overlaps.
-#: A figure is a rectangle only if a square overlaps it by this much less, which is the case from about 5:4 on.
+BESIDE = 0.02        #: If the overlaps of two shapes differ by less than this value, neither shape becomes the label.
+TIE = 0.005          #: Largest error of the overlaps.
+
+#: A figure is a rectangle only if its overlap with a square is smaller by at least this much. A side ratio of about 5:4
+#: or more meets this condition.
 LONGER = 0.15
 SQUARE, RECTANGLE = (LABELS.index(shape) for shape in ('square', 'rectangle'))
-STEPS = 250.0        #: Distances are stored as whole multiples of this fraction of the root of the area: 1 / STEPS.
+STEPS = 250.0        #: Distances are stored as whole multiples of 1 / STEPS of the square root of the area.
 THINNEST = 0.02      #: Smallest area of a figure, as a share of the raster.
 
 
 class Forms(NamedTuple):
     """F figures."""
 
-    #: int8 (F, SIDE, SIDE), distance from the outline in units of root of the area / STEPS, positive inside
+    #: int8 (F, SIDE, SIDE), distance from the outline, positive inside, in units of the square root of the area / STEPS
     distance: np.ndarray
-    cell: np.ndarray      #: (F,), width of a cell [roots of the area]
+    cell: np.ndarray      #: (F,), width of a cell [square roots of the area]
     middle: np.ndarray    #: (F, 2), x and y of the centre of area [cells]
     overlaps: np.ndarray  #: (F, 5), best overlap with each of the five shapes, in the order of LABELS
     family: np.ndarray    #: str (F,), name of the family
@@ -60,7 +64,7 @@ def make_forms(rng: np.random.Generator, families: dict[str, Figure], count: int
 
 
 def stored_forms(folder: Path, name: str, families: dict[str, Figure], count: int, seed: int) -> Forms:
-    """Return the pool stored in ``folder``; if there is none, draw it and store it."""
+    """Return the pool stored in ``folder``. If the folder holds no pool, draw a pool and store it."""
     path = folder / f'forms_{name}.npz'
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
@@ -75,7 +79,8 @@ def stored_forms(folder: Path, name: str, families: dict[str, Figure], count: in
 def labels_of(overlaps: np.ndarray) -> np.ndarray:
     """Return the labels of figures, (F,), from their best overlaps with the five shapes, (F, 5).
 
-    Every square is also a rectangle. A figure is therefore labelled a rectangle only if it is much less like a square.
+    Every square is also a rectangle. A figure is therefore labelled a rectangle only if it is much less similar to a
+    square.
     """
     best, first = overlaps.max(1), overlaps.argmax(1)
     square = (overlaps[:, SQUARE] > best - TIE) & (first == RECTANGLE)
@@ -92,10 +97,10 @@ def labels_of(overlaps: np.ndarray) -> np.ndarray:
 def _form(figure: np.ndarray, step: float, family: str) -> tuple:
     root = step * np.sqrt(figure.sum())
     distance = (ndimage.distance_transform_edt(figure) - ndimage.distance_transform_edt(~figure)) * (step / root)
-    # measured from the border of the cells, not from the centre of the next cell
+    # the distance is measured from the border of the cells, not from the centre of the next cell
     distance -= np.sign(distance) * step / root / 2
     rows, cols = figure.nonzero()
-    found = overlaps(ndimage.binary_fill_holes(figure))  # a ring counts as a circle that is pressed with its rim
+    found = overlaps(ndimage.binary_fill_holes(figure))  # a ring counts as a circle of which only the rim presses
     return (np.clip(np.round(distance * STEPS), -127, 127).astype(np.int8), step / root, (cols.mean(), rows.mean()),
             [found[name] for name in LABELS[:UNKNOWN]], family)
 

@@ -1,4 +1,7 @@
-"""Foreign figures for validation only: they show how well the recogniser rejects families it was not trained on."""
+"""Draw foreign figures for validation only.
+
+These figures show how well the recogniser rejects families on which it was not trained.
+"""
 
 import numpy as np
 
@@ -30,7 +33,7 @@ def spoon(rng, x, y):
 
 
 def house(rng, x, y):
-    """Return a box with a roof that is off centre."""
+    """Return a box with an off-centre roof."""
     top = rng.uniform(-0.5, 0.5)
     roof = np.array([(-1.1, 0.1), (1.1, 0.1), (top, rng.uniform(0.7, 1.2))])
     return box(x, y, -0.6, 0.6, -0.9, 0.2) | inside(x, y, roof)

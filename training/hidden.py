@@ -1,6 +1,6 @@
-"""Contacts that are seen only in part, because TPDOs are lost or rows and columns are silent; these taxels are hidden.
+"""Draw contacts that are only partly visible, because TPDOs are lost or rows and columns are silent.
 
-The library's own segmentation decides which pressed taxels form one contact across hidden taxels.
+The library's segmentation decides which pressed taxels form one contact across hidden taxels.
 """
 
 import numpy as np
@@ -14,14 +14,14 @@ from training.segmentation import as_shipped
 AREAS = (20.0, 160.0)     #: Range of the areas of contacts, log-uniform [taxels].
 SIDE = 16                 #: Smallest number of rows and columns of a pad.
 FOREIGN = 0.15            #: Fraction of the contacts that have none of the five shapes.
-FAULTY = 0.15             #: Fraction of the frames with another fault.
-WIDTHS = (2, 4, 8)        #: Number of taxels in a TPDO, along a row of the pad: taxels of 32, 16 and 8 bits.
+FAULTY = 0.15             #: Fraction of the frames that also have another fault.
+WIDTHS = (2, 4, 8)        #: Number of taxels in a TPDO, along a row of the pad, for taxels of 32, 16 and 8 bits.
 MOST = 0.5                #: Largest share of the pad's TPDOs that are lost.
 LINES = 6                 #: Largest number of adjacent hidden rows or columns.
 
 
 def draw_hidden(rng: np.random.Generator, count: int, on_off: bool) -> Samples:
-    """Draw ``count`` samples; the label of a sample is that of the whole contact."""
+    """Draw ``count`` samples. Each sample has the label of the whole contact."""
     found: list[tuple] = []
     while len(found) < count:
         label = UNKNOWN if rng.random() < FOREIGN else int(rng.integers(UNKNOWN))

@@ -1,7 +1,9 @@
-"""Contacts computed by contact mechanics, for training: a pool of solved indenters, sampled at many sizes and poses.
+"""Draw contacts computed by contact mechanics, for training.
 
-Lengths are in taxel pitches, and pressures are fractions of full scale. The ranges and seeds here are for training
-only; the reported figures use others (bench/recognition/mechanics.py).
+A pool of solved indenters is sampled at many sizes and poses.
+
+Lengths are in taxel pitches, and pressures are fractions of full scale. The ranges and seeds in this module are for
+training only. The reported figures use other ranges and seeds (bench/recognition/mechanics.py).
 """
 
 from dataclasses import replace
@@ -19,27 +21,31 @@ from training.samples import LABELS
 from training.solutions import read_solutions, source_digest, write_solutions
 
 SOLUTIONS = 1000
-SEED = 900_000      #: Seed of the pool; no other part of the training uses it.
+SEED = 900_000      #: Seed of the pool. No other part of the training uses this seed.
 POSES = 4           #: Number of successive frames with the same solution, size and depth.
-LEAST_SIDE = 12     #: Smallest number of rows and columns of a pad.
-#: Largest shift of the contact by its tilt [square root of its area]; beyond it, too much of the contact has lifted
-#: off.
+LEAST_SIDE = 12     #: Smallest number of rows and columns in a pad.
+
+#: Largest shift of the contact by its tilt [square root of the contact's area]. A larger shift means that too much of
+#: the contact has lifted off.
 MOST_SHIFT = 0.10
 
-COMPRESSION = (0.005, 0.15)  #: Range of mean pressure / contact modulus.
-ROUNDING = (0.0, 0.3)        #: Radius of a punch's edges [inscribed radius].
+COMPRESSION = (0.005, 0.15)  #: Range of mean pressure divided by contact modulus.
+ROUNDING = (0.0, 0.3)        #: Radius of the edges of a punch [inscribed radius].
 TILT = (0.0, 0.8)
 DEPTH = (0.15, 1.3)          #: Depth of the taxels [pitches].
 PRESSURE = (0.04, 0.9)       #: Mean pressure over the contact.
-#: Pressure for an on/off skin. Its threshold follows the pressure, so the pressure only sets the share of the noise.
+
+#: Pressure on an on/off skin. The threshold follows the pressure, so the pressure only determines the relative noise.
 ON_OFF_PRESSURE = 0.5
 NOISE = (0.0, 0.02)
 DEAD = (0.0, 0.06)
 APERTURE = (0.7, 1.0)        #: Side of a taxel's sensitive square [pitches].
-#: Threshold of an on/off skin [mean pressure]; the middle of a flat punch carries about half of the mean pressure.
+
+#: Threshold of an on/off skin [mean pressure]. The middle of a flat punch carries about half of the mean pressure.
 THRESHOLD = (0.15, 0.6)
-RATIO = (1.5, 3.0)           #: Ratio of a rectangle's sides, and of the sides of a lying cylinder's contact.
-#: Share of balls and of cones among circles, and of lying cylinders among rectangles; all other contacts are flat
+RATIO = (1.5, 3.0)           #: Side ratio of a rectangle, and of the contact of a lying cylinder.
+
+#: Share of balls and of cones among circles, and of lying cylinders among rectangles. All other indenters are flat
 #: punches.
 BALLS, CONES, CYLINDERS = 0.25, 0.2, 0.3
 
@@ -56,7 +62,10 @@ class Frames(NamedTuple):
 
 def solution_pool(folder: Path, count: int = SOLUTIONS, seed: int = SEED, purpose: Purpose = Purpose.TRAINING,
                   ) -> list[Solution]:
-    """Return ``count`` solutions with the classes in turn. They are solved once and then read from ``folder``."""
+    """Return ``count`` solutions of all classes in turn.
+
+    The solutions are computed once and then read from ``folder``.
+    """
     path = folder / f'{purpose.name.lower()}_{seed}_{count}_{source_digest()}.npz'
     if not path.exists():
         rng = generator(purpose, seed)
@@ -66,10 +75,10 @@ def solution_pool(folder: Path, count: int = SOLUTIONS, seed: int = SEED, purpos
 
 def draw_mechanics(rng: np.random.Generator, count: int, on_off: bool, solutions: list[Solution],
                    areas: tuple[float, float] = (8.0, 200.0), least_side: int = LEAST_SIDE) -> Frames:
-    """Draw ``count`` frames; ``areas`` is the range of contact areas [taxels], which are log-uniform.
+    """Draw ``count`` frames. The contact areas [taxels] are log-uniform in the range ``areas``.
 
-    POSES successive frames share solution, size and depth, so shuffle the frames. An area is that of the cells in
-    contact, not that of the punch. Pads are square and leave room around the contact.
+    POSES successive frames share a solution, size and depth, so the caller should shuffle the frames. An area is the
+    area of the cells in contact, not the area of the punch. Pads are square and leave a margin around the contact.
     """
     frames, facts = [], []
     while len(frames) < count:
@@ -88,7 +97,7 @@ def draw_mechanics(rng: np.random.Generator, count: int, on_off: bool, solutions
 
 
 def random_solution(rng: np.random.Generator, label: str) -> Solution:
-    """Draw an indenter for one class and its tilt, and solve it."""
+    """Draw an indenter of one class and its tilt, and solve the contact."""
     while True:
         indenter = random_indenter(rng, label)
         solution = solve(indenter, _random_tilt(rng, indenter.kind))
@@ -110,14 +119,18 @@ def random_indenter(rng: np.random.Generator, label: str) -> Indenter:
 
 
 def contact_shift(solution: Solution) -> float:
-    """Return the distance between the centres of area of contact and indenter [square root of the contact's area]."""
+    """Return the distance from the centre of area of the indenter to that of the contact [square root of the area]."""
     rows, cols = np.nonzero(solution.contact)
     x, y = solution.origin
     return float(np.hypot(x + cols.mean() * solution.cell, y + rows.mean() * solution.cell))
 
 
 def _random_tilt(rng: np.random.Generator, kind: str) -> tuple[float, float]:
-    """Draw a tilt. A ball or a cone gets none. A cylinder tilts only along its axis; around it, it would roll."""
+    """Draw a tilt.
+
+    Balls and cones are not tilted. A cylinder tilts only along its axis, because it would roll if it tilted around the
+    axis.
+    """
     tilt, angle = rng.uniform(*TILT), rng.uniform(0, 2 * np.pi)
     if kind == 'flat_punch':
         return float(tilt * np.cos(angle)), float(tilt * np.sin(angle))

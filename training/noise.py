@@ -1,6 +1,6 @@
-"""Frames of a pad that nothing presses: salt, hum, lines, ragged clusters and idle counts.
+"""Draw frames of a pad that nothing presses: salt noise, hum, lines, ragged clusters and idle counts.
 
-The groups of taxels in which these frames exceed the threshold have no shape.
+In these frames, the groups of taxels above the threshold have no shape.
 """
 
 import numpy as np
@@ -10,11 +10,11 @@ from training.patches import samples_of
 from training.samples import UNKNOWN, Samples
 
 PAD = 36
-LEAST = 9  #: Smallest number of taxels of a sample; a smaller ragged group often comes from a small contact.
+LEAST = 9  #: Smallest number of taxels in a sample. A smaller ragged group often comes from a small contact.
 
 
 def draw_noise(rng: np.random.Generator, count: int, on_off: bool) -> Samples:
-    """Draw about ``count`` samples with the label UNKNOWN, with the kinds of noise in turn."""
+    """Draw about ``count`` samples with the label UNKNOWN, using all kinds of noise in turn."""
     kinds = (salt, lines, clusters, checks) if on_off else (salt, lines, clusters, checks, hum, idle, grain)
     drawn = [kinds[k % len(kinds)](rng) for k in range(count)]
     values = np.array(drawn, np.float32)
@@ -28,7 +28,7 @@ def draw_noise(rng: np.random.Generator, count: int, on_off: bool) -> Samples:
 
 
 def _window(rng) -> np.ndarray:
-    """Return a part of the pad as a bool array; the rest of the pad is quiet."""
+    """Return a part of the pad as a bool array. The rest of the pad is quiet."""
     window = np.zeros((PAD, PAD), bool)
     low = rng.integers(1, PAD // 2, 2)
     high = low + rng.integers(5, PAD // 2, 2)
@@ -37,12 +37,12 @@ def _window(rng) -> np.ndarray:
 
 
 def salt(rng) -> np.ndarray:
-    """Return random taxels that are on, 5 to 70 % of all."""
+    """Return random taxels that are on, 5 to 70 % of all taxels."""
     return (rng.random((PAD, PAD)) < rng.uniform(0.05, 0.7)) & _window(rng)
 
 
 def lines(rng) -> np.ndarray:
-    """Return one to four rows and columns, one taxel wide, whole or broken."""
+    """Return one to four rows or columns, one taxel wide, whole or broken."""
     frame = np.zeros((PAD, PAD))
     for _ in range(rng.integers(1, 5)):
         line = frame if rng.random() < 0.5 else frame.T
@@ -86,7 +86,7 @@ def idle(rng) -> np.ndarray:
 
 
 def grain(rng) -> np.ndarray:
-    """Return white or smooth noise of the sensor, relative to its largest values."""
+    """Return white or smooth sensor noise, relative to its largest values."""
     noise = rng.standard_normal((PAD, PAD))
     if rng.random() < 0.6:
         noise = ndimage.gaussian_filter(noise, rng.uniform(0.4, 1.5))

@@ -1,8 +1,8 @@
-"""Contacts outside the five shapes, in general position. A recogniser must call them unknown.
+"""Draw contacts outside the five shapes, in general position. A recogniser must call these contacts unknown.
 
-They serve for training and for choosing thresholds. Rejection is reported for families with other code and other
-parameters (bench/recognition/foreign.py). The size of a figure is found by counting its area, so that each figure has
-the required area.
+The contacts are used for training and for choosing thresholds. The reported rejection is measured with families that
+have other code and other parameters (bench/recognition/foreign.py). The scale of each figure is found by counting its
+area, so that each figure has the required area.
 """
 
 from collections.abc import Callable
@@ -12,12 +12,13 @@ import numpy as np
 
 from tactile_node.pose.outlines import depth_inside
 
-Depth = Callable[[np.ndarray, np.ndarray], np.ndarray]  #: Depth of points in a figure of about unit size at the origin.
+#: Function that returns the depth of points in a figure of about unit size at the origin.
+Depth = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """One contact with a shape that is none of the five [pitches, radians]."""
+    """One contact whose shape is none of the five [pitches, radians]."""
 
     kind: str
     form: Depth
@@ -77,7 +78,10 @@ def _ellipse(a: float, b: float, power: float = 2.0) -> Depth:
 
 
 def _radial(radius: Callable[[np.ndarray], np.ndarray]) -> Depth:
-    """Return a figure whose outline is a radius over the angle; the slope of the radius must stay below about 3."""
+    """Return a figure whose outline is a radius as a function of the angle.
+
+    The slope of the radius must stay below about 3.
+    """
     return lambda x, y: 0.3 * (radius(np.arctan2(y, x)) - np.hypot(x, y))
 
 
@@ -98,14 +102,17 @@ def bars(rng: np.random.Generator) -> Depth:
 
 
 def star(rng: np.random.Generator) -> Depth:
-    """Return three to six rays, wavy or sharp."""
+    """Return a star with three to six rays, wavy or sharp."""
     rays, depth, phase = rng.integers(3, 7), rng.uniform(0.2, 0.45), rng.uniform(0, 2 * np.pi)
     wave = (lambda a: np.cos(a)) if rng.random() < 0.5 else (lambda a: 1 - 2 * np.abs((a / np.pi) % 2 - 1))
     return _radial(lambda a: 1 + depth * wave(rays * a + phase))
 
 
 def lens(rng: np.random.Generator) -> Depth:
-    """Return a disc cut by another disc, such as a moon, a bitten disc or a half disc, or the common part of two."""
+    """Return a disc cut by another disc, or the common part of two discs.
+
+    A cut disc is, for example, a moon, a bitten disc or a half disc.
+    """
     a, b = _disc(0, 0, 1), _disc(rng.uniform(0.3, 1.1), 0, rng.uniform(0.5, 1.2))
     if rng.random() < 0.75:
         return _without(a, b)
@@ -118,7 +125,7 @@ def ellipses(rng: np.random.Generator) -> Depth:
 
 
 def superellipse(rng: np.random.Generator) -> Depth:
-    """Return a superellipse: like a stadium (power 2 to 2.6, ratio above 1.4), or pinched (power below 1)."""
+    """Return a superellipse that is like a stadium (power 2 to 2.6, ratio above 1.4) or pinched (power below 1)."""
     if rng.random() < 0.5:
         ratio = rng.uniform(1.4, 2.6)
         return _ellipse(ratio ** 0.5, ratio ** -0.5, rng.uniform(2.0, 2.6))
@@ -138,7 +145,7 @@ def discs(rng: np.random.Generator) -> Depth:
 
 
 def polygon(rng: np.random.Generator) -> Depth:
-    """Return a polygon that is not convex, with five to eight corners at random radii."""
+    """Return a non-convex polygon with five to eight corners at random radii."""
     corners = rng.integers(5, 9)
     angle = (np.arange(corners + 1) + np.append(rng.uniform(-0.3, 0.3, corners), 0)) * 2 * np.pi / corners
     radius = rng.uniform(0.45, 1.2, corners + 1)

@@ -1,4 +1,6 @@
-"""Make samples from frames in bulk: like `patch.make_patch`, but for hundreds of contacts at a time.
+"""Make samples from frames in bulk.
+
+The result is the same as with `patch.make_patch`, but is computed for hundreds of contacts at a time.
 
 Contacts wider than a patch are scaled down one by one with `make_patch`.
 """
@@ -19,10 +21,12 @@ CROPPED = 0.15  #: Share of the sides of wide contacts at which the pad ends.
 
 def samples_of(rng: np.random.Generator, values: np.ndarray, press: np.ndarray, dead: np.ndarray, labels: np.ndarray,
                graded: bool) -> Samples:
-    """Return samples of the largest contact, with the pieces joined to it, of each of K frames, (K, rows, cols).
+    """Return samples of the largest contact in each of K frames, (K, rows, cols).
 
-    ``press`` is the threshold of each frame, (K, 1, 1), or of each of its taxels, (K, rows, cols). Frames are left out
-    if their contact is too small or touches the edge of the frame.
+    A contact includes the pieces joined to it.
+
+    The array ``press`` is the threshold of each frame, (K, 1, 1), or of each of its taxels, (K, rows, cols). Frames are
+    skipped if their contact is too small or touches the edge of the frame.
     """
     pressed = (values >= press) & ~dead
     parts, found = ndimage.label(pressed, FLAT)
@@ -86,7 +90,8 @@ def _placed(values, mask, dead, low, extent, labels, graded) -> Samples:
     row, col = (start[:, axis, None] + np.arange(SIDE) for axis in (0, 1))
     at = np.arange(len(labels))[:, None, None], row[:, :, None] + SIDE, col[:, None, :] + SIDE
     room = ((0, 0), (SIDE, SIDE), (SIDE, SIDE))
-    # A patch shows RIM_REACH taxels around the contact's box, as in make_patch. The rest is an unpressed pad.
+    # A patch shows RIM_REACH taxels around the contact's box, as in make_patch. The rest of the patch is an unpressed
+    # pad.
     around = [(a >= first[:, None] - RIM_REACH) & (a < first[:, None] + size[:, None] + RIM_REACH)
               for a, first, size in ((row, low[:, 0], extent[:, 0]), (col, low[:, 1], extent[:, 1]))]
     shown = around[0][:, :, None] & around[1][:, None, :]
@@ -97,10 +102,11 @@ def _placed(values, mask, dead, low, extent, labels, graded) -> Samples:
 
 
 def _standing(levels: np.ndarray, unseen: np.ndarray, odd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the standard orientation of each of K patches: longer along x, and skewed towards greater x and y.
+    """Return the standard orientation of each of K patches, which is longer along x and skewed towards greater x and y.
 
-    It is one of the eight rotations and reflections. ``odd``, (K, 2), is 1 if the height or the width of the contact is
-    an odd number of cells, so that its centre is half a cell off the middle.
+    The standard orientation is one of the eight rotations and reflections. The array ``odd``, (K, 2), is 1 if the
+    height or the width of the contact is an odd number of cells, so that the centre of the contact is half a cell off
+    the middle.
     """
     (xx, xxx), (yy, yyy) = _spread(levels.sum(1)), _spread(levels.sum(2))
     rows, cols = (np.where(skew[:, None] < 0, (SIDE - 1 - off[:, None] - CELLS) % SIDE, CELLS)

@@ -1,4 +1,4 @@
-"""Labelled contacts under nominal and field conditions: the training data of the recogniser and of the anchors."""
+"""Draw labelled contacts under nominal and field conditions, as training data for the recogniser and the anchors."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -13,9 +13,9 @@ from training.field import Conditions, field_frame
 from training.outliers import TRAINED
 from training.segmentation import ON_OFF, pattern_at, pattern_beside
 
-LABELS = tuple(shape.value for shape in OUTPUTS)  #: A label is an index into these names.
+LABELS = tuple(shape.value for shape in OUTPUTS)  #: Names of the labels. A label is an index into these names.
 UNKNOWN = LABELS.index('unknown')
-SMALLEST = 5           #: Smallest number of taxels of a pattern that becomes a sample.
+SMALLEST = 5           #: Smallest number of taxels in a pattern that becomes a sample.
 ABSOLUTE = 0.4         #: Fraction of the pressure frames with an absolute threshold.
 LEVEL_STEPS = 255 / HIGHEST_LEVEL  #: Levels are stored as whole multiples of 1 / LEVEL_STEPS.
 
@@ -41,7 +41,10 @@ FAULTS: dict[str, Callable[[np.random.Generator], dict]] = {
 
 
 class Samples(NamedTuple):
-    """K labelled patches: ``levels`` and ``unseen`` are uint8 (K, SIDE, SIDE), ``geometry`` is float32 (K, COUNT)."""
+    """K labelled patches.
+
+    The arrays ``levels`` and ``unseen`` are uint8 (K, SIDE, SIDE), and ``geometry`` is float32 (K, COUNT).
+    """
 
     levels: np.ndarray
     unseen: np.ndarray
@@ -49,7 +52,7 @@ class Samples(NamedTuple):
     labels: np.ndarray
 
     def inputs(self, chosen) -> tuple[np.ndarray, np.ndarray]:
-        """Return images, float32 (K, 2, SIDE, SIDE), and geometry of the ``chosen`` samples."""
+        """Return the images, float32 (K, 2, SIDE, SIDE), and the geometry of the ``chosen`` samples."""
         images = np.stack((self.levels[chosen] / np.float32(LEVEL_STEPS),
                            self.unseen[chosen] / np.float32(255)), 1)
         return images.astype(np.float32), self.geometry[chosen]
@@ -60,7 +63,10 @@ def joined_samples(several) -> Samples:
 
 
 def random_area(rng: np.random.Generator, hollow: bool) -> float:
-    """Draw an area [taxels]. Small contacts are more frequent, because they are harder; hollow contacts are large."""
+    """Draw an area [taxels].
+
+    Small contacts are more frequent, because they are harder to recognise. Hollow contacts are large.
+    """
     low, high = (7, 60) if rng.random() < 0.8 and not hollow else (40, 300)
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
@@ -88,7 +94,7 @@ def pattern_of(rng: np.random.Generator, frame: np.ndarray, conditions: Conditio
 
 def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,
                   outliers: float = 0.18) -> tuple[ContactPattern, np.ndarray, int]:
-    """Draw a pattern, the mask of its contact and its label."""
+    """Draw a pattern, and return it with the mask of its contact and its label."""
     while True:
         label = UNKNOWN if rng.random() < outliers else int(rng.integers(UNKNOWN))
         kind = TRAINED[rng.integers(len(TRAINED))] if label == UNKNOWN else LABELS[label]
@@ -102,18 +108,18 @@ def random_sample(rng: np.random.Generator, on_off: bool, faulty: float = 0.45,
         mask = joined(pattern)
         if conditions.second and mask.sum() > 1.15 * pattern.mask.sum():
             if rng.random() < 0.5:
-                return pattern, mask, UNKNOWN  # two contacts that were joined into one
+                return pattern, mask, UNKNOWN  # the two contacts were joined into one
             mask = pattern.mask
         return pattern, mask, label
 
 
 def draw(rng: np.random.Generator, count: int, on_off: bool, **options) -> Samples:
-    """Draw ``count`` samples; the options are those of `random_sample`."""
+    """Draw ``count`` samples. The options are those of `random_sample`."""
     return samples_from(random_sample(rng, on_off, **options) for _ in range(count))
 
 
 def samples_from(contacts) -> Samples:
-    """Return the samples for tuples (pattern, mask of the contact, label)."""
+    """Return the samples for tuples of pattern, mask of the contact, and label."""
     patches, labels = [], []
     for pattern, mask, label in contacts:
         patches.append(make_patch(pattern.values, mask))
@@ -124,7 +130,8 @@ def samples_from(contacts) -> Samples:
 
 def packed(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray, labels: np.ndarray) -> Samples:
     """Return the samples for K patches, (K, SIDE, SIDE) each."""
-    at_a_time = [slice(first, first + 256) for first in range(0, len(labels), 256)]  # describe_all needs much memory
+    # describe_all needs a lot of memory
+    at_a_time = [slice(first, first + 256) for first in range(0, len(labels), 256)]
     geometry = [describe_all(levels[part], unseen[part], scales[part]) for part in at_a_time]
     return Samples(np.clip(levels * LEVEL_STEPS + 0.5, 0, 255).astype(np.uint8),
                    (unseen * 255 + 0.5).astype(np.uint8), np.concatenate(geometry), labels)

@@ -1,4 +1,4 @@
-"""Extract contact patterns from frames by the library's rule, and at thresholds spread around those of the library."""
+"""Extract contact patterns from frames by the library's rule, or at thresholds spread around those of the library."""
 
 import numpy as np
 
@@ -6,9 +6,12 @@ from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PressThresholds
 
 ON_OFF = 0.5
-SPREAD = 0.4              #: Fraction of the pressure frames whose threshold is not that of the library.
-FRACTIONS = (0.35, 0.65)  #: Range of these thresholds, as a fraction of the contact's own level.
-SEEN = 0.3                #: Readings from this share of the highest readings on give the level of the contact.
+SPREAD = 0.4              #: Fraction of the pressure frames whose threshold differs from that of the library.
+
+#: Range of the thresholds that differ from the library's, as a fraction of the contact's level.
+FRACTIONS = (0.35, 0.65)
+#: Share of the highest readings. Readings of at least this share determine the level of the contact.
+SEEN = 0.3
 
 
 def pattern_at(frame: np.ndarray, press: float) -> ContactPattern:
@@ -17,9 +20,9 @@ def pattern_at(frame: np.ndarray, press: float) -> ContactPattern:
 
 
 def pattern_beside(rng: np.random.Generator, frame: np.ndarray, on_off: bool) -> ContactPattern:
-    """Return the pattern by the library's rule, or at a fraction of the contact's own level.
+    """Return the pattern by the library's rule, or at a fraction of the contact's level.
 
-    The fraction is used for a part of the pressure frames.
+    The fraction is used for some of the pressure frames.
     """
     if on_off or rng.random() >= SPREAD:
         return as_shipped(frame, on_off)
@@ -32,7 +35,7 @@ def as_shipped(frame: np.ndarray, on_off: bool) -> ContactPattern:
 
 
 def own_level(frame: np.ndarray) -> float:
-    """Return the mean reading of the contact's taxels, weighted with the readings themselves: the level of a patch."""
+    """Return the level of a patch: the mean reading of the contact's taxels, weighted with the readings themselves."""
     known = np.nan_to_num(frame)
     high = np.sort(known, axis=None)[-max(3, known.size // 200):].mean()
     inside = known[known >= SEEN * high]

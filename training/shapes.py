@@ -1,10 +1,11 @@
-"""Building blocks of figures: parts of a grid of points, as bool arrays."""
+"""Provide building blocks of figures: parts of a grid of points, as bool arrays."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-#: Function that draws a figure: from a generator, x and y to a bool array of their shape.
+#: Function that draws a figure. Its arguments are a generator and the arrays x and y, and it returns a bool array of
+#: their shape.
 Figure = Callable[[np.random.Generator, np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -17,7 +18,7 @@ def box(x, y, x0, x1, y0, y1):
 
 
 def inside(x, y, corners):
-    """Return the points inside a polygon, which need not be convex, by the parity of the crossed edges."""
+    """Return the points inside a polygon by the parity of the crossed edges. The polygon need not be convex."""
     found = np.zeros(x.shape, bool)
     for (xa, ya), (xb, yb) in zip(corners, np.roll(corners, -1, axis=0)):
         if ya != yb:

@@ -1,4 +1,4 @@
-"""Solved indenters on disk. Solving a pool takes a minute, so all trainings read the same file."""
+"""Store solved indenters on disk. Solving a pool takes a minute, so all trainings read the same file."""
 
 from hashlib import sha256
 from pathlib import Path
@@ -14,7 +14,7 @@ SCALARS = ('kind', 'label', 'cell', 'origin', 'filled', 'compression', 'tilt')
 
 
 def source_digest() -> str:
-    """Return a short digest of the code that solves; a pool of another version is not read."""
+    """Return a short digest of the code that solves. A pool from another version of the code is not read."""
     own = Path(__file__).with_name('mechanics.py')
     paths = [own, *(Path(module.__file__) for module in (contact_solver, half_space, indenters, mechanics, world))]
     return sha256(b''.join(path.read_bytes() for path in paths)).hexdigest()[:12]

@@ -1,8 +1,8 @@
-"""Contacts that differ slightly from the five shapes: with rounded corners, or hollow.
+"""Draw contacts that differ slightly from the five shapes, because they are hollow or have rounded corners.
 
-Like `world.Contact`, each object here has a centre ``x``, ``y``, a ``reach`` and a function ``depth(x, y)``. No point
-of the object is farther from the centre than ``reach``. The depth is positive inside and changes by at most 1 per
-pitch. A taxel whose centre is deeper than half of its diagonal is therefore covered completely.
+Like `world.Contact`, each object has a centre ``x``, ``y``, a ``reach`` and a function ``depth(x, y)``. No point of the
+object is farther from the centre than ``reach``. The depth is positive inside the object and changes by at most 1 per
+pitch. A taxel whose centre is deeper than half of the taxel's diagonal is therefore covered completely.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,10 @@ from tactile_node.simulator.world import Contact
 
 @dataclass(frozen=True)
 class Rounded:
-    """A ``contact`` (not a circle) with corners rounded to ``radius`` [pitches], which is below the inscribed one."""
+    """A ``contact`` (not a circle) with rounded corners.
+
+    The ``radius`` of the corners [pitches] is below the inscribed radius of the contact.
+    """
 
     contact: Contact
     radius: float
@@ -35,7 +38,8 @@ class Rounded:
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return the exact depth.
 
-        The object consists of all points within ``radius`` of the outline shrunk by ``radius``.
+        The object consists of all points within ``radius`` of an inner outline, which is the outline shrunk by
+        ``radius``.
         """
         corners = _shrunk(self.contact.outline(), self.radius)
         following = np.roll(corners, -1, axis=0) - corners

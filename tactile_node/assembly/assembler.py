@@ -1,50 +1,73 @@
-"""Assemble the TPDOs that answer one SYNC into one taxel frame. A pure state machine: no bus, no clock.
+"""Assemble the TPDOs that answer one SYNC into one taxel frame.
 
-Terms
-    rank      place of a TPDO in the layout; a node sends its TPDOs in ascending rank, each once per SYNC
-    sweep     all TPDOs that the nodes of the pad send for one SYNC
-    period    time between two SYNCs
-    run       TPDOs of one node in ascending rank; CAN keeps the order of one sender, so a node sends a sweep as one run
+The assembler is a pure state machine without access to a bus or a clock.
 
-Rules, for each node of the pad separately
+Terms:
+
+  - The *rank* of a TPDO is its place in the layout. A node sends its TPDOs in ascending rank, each once per SYNC.
+
+  - A *sweep* consists of all TPDOs that the nodes of the pad send for one SYNC.
+
+  - A *period* is the time between two SYNCs.
+
+  - A *run* consists of TPDOs of one node in ascending rank. CAN keeps the order of one sender, so a node sends each
+    sweep as one run.
+
+The assembler applies these rules to each node of the pad separately:
+
  1. A taxel frame consists of one run of each node.
+
  2. If the rank of a TPDO is not above the last rank, the TPDO begins the next run, and the previous run is lost. The
-    reason is LATE if the previous run was suspect or already held that rank, otherwise OUT_OF_ORDER. An immediate
-    repetition of a TPDO with equal bytes is a DUPLICATE and changes nothing.
+    loss is counted as LATE if the previous run was suspect or already held that rank, and otherwise as OUT_OF_ORDER. A
+    TPDO that repeats the previous TPDO byte for byte is a DUPLICATE and changes nothing.
+
  3. A run is *suspect* while its node may be behind, because the run may then belong to an earlier period. If the
-    previous period ended within a sweep, the missing ranks may still arrive as a delayed tail. If the previous period
-    was silent, any ranks may arrive late.
-    - If a complete run follows before the next SYNC, the suspect run belongs to the previous period and is moved back
-      to it. If the suspect run can only be the tail of a sweep, it is moved back as soon as the next run begins,
-      because a sender keeps its order. This shortcut is disabled for ORDER_MEMORY periods after a change of order was
-      seen (OUT_OF_ORDER).
+    previous period ended in the middle of a sweep, the missing ranks may still arrive as a delayed tail. If the
+    previous period was silent, any ranks may arrive late.
+
+    - If a complete run follows before the next SYNC, the suspect run belongs to the previous period, and the assembler
+      moves it there. A suspect run that can only be the tail of a sweep is moved as soon as the next run begins,
+      because CAN keeps the order of one sender. The assembler does not take this shortcut for ORDER_MEMORY periods
+      after it has seen a change of order (OUT_OF_ORDER).
+
     - If no complete run follows, the suspect run is lost (LATE), because nothing proves that it belongs to this period.
-    - After n silent periods, n runs are therefore lost if they arrive within one period. If they arrive over several
-      periods, all runs are lost until a free bus proves that nothing is late (rule 8).
+
+    - After n silent periods, n runs are therefore lost if they arrive within one period. If late runs arrive over
+      several periods, all runs are lost until a free bus proves that nothing is late (rule 8).
+
     - A node that was just started (``start``) is not behind.
- 4. When the runs of all nodes are complete, the frame is emitted immediately. Further TPDOs in that period are SURPLUS.
- 5. In an incomplete frame, the taxels that no run contains are NaN and STALE. The frame is emitted, or withheld
-    (``drop_incomplete``), as soon as none of its missing TPDOs can arrive any more: at the next SYNC, when the next run
-    begins, or one SYNC later.
+
+ 4. When the runs of all nodes are complete, the assembler emits the frame immediately. Further TPDOs in that period are
+    SURPLUS.
+
+ 5. In an incomplete frame, the taxels that no run contains are NaN and STALE. An incomplete frame is emitted, or
+    withheld (``drop_incomplete``), as soon as none of its missing TPDOs can arrive any more. The assembler decides at
+    the next SYNC, when the next run begins, or one SYNC later.
+
  6. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC then belongs to the
-    previous period, or is LATE. A driver that lags behind its bus therefore never publishes taxels under a later stamp.
- 7. If a pad has several nodes and one that is not suspect begins another run within a period, a SYNC was lost. The
-    period is discarded: all TPDOs of all nodes are LATE until the next SYNC.
- 8. While the bus is free, a node that has to answer a SYNC begins within half a period. If the bus was free for longer
-    after TPDOs of a period, no further run of that period can arrive (``FreeBus``, ``settle``). The next run then
-    belongs to the period in which it arrives. If a second run arrives in that period, this conclusion was wrong,
-    because an adapter had held frames back. While it is not known which SYNC a node is answering (``is_in_doubt``), the
-    SYNC producer skips SYNCs, so that the bus becomes free.
- 9. If a SYNC may have reached the bus more than MOST_LATE after its stamp, it begins a period as usual. The taxels of
+    previous period, or is LATE. A driver that lags behind its bus therefore never publishes taxels with a later stamp.
+
+ 7. If a pad has several nodes and a node that is not suspect begins another run within a period, a SYNC was lost. The
+    assembler discards the period: all TPDOs of all nodes are LATE until the next SYNC.
+
+ 8. While the bus is free, a node begins its answer to a SYNC within half a period. If TPDOs of a period were received
+    and the bus was then free for more than half a period, no further run of that period can arrive (``FreeBus``,
+    ``settle``). The next run then belongs to the period in which it arrives. If a second run arrives in the same
+    period, an adapter has held frames back, and the conclusion was wrong. While the assembler does not know which SYNC
+    a node is answering (``is_in_doubt``), the SYNC producer skips SYNCs, so that the bus becomes free.
+
+ 9. A SYNC that may have reached the bus more than MOST_LATE after its stamp begins a period as usual. The taxels of
     that period are not published: they are LATE.
 
-Limits
-  - A frame mixes two periods only in two cases. In the first, a SYNC, the end of one sweep and the beginning of the
-    next sweep are all lost within two periods. In the second, the bus or an adapter changes the order of a sender for
-    the first time, and the end of the previous sweep is lost.
-  - After a skipped sweep, the assembler cannot detect a node that answers on a free bus only after the next SYNC. It
-    also cannot detect an adapter that holds frames back for that long while it passes others. The stamps of the taxels
-    are then too late by one period, or by more if the answer comes after further SYNCs.
+Limits:
+
+  - A frame mixes two periods only in two cases. In the first case, a SYNC, the end of one sweep and the beginning of
+    the next sweep are all lost within two periods. In the second case, the bus or an adapter changes the order of a
+    sender for the first time, and the end of the previous sweep is lost.
+
+  - After a skipped sweep, the assembler cannot detect a node that delays its answer beyond the next SYNC on a free bus.
+    The assembler also cannot detect an adapter that holds some frames back for a whole period while it passes others.
+    In both cases the stamps of the taxels are late by one period, or by more if the answer comes after further SYNCs.
 """
 
 from collections.abc import Sequence
@@ -58,9 +81,10 @@ from tactile_node.assembly.sweep_period import SweepPeriod
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
 
-#: Number of periods for which a change of order is remembered. A lost SYNC can look like a change of order.
+#: Number of periods for which the assembler remembers a change of order. A lost SYNC can look like a change of order.
 ORDER_MEMORY = 100
-#: Longest time by which a SYNC may follow its stamp [s]. Serial adapters take up to 16 ms to confirm that it was sent.
+#: Longest time by which a SYNC may follow its stamp [s]. Serial adapters take up to 16 ms to confirm that a SYNC was
+#: sent.
 MOST_LATE = 0.02
 
 
@@ -86,40 +110,45 @@ class FrameAssembler(PadAssembler):
                                for node in range(len(node_ids))]
         self._ranks_of_nodes = [np.array(ranks) for ranks in self._layout_orders]
         self._names = [tpdo.name for tpdo in layout.tpdos]  # by rank
-        self._orders = list(self._layout_orders)  # by node, the order in which its TPDOs arrive
+        self._orders = list(self._layout_orders)  # for each node, the order in which its TPDOs arrive
         self._syncs = 0
         self._distinct = [0] * len(layout.tpdos)  # by rank
         self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
-        self._before: SweepPeriod | None = None  # not yet emitted, because its end may still arrive
+
+        # previous period, not emitted yet because the end of its sweep may still arrive
+        self._before: SweepPeriod | None = None
         self._period: SweepPeriod | None = None
         self.restart()
 
     @property
     def is_in_doubt(self) -> bool:
-        """True if the bus must stay without SYNC until the progress of each node is known. Any thread may read this."""
+        """True if the bus must stay without SYNC until the driver knows how far each node has got.
+
+        Any thread may read this property.
+        """
         period = self._period
         return period is not None and any(run.is_in_doubt for run in period.runs)
 
     def restart(self) -> None:
         super().restart()
         self._is_after_outage = False
-        self._changed_order = -ORDER_MEMORY - 1  # sequence number of the last change of order
+        self._changed_order = -ORDER_MEMORY - 1  # sequence number of the period with the last change of order
 
     def resume(self, lost_periods: int) -> None:
         """Continue after an outage and skip ``lost_periods`` sequence numbers.
 
-        The nodes may be behind, except those for which ``start`` is called.
+        Any node may be behind, except the nodes for which ``start`` is called.
         """
         super().resume(lost_periods)
         self._is_after_outage = True
 
     def start(self, node_id: int) -> None:
-        """Note that a silent node was started, so its next TPDOs do not belong to an earlier period."""
+        """Note that a silent node was started. The next TPDOs of that node do not belong to an earlier period."""
         if self._period is not None and node_id in self._node_ids:
             self._period.runs[self._node_ids.index(node_id)].start()
 
     def sync(self, timestamp: float, late: float = 0.0) -> Frames:
-        """End the period and begin the next one, because a SYNC was on the bus.
+        """End the period and begin the next one, because a SYNC was sent on the bus.
 
         Parameters
         ----------
@@ -170,7 +199,7 @@ class FrameAssembler(PadAssembler):
             distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in own) for own in self._ranks_of_nodes),
             orders=tuple(map(self._order, self._node_ids, self._orders, self._layout_orders)),
             fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
-            syncs=self._syncs)  # read last, because another thread may count at the same time
+            syncs=self._syncs)  # ``syncs`` is read last, because another thread may count at the same time
 
     def _order(self, node_id: int, sent: list[int], layout: list[int]) -> TpdoOrder | None:
         if sent == layout:
@@ -178,11 +207,12 @@ class FrameAssembler(PadAssembler):
         return TpdoOrder(node_id, *(tuple(self._names[rank] for rank in ranks) for ranks in (sent, layout)))
 
     def _note_orders(self) -> None:
-        """Note the order in which the TPDOs of each node arrived, if each arrived once in this period.
+        """Note the order in which the TPDOs of each node arrived, if each TPDO arrived once in this period.
 
         The end of a late sweep and the beginning of the next one look like a changed order. The assembler therefore
-        accepts a changed order only if no sweep can be late: after OUT_OF_ORDER or, with several nodes, in a discarded
-        period. As long as a node keeps that order, the assembler treats none of its sweeps as late.
+        accepts a changed order only if no sweep can be late. No sweep can be late after OUT_OF_ORDER or, with several
+        nodes, in a discarded period. As long as a node keeps the changed order, the assembler treats none of the node's
+        sweeps as late.
         """
         period = self._period
         if period is None:
@@ -219,9 +249,9 @@ class FrameAssembler(PadAssembler):
         return sum(period.pending for period in (self._before, self._period) if period is not None)
 
     def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Frames:
-        """Take a TPDO that was on the bus before the last SYNC."""
+        """Process a TPDO that was on the bus before the last SYNC."""
         before, run = self._before, period.runs[self._nodes[rank]]
-        if run.is_seen:  # one sender cannot send it after a TPDO of this period
+        if run.is_seen:  # a node cannot send a TPDO of an earlier period after a TPDO of this period
             return self._lose(LossReason.LATE)
         if before is None:
             run.note_late(rank)
@@ -242,7 +272,7 @@ class FrameAssembler(PadAssembler):
             self._lose(LossReason.DUPLICATE)
             return
         if len(period.runs) > 1 and not period.is_emitted and run.begins_next_sweep(rank):
-            period.is_discarded = True  # a SYNC was lost, so it is not known to which period each TPDO belongs
+            period.is_discarded = True  # a SYNC was lost, so the period of each TPDO is unknown
             self._lose(LossReason.LATE, sum(run.lose() for run in period.runs))
         if period.is_discarded:
             self._lose(LossReason.LATE)

@@ -1,4 +1,6 @@
-"""Tables of the driver's counters. Status message, /diagnostics, view and reference pages are made from them.
+"""Tables of the driver's counters.
+
+The status message, /diagnostics, the view and the reference pages are generated from these tables.
 
 A counter starts at 0 when the driver is configured, and never decreases. Lost TPDOs are counted by `LossReason`.
 """
@@ -19,11 +21,12 @@ class Counter(Generic[Source]):
 
     name: str     #: key on /diagnostics and field of the status message
     meaning: str  #: explanation for the user
-    count: Callable[[Source], int]  #: reads the counter from its source
+    count: Callable[[Source], int]  #: function that reads the counter from its source
     is_field: bool = True  #: True if the status message has this field
 
 
-#: Losses of a bus. The bus is at WARN while one of them grows. The view shows those that are not 0.
+#: Counters of losses on a bus. The bus is at WARN while one of these counters grows. The view shows the counters that
+#: are not 0.
 BUS_LOSSES: tuple[Counter[BusStatistics], ...] = (
     Counter('queue_overruns', 'CAN frames lost because this process was too slow', lambda bus: bus.queue_overruns),
     Counter('sync_overruns', 'SYNCs not sent because this process was too slow', lambda bus: bus.sync_overruns),
@@ -72,10 +75,10 @@ NODE_COUNTERS: tuple[Counter[NodeHealth], ...] = (
 
 
 def read_counters(counters: Iterable[Counter[Source]], source: Source) -> dict[str, int]:
-    """Return the counts of ``source``, by the name of the counter."""
+    """Return the counts of ``source`` by counter name."""
     return {counter.name: counter.count(source) for counter in counters}
 
 
 def read_fields(counters: Iterable[Counter[Source]], source: Source) -> dict[str, int]:
-    """Return the counts of ``source`` that have a field in the status message, by the name of the field."""
+    """Return, by field name, the counts of ``source`` that have a field in the status message."""
     return read_counters((counter for counter in counters if counter.is_field), source)

@@ -1,7 +1,10 @@
-"""Assemble each SDO upload of a pad's DOMAIN into one taxel frame. A pure state machine: no bus, no clock.
+"""Assemble each SDO upload of a pad's DOMAIN into one taxel frame.
+
+The assembler is a pure state machine without access to a bus or a clock.
 
 A period begins when any client requests an upload, and ends at the next request. If the upload has not succeeded by
-then, the assembler emits a frame whose taxels are all NaN and STALE, or no frame with ``drop_incomplete``.
+then, the assembler emits a frame whose taxels are all NaN and STALE. With ``drop_incomplete``, the assembler emits no
+frame for a failed upload.
 """
 
 import numpy as np
@@ -14,7 +17,7 @@ from tactile_node.skin.layout import DomainLayout, SkinLayout
 
 
 class DomainAssembler(PadAssembler):
-    """The state machine of one polled pad. It counts uploads where other assemblers count TPDOs.
+    """The state machine of one polled pad. The counts of a polled pad are numbers of uploads, not of TPDOs.
 
     Parameters
     ----------
@@ -33,7 +36,7 @@ class DomainAssembler(PadAssembler):
         self._upload = SdoUpload(domain.index, domain.subindex)
         self._response_id = SDO_RESPONSE + node_id
         self.can_ids = frozenset((SDO_REQUEST + node_id, self._response_id))
-        self._stamp: float | None = None  # start of the present period
+        self._stamp: float | None = None  # stamp at which the present period began
         self.restart()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Frames:
@@ -48,7 +51,7 @@ class DomainAssembler(PadAssembler):
         return frames
 
     def end_period(self) -> Frames:
-        """End the present upload. If it has not succeeded, return a frame without values."""
+        """End the present upload. Return a frame without values if the upload has not succeeded."""
         return self._end(bytes(self._codec.payload_bytes), is_fresh=False)
 
     def _forget(self) -> None:

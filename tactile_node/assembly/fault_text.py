@@ -26,9 +26,9 @@ _FAULTS: tuple[tuple[type[TactileError], BusFault], ...] = (
 
 
 def failure_of(error: Exception) -> Failure:
-    """Return the bus fault that an error stands for, with the text of the error.
+    """Return the bus fault that corresponds to an error, with the error's text.
 
-    Errors that are not a `TactileError` become INTERNAL_ERROR.
+    An error that is not a `TactileError` becomes INTERNAL_ERROR.
     """
     if not isinstance(error, TactileError):
         return Failure(BusFault.INTERNAL_ERROR, f'{type(error).__name__}: {error}')
@@ -36,7 +36,7 @@ def failure_of(error: Exception) -> Failure:
 
 
 def failure_text(failure: Failure | NodeFault | None) -> str:
-    """Return the text for a failure, without a full stop, so that it fits into a sentence; '' for None.
+    """Return a clause that describes a failure, without a full stop, or '' for None.
 
     Examples
     --------
@@ -51,7 +51,7 @@ def failure_text(failure: Failure | NodeFault | None) -> str:
 
 
 def node_text(pad: str, node: NodeHealth) -> str:
-    """Return a sentence about the fault of a node; '' if it has no fault.
+    """Return a sentence about the fault of a node, or '' if the node has no fault.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def node_text(pad: str, node: NodeHealth) -> str:
 
 
 def _details(node: NodeHealth) -> str:
-    """Return further facts about the fault, beginning with ': '; '' if there are none."""
+    """Return further facts about the fault, beginning with ': ', or '' if there are none."""
     if node.fault in (NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS):
         facts = [_tpdos(node.missing_tpdos)] if node.missing_tpdos else []
         facts += [order_text(node.tpdo_order)] if node.tpdo_order is not None else []
@@ -90,7 +90,7 @@ def _details(node: NodeHealth) -> str:
 
 
 def _tpdos(tpdos: tuple[SentTpdo, ...]) -> str:
-    """Name each TPDO once; several frames may belong to one multiplexed TPDO.
+    """Name each TPDO once, because several frames may belong to one multiplexed TPDO.
 
     >>> _tpdos((SentTpdo(1, 0x1A0), SentTpdo(1, 0x1A0), SentTpdo(3, 0x3A0)))
     'TPDO 1 (COB-ID 0x1A0), TPDO 3 (COB-ID 0x3A0)'
@@ -99,7 +99,7 @@ def _tpdos(tpdos: tuple[SentTpdo, ...]) -> str:
 
 
 def order_text(order: TpdoOrder) -> str:
-    """Return the text for a node that sends its TPDOs in another order than the layout, without a full stop.
+    """Return a clause about a node whose TPDO order differs from the layout, without a full stop.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def order_text(order: TpdoOrder) -> str:
 
 
 def sync_text(sync: SyncState) -> str:
-    """Return the text for a fault of SYNC, without a full stop; '' if there is none.
+    """Return a clause about a fault of SYNC, without a full stop, or '' if there is no fault.
 
     Examples
     --------
@@ -125,12 +125,12 @@ def sync_text(sync: SyncState) -> str:
 
 
 def load_text(load: float, pads: int) -> str:
-    """Return the text for the planned load of a bus, without a full stop.
+    """Return a clause about the planned load of a bus, without a full stop.
 
     Parameters
     ----------
     load : float
-        Share of time for which the bus would be busy.
+        Planned load as a share of time; above 1, the bus cannot carry it.
     pads : int
         Number of pads on the bus.
 
@@ -144,7 +144,7 @@ def load_text(load: float, pads: int) -> str:
 
 
 def reaction_text(fault: NodeFault) -> str:
-    """Return a sentence about the reaction of the driver to a fault, or about the remedy."""
+    """Return a sentence that says how the driver reacts to a fault, or what the user can do."""
     return _REACTIONS.get(fault, 'The driver configures and starts it again.')
 
 
@@ -154,7 +154,7 @@ def emergency_text(pad: str, node: NodeHealth) -> str:
 
 
 def command_text(command: ForeignCommand | None) -> str:
-    """Return the text for an NMT command of another master; '' for None.
+    """Return the text for an NMT command of another master, or '' for None.
 
     Examples
     --------
@@ -168,5 +168,5 @@ def command_text(command: ForeignCommand | None) -> str:
 
 
 def node_label(pad: str, node_id: int) -> str:
-    """Return the name of a node for the beginning of a message."""
+    """Return the label of a node for the beginning of a message."""
     return f'Node {node_id} (pad {pad!r})'

@@ -1,4 +1,7 @@
-"""The common interface of a live bus and a recorded log, with its counts. The driver node uses only this interface."""
+"""Define the common interface of a live bus and a recorded log, and their counts.
+
+The driver node uses a bus or a log only through this interface.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
@@ -9,7 +12,7 @@ from tactile_node.taxel_frame import TaxelFrame
 
 
 class LossReason(PhrasedCode):
-    """Reason why a CAN frame of a pad is not part of any taxel frame."""
+    """Reason why a CAN frame of a pad does not contribute to any taxel frame."""
 
     BEFORE_FIRST_SYNC = 1, 'received before the first SYNC'
     OUT_OF_ORDER = 2, 'received after a TPDO that follows it in a sweep'
@@ -25,27 +28,31 @@ class LossReason(PhrasedCode):
 
 
 class PadStatistics(NamedTuple):
-    """Counts of one pad since it was opened: received = used + pending + the sum of all losses.
+    """Counts of one pad since it was opened.
+
+    The number of received TPDOs equals used + pending + the sum of all losses.
 
     For a pad with a polled DOMAIN, read "SDO upload" wherever this text says "TPDO".
     """
 
     complete: int  #: taxel frames emitted with all their TPDOs
     incomplete: int  #: taxel frames emitted with NaN for the missing taxels
-    expected: int  #: TPDOs that all taxel frames, emitted or withheld, would contain if complete
+    expected: int  #: TPDOs that all taxel frames, emitted or withheld, would hold if every frame were complete
     received: int  #: TPDOs received, valid or not
-    used: int  #: TPDOs whose taxels were emitted as valid
+    used: int  #: TPDOs whose taxels were emitted with valid values
     pending: int  #: TPDOs that may still be used or lost
-    losses: dict[LossReason, int]  #: TPDOs lost, with an entry for each reason; read only
+    losses: dict[LossReason, int]  #: number of TPDOs lost for each reason; read only
     withheld: int = 0  #: incomplete taxel frames that were not emitted because of ``drop_incomplete``
-    padded: int = 0  #: TPDOs longer than mapped, up to 8 bytes, whose first bytes were used
+    padded: int = 0  #: TPDOs with more bytes than mapped, but at most 8; only their first bytes are used
     used_by_node: tuple[int, ...] = ()  #: ``used`` for each node of the pad
     syncs: int = 0  #: SYNCs that began a period
-    #: for each node and each of its TPDOs in the order of the layout: TPDOs received, without DUPLICATEs
+
+    #: number of TPDOs received, without DUPLICATEs, for each node and each of its TPDOs in the order of the layout
     distinct_by_tpdo: tuple[tuple[int, ...], ...] = ()
-    #: for each node and each of its TPDOs in the order of the layout: TPDOs used for a taxel frame, emitted or withheld
+    #: number of TPDOs used for a taxel frame, emitted or withheld, for each node and each of its TPDOs in the order of
+    #: the layout
     fresh_by_tpdo: tuple[tuple[int, ...], ...] = ()
-    #: for each node, an order of TPDOs that differs from the layout; None if the node keeps the order of the layout
+    #: for each node, the order of its TPDOs if it differs from the layout, else None
     orders: tuple[TpdoOrder | None, ...] = ()
 
     @property
@@ -62,45 +69,58 @@ class PadStatistics(NamedTuple):
 class BusStatistics(NamedTuple):
     """Counts of a bus or a log since construction."""
 
-    pads: dict[str, PadStatistics]  #: by name of the pad
-    #: received CAN frames by service; 'tpdo' counts the TPDOs of the pads, and 'foreign' the frames that belong to no
-    #: pad
+    pads: dict[str, PadStatistics]  #: counts of each pad, by pad name
+
+    #: CAN frames received, by service; 'tpdo' counts the TPDOs of the pads, and 'foreign' the frames of no pad
     can_frames: dict[str, int]
     queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
     sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
-    sync_pauses: int = 0  #: SYNCs skipped on purpose, so that a free bus shows which SYNC each node is answering
+
+    #: SYNCs skipped on purpose to free the bus, so that the driver learns which SYNC each node is answering
+    sync_pauses: int = 0
     poll_overruns: int = 0  #: polls of a DOMAIN skipped because earlier polls took too long
-    consumer_errors: int = 0  #: exceptions raised by on_frame
-    clock_jumps: int = 0  #: number of times that the wall clock was set
+    consumer_errors: int = 0  #: exceptions raised by ``on_frame``
+    clock_jumps: int = 0  #: number of times the wall clock was set
     stamps_ahead: float = 0.0  #: time by which the stamps lead the wall clock after it was set back [s]
     unread: int = 0  #: lines of a log that could not be read
-    unrecorded: int = 0  #: CAN frames missing in the recording, because it failed or its format cannot hold them
+
+    #: CAN frames missing from the recording, because it failed or because its format cannot hold them
+    unrecorded: int = 0
 
 
-#: Function that is called with the name of a pad and each of its taxel frames.
+#: Function that receives the name of a pad and each of its taxel frames.
 OnFrame = Callable[[str, TaxelFrame], None]
 
 
 class FrameSource(Protocol):
-    """Source of taxel frames. It calls ``on_frame`` with each frame on its own thread."""
+    """Source of taxel frames. A source calls ``on_frame`` with each taxel frame on its own thread."""
 
     def open(self) -> None:
-        """Open the bus or the log. Raises BusError or LogError."""
+        """Open the bus or the log.
+
+        Raises BusError if the bus cannot be opened, and LogError if the log cannot be read.
+        """
 
     def configure(self) -> None:
-        """Find the devices, check their identity and configure them. Raises DeviceError or BusError."""
+        """Find the devices, check their identity and configure them.
+
+        Raises DeviceError if a device cannot be used, and BusError if the bus fails.
+        """
 
     def start(self) -> None:
-        """Start to deliver frames. The sequence numbers of a bus start at 0. A log continues where it was stopped."""
+        """Start delivering frames.
+
+        For a bus, the sequence numbers start at 0. For a log, playback continues where it was stopped.
+        """
 
     def stop(self) -> None:
         """Stop delivering frames. ``start`` may be called again."""
 
     def close(self) -> None:
-        """Release the bus or the log. This is allowed in every state and may be repeated."""
+        """Release the bus or the log. ``close`` is allowed in every state and may be repeated."""
 
     def age(self, stamp: float) -> float:
-        """Return the time since a frame was acquired, or played from a log, on the steady clock [s].
+        """Return the time that has passed since a frame was acquired or played, measured on the steady clock [s].
 
         Parameters
         ----------
@@ -109,7 +129,7 @@ class FrameSource(Protocol):
         """
 
     def auto_zero(self, pad: str) -> int:
-        """Make the devices of a pad zero themselves (CiA 404).
+        """Tell the devices of a pad to zero themselves (CiA 404).
 
         Parameters
         ----------
@@ -124,16 +144,16 @@ class FrameSource(Protocol):
         Raises
         ------
         DeviceError, BusError
-            If no channel was zeroed.
+            Raised if no channel was zeroed.
         HalfZeroedError
-            If some channels were zeroed, or may have been.
+            Raised if only some channels were zeroed, or if a device did not answer.
         """
 
     def boots(self, pad: str) -> int:
-        """Return the number of boot-ups of the devices of ``pad``. A boot-up discards unsaved settings of a device."""
+        """Return how often the devices of ``pad`` have booted. A device loses its unsaved settings when it boots."""
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
-        """Change settings at any time.
+        """Change settings. The method may be called at any time.
 
         Parameters
         ----------
@@ -144,7 +164,7 @@ class FrameSource(Protocol):
         """
 
     def statistics(self) -> BusStatistics:
-        """Return the counts so far."""
+        """Return the present counts."""
 
     def health(self) -> BusHealth:
         """Return the present state of the bus and its nodes."""

@@ -1,27 +1,27 @@
-"""Use a free bus as a proof that no node is behind.
+"""Prove from times at which the bus is free that no node is behind.
 
-`FreeBus` measures for how long the bus was free. `SyncPause` decides which SYNCs are skipped, so that the bus is free
-for long enough.
+`FreeBus` measures how long the bus was free. `SyncPause` decides which SYNCs to skip, so that the bus stays free for
+long enough.
 """
 
 from math import ceil, inf
 
 from tactile_node.cia301.frame_bits import Frame, worst_case_bits
 
-#: Time for which the bus must be free [s]. Adapters hold frames back for a shorter time (2 ms), and the pause of a busy
-#: device between two TPDOs is shorter, too.
+#: Time for which the bus must be free [s]. Adapters hold frames back for at most 2 ms, and a busy device pauses for
+#: less than this time between two TPDOs.
 FREE_TIME = 0.006
-#: Bit rate assumed for a log [bit/s]. A log does not tell for how long its frames kept the bus busy.
+#: Bit rate assumed for a log [bit/s]. A log does not record how long its frames occupied the bus.
 SLOW_BITRATE = 125_000
 PAUSE_SPACING = 4  #: Number of SYNCs sent between two pauses.
 
 
 class FreeBus:
-    """Measures for how long the bus was free when the answers to a SYNC were due. All times are stamps [s].
+    """Measures how long the bus stayed free after the answers to a SYNC were due. All times are stamps [s].
 
-    While the bus is free, a node answers a SYNC within half a period. A node that sends nothing in that time therefore
-    has nothing to send. Other frames may take the bus first; the time that they need at the bit rate does not count as
-    free. A period without any TPDO proves nothing, because an adapter may hold the TPDOs back.
+    While the bus is free, a node answers a SYNC within half a period. A node that sends nothing within half a period
+    therefore has nothing left to send. Other frames may occupy the bus first. The time they need at the bit rate does
+    not count as free. A period without any TPDO proves nothing, because an adapter may be holding the TPDOs back.
 
     Parameters
     ----------
@@ -41,10 +41,10 @@ class FreeBus:
         self.restart()
 
     def restart(self) -> None:
-        """Forget all SYNCs, because SYNC was off."""
+        """Forget all SYNCs, because SYNC was switched off."""
         self._synced = inf
-        self._due = self._due_before = inf  # latest answer to the last SYNC, and to the SYNC before
-        self._since = self._since_before = inf  # the bus has been free since, with that answer missing
+        self._due = self._due_before = inf  # latest time of an answer to the last SYNC, and to the SYNC before it
+        self._since = self._since_before = inf  # time since which the bus has been free while that answer is missing
 
     def sync(self, stamp: float, late: float = 0.0) -> None:
         """Note a SYNC.
@@ -62,17 +62,17 @@ class FreeBus:
         self._synced = stamp
 
     def take(self, stamp: float) -> None:
-        """Note that a TPDO was received at ``stamp`` [s], so another may follow."""
+        """Note that a TPDO was received at ``stamp`` [s]. Another TPDO may follow."""
         self._since_before = max(self._due_before, stamp)
         self._since = max(self._due, stamp)
 
     def occupy(self, stamp: float, seconds: float | None = None) -> None:
-        """Note that other traffic may have occupied the bus before a stamp.
+        """Note that other traffic may have occupied the bus before a given stamp.
 
         Parameters
         ----------
         stamp : float
-            End of the other traffic [s].
+            Stamp at which the other traffic ended [s].
         seconds : float or None
             Duration of the other traffic [s]; None for a single frame.
         """
@@ -83,18 +83,19 @@ class FreeBus:
             self._since += seconds
 
     def proves(self, until: float) -> bool:
-        """Return True if no further answer to the SYNC before the last one can arrive.
+        """Return True if no node can answer the SYNC before the last one any more.
 
         Parameters
         ----------
         until : float
-            Stamp until which no further TPDO was received [s].
+            Stamp up to which no further TPDO was received [s].
         """
-        return until - self._since_before >= FREE_TIME + self._frame_time  # a frame may be on the bus right now
+        # a frame may be on the bus right now, so the time of one frame is added
+        return until - self._since_before >= FREE_TIME + self._frame_time
 
 
 class SyncPause:
-    """Decides which SYNCs are skipped while a node may be behind.
+    """Decides which SYNCs to skip while a node may be behind.
 
     Parameters
     ----------
@@ -114,23 +115,24 @@ class SyncPause:
     """
 
     def __init__(self, period: float):
-        # Two periods for the waiting sweeps, and the free time. The driver measures the free time up to 2 ms too short.
+        # A pause lasts two periods for the waiting sweeps, plus the free time. The driver's measurement of the free
+        # time may be up to 2 ms too short.
         self._length = 2 + ceil((FREE_TIME + 2e-3) / period)
         self.count = 0
         self.restart()
 
     def restart(self) -> None:
-        """Forget the last pause, because SYNC was off."""
+        """Forget the last pause, because SYNC was switched off."""
         self._since = PAUSE_SPACING  # SYNCs sent since the last pause
         self._left = 0  # SYNCs still to skip
 
     def is_due(self, is_in_doubt: bool) -> bool:
-        """Return True if the SYNC that is due now is to be skipped.
+        """Return True if the SYNC that is now due must be skipped.
 
         Parameters
         ----------
         is_in_doubt : bool
-            True while it is not known which SYNC a node is answering.
+            True while the driver does not know which SYNC a node is answering.
         """
         if not is_in_doubt:
             self._left = 0

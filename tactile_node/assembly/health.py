@@ -1,4 +1,7 @@
-"""The state of a bus and its nodes at one moment, as facts. ``fault_text`` turns them into sentences."""
+"""Describe the state of a bus and its nodes at one moment as facts.
+
+The module ``fault_text`` turns these facts into sentences.
+"""
 
 from dataclasses import dataclass
 from enum import unique
@@ -9,11 +12,11 @@ from tactile_node.code_names import PhrasedCode
 
 
 class Fault(PhrasedCode):
-    """A fault. Code 0 means not known, code 1 means no fault."""
+    """A fault. Code 0 means that the fault is not known, and code 1 means that there is none."""
 
     @property
     def is_fault(self) -> bool:
-        """True for every code except not known and none."""
+        """True for every code except 0 (not known) and 1 (no fault)."""
         return self.value not in (0, 1)
 
 
@@ -78,44 +81,48 @@ class SyncState(NamedTuple):
     """State of the SYNC messages that the driver receives."""
 
     fault: SyncFault = SyncFault.NOT_KNOWN
-    foreign: int = 0  #: SYNCs of other devices while this driver produces SYNC
-    period: float | None = None  #: measured period if another device produces SYNC [s], else None
+    foreign: int = 0  #: SYNCs sent by other devices while this driver produces SYNC
+    period: float | None = None  #: period measured while another device produces SYNC [s], else None
 
 
 class SentTpdo(NamedTuple):
     """A TPDO of a node as it appears on the bus."""
 
-    number: int  #: number of the TPDO; TPDO 1 has the communication record 0x1800
+    number: int  #: number of the TPDO; the communication record 0x1800 belongs to TPDO 1
     can_id: int  #: COB-ID
 
 
 class TpdoOrder(NamedTuple):
-    """The TPDOs of a node that sends them in another order than the layout lists, by `TpdoLayout.name`."""
+    """Order of a node's TPDOs, by `TpdoLayout.name`, if the node does not send them in the order of the layout."""
 
     node_id: int
-    sent: tuple[str, ...]  #: in the order in which the node sends them
-    layout: tuple[str, ...]  #: in the order of the layout
+    sent: tuple[str, ...]  #: names in the order in which the node sends
+    layout: tuple[str, ...]  #: names in the order of the layout
 
 
 class Failure(NamedTuple):
     """The fault of a bus or a log."""
 
     fault: BusFault
-    detail: str = ''  #: text reported by the adapter, the device or the operating system
+    detail: str = ''  #: text from the adapter, the device or the operating system
 
 
-#: Cause of an outage. For a bus it is a failure; for a node it is a fault of the node or a failure of its bus.
+#: Cause of an outage. A bus has an outage because of a failure. A node has an outage because of its own fault or a
+#: failure of its bus.
 Cause = TypeVar('Cause', bound=Failure | NodeFault)
 
 
 @dataclass(frozen=True)
 class Outages(Generic[Cause]):
-    """Outages since construction, that is, times without taxels. They include an outage that still lasts."""
+    """Outages since construction.
+
+    An outage is a time without taxels. The counts include an outage that has not ended yet.
+    """
 
     count: int = 0
     seconds: float = 0.0  #: total duration [s]
-    cause: Cause | None = None  #: cause that began the last outage
-    current: Cause | None = None  #: present cause of an outage that still lasts; None without one
+    cause: Cause | None = None  #: cause with which the last outage began
+    current: Cause | None = None  #: present cause of the outage that has not ended yet; None if there is no outage
 
 
 class NodeHealth(NamedTuple):
@@ -124,24 +131,24 @@ class NodeHealth(NamedTuple):
     node_id: int
     state: int | None  #: NMT state last received; None if none was received
     is_operational: bool  #: True if a heartbeat within the timeout reports OPERATIONAL
-    heartbeat_age: float | None  #: time since the last heartbeat [s]; None if none was received
+    heartbeat_age: float | None  #: time since the last heartbeat [s]; None if no heartbeat was received
     fault: NodeFault = NodeFault.NONE
     boots: int = 0  #: boot-up messages received
     emergencies: int = 0  #: EMCY messages received
     last_emergency: Emergency | None = None  #: last EMCY message
     outages: Outages[Failure | NodeFault] = Outages()
     distrusted: int = 0  #: taxel frames emitted without values because the node was not configured
-    active_emergency: Emergency | None = None  #: last error that the device has not reset
-    missing_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while others do
+    active_emergency: Emergency | None = None  #: last error that the device has not cleared yet
+    missing_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while other TPDOs of the node do
     surplus_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that are received more often than SYNC
-    tpdo_order: TpdoOrder | None = None  #: order of the TPDOs if it differs from the layout, else None
-    device_errors: DeviceErrors | None = None  #: errors that the device reported when it did not become OPERATIONAL
+    tpdo_order: TpdoOrder | None = None  #: sending order of the TPDOs if it differs from the layout, else None
+    device_errors: DeviceErrors | None = None  #: errors that the device reported when it failed to become OPERATIONAL
 
 
 class ErrorCounters(NamedTuple):
     """Error counters of the CAN controller in its last error frame (ISO 11898-1).
 
-    The controller warns at 96. Above 127 it is error-passive.
+    The controller issues a warning at 96. Above 127, the controller is error-passive.
     """
 
     tx: int = 0  #: transmit error counter
@@ -158,21 +165,21 @@ class ForeignCommand(NamedTuple):
 class BusHealth(NamedTuple):
     """State of a bus or a log."""
 
-    failure: Failure | None = None  #: reason why nothing can be received, or None
-    is_active: bool = True  #: True if SYNC is on and the nodes should be OPERATIONAL
-    nodes: dict[str, tuple[NodeHealth, ...]] = {}  #: nodes of each pad, by its name; empty for a log; read only
+    failure: Failure | None = None  #: reason why nothing can be received; None if the bus works
+    is_active: bool = True  #: True if SYNC is on and the nodes are expected to be OPERATIONAL
+    nodes: dict[str, tuple[NodeHealth, ...]] = {}  #: nodes of each pad by pad name; empty for a log; read only
     outages: Outages[Failure] = Outages()
-    load: float = 0.0  #: bus load over the last second, as a share of time, with worst-case bit stuffing
+    load: float = 0.0  #: share of time for which the bus was busy in the last second, assuming worst-case bit stuffing
     is_error_passive: bool = False
     error_counters: ErrorCounters = ErrorCounters()
-    foreign_commands: int = 0  #: NMT commands of another master to our nodes
+    foreign_commands: int = 0  #: NMT commands that another master sent to our nodes
     last_command: ForeignCommand | None = None  #: last NMT command of another master
     sync: SyncState = SyncState()
-    #: overload of this process; while it lasts, frames that seem to be missing may only be waiting to be processed
+    #: overload of this process; during an overload, frames that seem to be missing may only be waiting to be processed
     overload: Overload = Overload.NOT_KNOWN
-    stalls: int = 0  #: number of times that this process did not run for a while
+    stalls: int = 0  #: number of times this process did not run for a while
 
     @property
     def fault(self) -> BusFault:
-        """Fault of the bus; NONE without a failure."""
+        """Fault of the bus; NONE if the bus has not failed."""
         return BusFault.NONE if self.failure is None else self.failure.fault

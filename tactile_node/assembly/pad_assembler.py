@@ -1,4 +1,7 @@
-"""Base class of the assemblers: it finds the TPDO of a CAN frame, keeps the counts and makes the taxel frames."""
+"""Base class of the assemblers.
+
+The class finds the TPDO of each CAN frame, keeps the counts and builds the taxel frames.
+"""
 
 import logging
 from collections.abc import Sequence
@@ -14,15 +17,17 @@ from tactile_node.taxel_frame import TaxelFrame, TpdoAges
 
 logger = logging.getLogger(__name__)
 
-#: Taxel frames finished by a CAN frame or a SYNC, in order; often empty.
+#: Taxel frames that a CAN frame or a SYNC has finished, in order. The tuple is often empty.
 Frames = tuple[TaxelFrame, ...]
 
 
 class PadAssembler:
-    """A pure state machine of one pad: no bus, no clock. Its methods return finished frames and count lost TPDOs.
+    """State machine of one pad, without access to a bus or a clock.
 
-    The rank of a TPDO is its place in the layout. A DOMAIN counts as one TPDO. Counts start at construction; see
-    `PadStatistics`.
+    The methods return finished frames and count lost TPDOs.
+
+    The rank of a TPDO is its place in the layout. A polled DOMAIN counts as one TPDO. All counts start at construction;
+    see `PadStatistics`.
 
     Parameters
     ----------
@@ -32,10 +37,10 @@ class PadAssembler:
         Node-IDs of the pad, one for each node of the layout.
     """
 
-    service = 'tpdo'  #: service under which its CAN frames are counted
+    service = 'tpdo'  #: service under which the pad's CAN frames are counted
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int]):
-        self.drop_incomplete = False  #: withhold taxel frames that lack TPDOs
+        self.drop_incomplete = False  #: True to withhold taxel frames that lack TPDOs
         self._codec = TaxelCodec(layout)
         self._ranks: dict[int, dict[bytes, int]] = {}  # COB-ID -> prefix -> rank
         for rank, tpdo in enumerate(layout.tpdos):
@@ -45,7 +50,7 @@ class PadAssembler:
         self._lengths = [tpdo.length for tpdo in layout.tpdos]
         self._numbers = [tpdo.number for tpdo in layout.tpdos]
         self._padded = 0
-        self.can_ids = frozenset(self._ranks)  #: COB-IDs of its CAN frames
+        self.can_ids = frozenset(self._ranks)  #: COB-IDs of the pad's CAN frames
         self._senders = np.array([tpdo.node for tpdo in layout.tpdos] or [0], np.intp)  # by rank
         self._used = np.zeros(layout.nodes, np.int64)
         self._losses = dict.fromkeys(LossReason, 0)
@@ -65,11 +70,11 @@ class PadAssembler:
         """Note that a silent node was started."""
 
     def sync(self, timestamp: float, late: float = 0.0) -> Frames:
-        """Note that a SYNC was on the bus, at most ``late`` [s] after its timestamp, and return finished frames."""
+        """Note a SYNC sent at most ``late`` [s] after its timestamp, and return the finished frames."""
         return ()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Frames:
-        """Take a CAN frame of this pad.
+        """Process a CAN frame of this pad.
 
         Parameters
         ----------
@@ -97,7 +102,7 @@ class PadAssembler:
         return self._feed_tpdo(rank, data, timestamp)
 
     def end_period(self) -> Frames:
-        """End the present period at the end of a log, and return the taxel frames not emitted yet."""
+        """End the present period at the end of a log, and return the taxel frames that were not emitted yet."""
         raise NotImplementedError
 
     def statistics(self) -> PadStatistics:
@@ -120,7 +125,7 @@ class PadAssembler:
         return 0
 
     def _note_padded(self, tpdo: SentTpdo, size: int, mapped: int) -> None:
-        """Count a TPDO that is longer than mapped (CiA 301 allows that), and log the first such TPDO."""
+        """Count a TPDO that is longer than mapped, and log the first such TPDO. CiA 301 allows longer TPDOs."""
         if not self._padded:
             logger.warning('TPDO %d (COB-ID 0x%03X) has %d bytes, but the layout maps only %d. The first %d bytes are '
                            'used. If other bytes hold the taxels, correct the layout.', *tpdo, size, mapped, mapped,
@@ -128,14 +133,14 @@ class PadAssembler:
         self._padded += 1
 
     def _wrong_length(self, rank: int, data: bytes) -> LossReason | None:
-        """Return the reason why data, without padding, do not have the length of their TPDO, or None if they do."""
+        """Return the reason why data without padding do not fit the length of their TPDO, or None if they fit."""
         wanted = self._lengths[rank]
         if len(data) == wanted:
             return None
         return LossReason.SHORT if len(data) < wanted else LossReason.OVER_LONG
 
     def _lose(self, reason: LossReason, can_frames: int = 1) -> Frames:
-        """Count lost TPDOs. Returns an empty tuple, because no taxel frame results."""
+        """Count lost TPDOs. Return an empty tuple, because a lost TPDO completes no taxel frame."""
         self._losses[reason] += can_frames
         return ()
 
@@ -145,7 +150,7 @@ class PadAssembler:
         self._missing += missing
 
     def _give(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray) -> Frames:
-        """Emit the taxel frame of the ``fresh`` TPDOs (bool by rank), or withhold it and count these TPDOs as lost."""
+        """Emit a taxel frame from the ``fresh`` TPDOs (bool by rank), or withhold it and count these TPDOs as lost."""
         missing = int((~fresh).sum())
         if missing and self.drop_incomplete:
             self._count_withheld(missing)
@@ -156,7 +161,8 @@ class PadAssembler:
                     missing: int, ages: TpdoAges | None = None) -> Frames:
         """Emit a taxel frame in which ``missing`` TPDOs are missing.
 
-        ``used`` (bool by rank) marks the TPDOs that were not part of an earlier frame. Only these are counted as used.
+        ``used`` (bool by rank) marks the TPDOs that no earlier frame contained. Only the TPDOs marked in ``used`` are
+        counted as used.
         """
         self._used += np.bincount(self._senders[used], minlength=len(self._used))
         self._complete += not missing

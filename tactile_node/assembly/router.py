@@ -1,4 +1,4 @@
-"""Route each CAN frame of a bus or a log to the pad that it belongs to, and count all frames by service."""
+"""Route each CAN frame of a bus or a log to its pad, and count all frames by service."""
 
 import logging
 from collections import Counter
@@ -20,21 +20,21 @@ logger = logging.getLogger(__name__)
 
 
 class Router:
-    """Routes CAN frames in their order, and calls ``on_frame`` with each taxel frame.
+    """Routes CAN frames in the order of their arrival, and calls ``on_frame`` with each taxel frame.
 
-    A router is not thread-safe: only one thread may feed it. Exceptions of ``on_frame`` are counted and logged, and the
-    reception continues.
+    A router is not thread-safe: only one thread may feed it. If ``on_frame`` raises an exception, the router counts and
+    logs the exception, and continues.
 
     Parameters
     ----------
     pads : tuple of PadSettings
         Pads on the bus.
     on_frame : callable
-        Called with the name of the pad and each taxel frame.
+        Function that is called with the name of the pad and each taxel frame.
     foreign_sync : bool
-        True if SYNCs received from the bus separate the periods; False if only calls of ``sync`` do.
+        True if SYNCs received from the bus also separate the periods; False if only calls of ``sync`` do.
     one_clock : bool
-        True if one clock gives the stamps for both ``sync`` and ``feed``.
+        True if the stamps passed to ``sync`` and ``feed`` come from one clock.
     drop_incomplete : bool
         True to withhold incomplete taxel frames.
     bitrate : int
@@ -48,8 +48,8 @@ class Router:
         self._owners = {can_id: (name, assembler, isinstance(assembler, FrameAssembler))
                         for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
         self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
-        self.can_ids = frozenset(self._owners)  #: COB-IDs of the pads' taxels
-        self.bus = FreeBus(bitrate)  #: the caller must also report traffic that it does not feed to the router
+        self.can_ids = frozenset(self._owners)  #: COB-IDs of the TPDOs or SDOs that carry taxels
+        self.bus = FreeBus(bitrate)  #: the caller must also report any traffic that it does not feed to the router
         self.is_running = True  #: see ``pause``
         self._foreign_sync = foreign_sync
         self._sync_id = pads[0].layout.sync_cob_id
@@ -59,7 +59,10 @@ class Router:
 
     @property
     def is_in_doubt(self) -> bool:
-        """True if the bus must stay without SYNC until the progress of each node is known. Any thread may read this."""
+        """True if the bus must stay without SYNC until the driver knows how far each node has got.
+
+        Any thread may read this property.
+        """
         return any(assembler.is_in_doubt for assembler in self._synchronous)
 
     def restart(self) -> None:
@@ -82,16 +85,19 @@ class Router:
             assembler.start(node_id)
 
     def pause(self) -> None:
-        """Ignore SYNCs of other devices, and the data of pads without SYNC, from now on. No frames are emitted."""
+        """From now on, ignore SYNCs of other devices and the data of pads without SYNC.
+
+        A paused router emits no frames.
+        """
         self.is_running = False
 
     def drop_incomplete(self, is_wanted: bool) -> None:
-        """Withhold incomplete taxel frames from now on if ``is_wanted`` is True, otherwise emit them."""
+        """Withhold incomplete taxel frames from now on if ``is_wanted`` is True; emit them otherwise."""
         for assembler in self._assemblers.values():
             assembler.drop_incomplete = is_wanted
 
     def sync(self, stamp: float, late: float = 0.0) -> None:
-        """End the period of every pad and begin the next, because this driver or another device sent a SYNC.
+        """End the period of every pad and begin the next one, because this driver or another device sent a SYNC.
 
         Parameters
         ----------
@@ -105,7 +111,7 @@ class Router:
             self._deliver(name, assembler.sync(stamp, late))
 
     def feed(self, can_id: int, data: bytes, stamp: float, after: float | None = None) -> None:
-        """Take a data frame with an 11-bit identifier.
+        """Process a data frame with an 11-bit identifier.
 
         Parameters
         ----------
@@ -129,7 +135,7 @@ class Router:
         if owner is not None:
             name, assembler, has_sync = owner
             self._counts[assembler.service] += 1
-            if self.is_running or has_sync:  # pads without SYNC also send while the driver is inactive
+            if self.is_running or has_sync:  # pads without SYNC send even while the driver is inactive
                 self._deliver(name, assembler.feed(can_id, data, stamp))
         elif can_id == self._sync_id:
             self._counts['sync'] += 1
@@ -139,7 +145,10 @@ class Router:
             self._counts[service_of(can_id)] += 1
 
     def feed_message(self, message: can.Message) -> None:
-        """Take any python-can message. A message that is not a data frame with an 11-bit identifier is only counted."""
+        """Process any python-can message.
+
+        A message that is not a data frame with an 11-bit identifier is counted and then ignored.
+        """
         kind = non_data_kind(message)
         if kind is None:
             self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
@@ -148,7 +157,7 @@ class Router:
             self.bus.occupy(message.timestamp, inf if message.is_error_frame else None)
 
     def end(self) -> None:
-        """End the last period of each pad, because no CAN frames follow."""
+        """End the last period of each pad, because no more CAN frames follow."""
         for name, assembler in self._assemblers.items():
             self._deliver(name, assembler.end_period())
 
@@ -177,7 +186,7 @@ def _assembler(pad: PadSettings, one_clock: bool) -> PadAssembler:
 def non_data_kind(message: can.Message) -> str | None:
     """Return the kind of a message that is not a CANopen data frame: 'error', 'remote' or 'foreign'.
 
-    Returns None for a CANopen data frame. Frames with a 29-bit identifier and CAN FD frames are 'foreign'.
+    For a CANopen data frame, return None. Frames with a 29-bit identifier and CAN FD frames are 'foreign'.
     """
     if message.is_error_frame:
         return 'error'

@@ -1,4 +1,6 @@
-"""Follow one sender (a CANopen node of a pad) through the sweep of one period. ``assembler`` states the rules.
+"""Follow one sender through the sweep of one period.
+
+A sender is one CANopen node of a pad, and ``assembler`` states the rules.
 
                   not behind
     EMPTY ----------------------------> CURRENT ---.
@@ -10,17 +12,20 @@
       |   (the state stays SUSPECT if the sender was behind by more than one run)
       '-- SYNC: this run is lost (LATE), because nothing proves that it belongs to this period
 
-After a free bus (settle), SUSPECT becomes CURRENT at SYNC: no run was late, because no second run followed.
+If a free bus proves that nothing is late (settle), SUSPECT becomes CURRENT at the next SYNC, because no second run
+followed.
 
-Number of runs that the sender is behind when a period begins:
+The previous period determines how many more runs the sender is behind when a period begins:
 
-    previous period          adds   the late run may have
-    ended with the last rank 0      -
-    ended early              1      ranks above its end
-    was silent               1      any ranks
-    its sender was started   none   - (and all earlier runs are forgotten)
+  - If the previous period ended with the last rank, no run is added.
 
-If the previous period ended SUSPECT or was silent, the runs by which the sender was behind in it are carried over.
+  - If the previous period ended early, one run is added. The late run may contain the ranks above that end.
+
+  - If the previous period was silent, one run is added. The late run may contain any ranks.
+
+  - If the sender was started in the previous period, no run is added, and all earlier runs are forgotten.
+
+If the previous period ended SUSPECT or was silent, the number from that period is added.
 """
 
 from typing import NamedTuple
@@ -35,10 +40,10 @@ class Payload(NamedTuple):
     """The TPDOs of one period, by rank."""
 
     words: bytearray  #: MAX_PDO_BYTES bytes for each TPDO
-    fresh: np.ndarray  #: bool, True for each TPDO that belongs to the period
+    fresh: np.ndarray  #: bool, True for each TPDO received for the period
 
 
-Lost = tuple[LossReason, int]  #: Reason for a loss and number of lost TPDOs.
+Lost = tuple[LossReason, int]  #: Reason for a loss, and number of TPDOs lost.
 
 
 class SenderRun:
@@ -51,7 +56,7 @@ class SenderRun:
     payload : Payload
         TPDOs of the period, shared by all senders of the pad.
     before : SenderRun or None
-        Run of the same sender in the previous period; None if no TPDO of an earlier period can arrive.
+        Run of the same sender in the previous period; None if no TPDO of an earlier period can arrive any more.
     """
 
     def __init__(self, own: np.ndarray, payload: Payload, before: 'SenderRun | None'):
@@ -62,22 +67,23 @@ class SenderRun:
         self.last = -1  #: rank received last
         self._last_data = b''
         self._aside: dict[int, bytes] = {}  # a suspect run, set aside when the sender began the next run
+
         #: True if the run set aside is the tail of a sweep, so it belongs to the previous period
         self.is_aside_proved = False
-        self.received: list[int] = []  #: ranks in the order of reception; at most one more than a sweep has
+        self.received: list[int] = []  #: ranks in order of reception; at most one more than a sweep has
         self.is_seen = False  #: True if any TPDO was received
         self._is_suspect = False
         self._ended_suspect = False
-        self._is_doubted = False  # a whole period has passed without showing whether the sender is behind
+        self._is_doubted = False  # True if a whole period has passed without showing whether the sender is behind
         self._was_started = False
         self.is_settled = False  #: True if a free bus has proved that the sender is not behind
-        self._was_silent = False  # no TPDO was received in the previous period
+        self._was_silent = False  # True if no TPDO was received in the previous period
         self._expect_late(0)
         if before is not None:
             self.carry_over(before)
 
     def carry_over(self, before: 'SenderRun') -> None:
-        """Compute the number of late runs that may arrive before the run of this period.
+        """Compute how many late runs may arrive before the run of this period.
 
         Parameters
         ----------
@@ -103,27 +109,27 @@ class SenderRun:
 
     @property
     def is_position_unknown(self) -> bool:
-        """True if, after the period, it is not known which sweep the sender was sending."""
+        """True if, at the end of the period, the driver does not know which sweep the sender was sending."""
         return self._ended_suspect if self.is_seen else self._behind > 0
 
     @property
     def may_be_continued(self) -> bool:
-        """True if missing TPDOs may arrive in the next period and are then known to belong to this one."""
+        """True if missing TPDOs may arrive in the next period and will then be known to belong to this period."""
         return not self.is_position_unknown and self.last < self._top
 
     @property
     def is_in_doubt(self) -> bool:
-        """True if the sender sends, and a whole period has passed without showing whether it is behind."""
+        """True if the sender is sending, but a whole period has passed without showing whether the sender is behind."""
         return self._is_doubted and not self._was_silent
 
     @property
     def is_undecided(self) -> bool:
-        """True if the TPDOs received so far, or the next ones, may belong to the previous period."""
+        """True if the TPDOs received so far, or the next TPDOs, may belong to the previous period."""
         return not self.is_seen or self._is_suspect or bool(self._aside)
 
     @property
     def used(self) -> int:
-        """Number of TPDOs of the sender that a frame would contain now."""
+        """Number of the sender's TPDOs that a frame would contain now."""
         return int(self._payload.fresh[self._own].sum())
 
     @property
@@ -132,7 +138,7 @@ class SenderRun:
         return self.used + len(self._aside)
 
     def start(self) -> None:
-        """Note that the silent sender was started, so it is not behind."""
+        """Note that the silent sender was started and is therefore not behind."""
         self._was_started = True
         if not self.is_seen:
             self._expect_late(0)
@@ -140,18 +146,21 @@ class SenderRun:
     def settle(self) -> None:
         """Note that no run of an earlier period can begin any more.
 
-        This does not concern a delayed tail, because the beginning of the next run proves where the tail belongs.
+        A delayed tail is unaffected, because the beginning of the next run proves where the tail belongs.
         """
         if not self.is_seen and self._late_above < 0:
             self.is_settled = True
             self._is_doubted = False
 
     def assume_behind(self) -> None:
-        """Treat the first run as possibly late, because it is not known what the sender has sent so far."""
+        """Treat the first run as possibly late, because the sender's earlier TPDOs are unknown."""
         self._expect_late(1)
 
     def note_late(self, rank: int) -> None:
-        """Note a TPDO of an earlier period that is too late to be used. It only shows the progress of the sender."""
+        """Note a TPDO of an earlier period that is too late to be used.
+
+        A TPDO that is too late only shows how far the sender has got.
+        """
         if self.is_seen:
             if rank <= self.last:
                 self._expect_late(max(self._behind - 1, 0))
@@ -162,11 +171,11 @@ class SenderRun:
             self._expect_late(self._behind - 1)
 
     def repeats(self, rank: int, data: bytes) -> bool:
-        """Return True if a TPDO equals the one received last, byte for byte."""
+        """Return True if a TPDO repeats the previous TPDO byte for byte."""
         return self.is_seen and rank == self.last and data == self._last_data
 
     def begins_next_sweep(self, rank: int) -> bool:
-        """Return True if ``rank`` begins another sweep although the present run is not suspect."""
+        """Return True if ``rank`` begins another sweep and the present run is not suspect."""
         return self.is_seen and rank <= self.last and not self._is_suspect
 
     def add(self, rank: int) -> Lost | None:
@@ -180,11 +189,12 @@ class SenderRun:
         Returns
         -------
         tuple or None
-            Reason and number of TPDOs of the present run that are lost; None if none is lost.
+            Reason for the loss of the present run and the number of its TPDOs; None if nothing is lost.
         """
         lost = None
         if not self.is_seen:
-            if self._behind == 1 and rank <= self._late_above:  # the delayed tail cannot arrive any more
+            # a new run has begun, so the delayed tail cannot arrive any more
+            if self._behind == 1 and rank <= self._late_above:
                 self._expect_late(0)
             self._is_suspect = self._behind > 0
         elif rank <= self.last:
@@ -193,15 +203,15 @@ class SenderRun:
         return lost
 
     def note_received(self, rank: int, data: bytes) -> None:
-        """Note that a TPDO was received, whether it is used or not."""
+        """Note that a TPDO was received, no matter whether it is used."""
         self.last = rank
-        if len(self.received) <= len(self._own):  # without SYNC a period never ends, but the list must stay short
+        if len(self.received) <= len(self._own):  # without SYNC a period never ends, so the list must be limited
             self.received.append(rank)
         self._last_data = bytes(data)
         self.is_seen = True
 
     def end(self) -> int:
-        """End the period, and discard TPDOs that are not proved to belong to a period. Returns their number."""
+        """End the period, discard TPDOs that are not proved to belong to a period, and return the number discarded."""
         if self.is_settled:
             self._is_suspect = False
         self._ended_suspect = self._is_suspect
@@ -229,8 +239,8 @@ class SenderRun:
     def _expect_late(self, behind: int, above: int = -1, is_of_before: bool = False) -> None:
         """Note that the sender may be behind by ``behind`` runs.
 
-        If it is behind by one run, that run has only ranks above ``above``. With ``is_of_before``, that run can only
-        belong to the previous period.
+        If the sender is behind by one run, that run contains only ranks above ``above``. With ``is_of_before``, the
+        late run can only belong to the previous period.
         """
         self._behind = behind
         self._late_above = above
@@ -240,13 +250,14 @@ class SenderRun:
         lost = None
         if self._is_suspect and self._is_of_before:
             self._set_aside()
-            self.is_aside_proved = self._late_above >= 0  # True for a tail; a whole sweep may belong to another period
+            # True for the tail of a sweep; a whole sweep may belong to another period
+            self.is_aside_proved = self._late_above >= 0
         else:
             is_late = self._is_suspect or bool(self._aside) or rank in self._ranks
             lost = LossReason.LATE if is_late else LossReason.OUT_OF_ORDER, self.lose()
         self._expect_late(max(self._behind - 1, 0))
         self._is_suspect = self._behind > 0
-        self.is_settled = False  # with two runs in one period, the bus only seemed to be free
+        self.is_settled = False  # a second run in one period shows that the bus only seemed to be free
         return lost
 
     def _set_aside(self) -> None:

@@ -1,24 +1,34 @@
-"""Assemble snapshots of a skin whose TPDOs are sent independently. A pure state machine: no bus, no clock.
+"""Assemble snapshots of a skin whose TPDOs are sent independently.
+
+The assembler is a pure state machine without access to a bus or a clock.
 
 A snapshot holds the latest values of each TPDO and their ages. The stamp of a snapshot is the stamp of its newest TPDO.
-Ages are therefore never negative, and stamps rise although TPDOs are sent at different rates. The values of a TPDO were
-acquired at stamp - age.
+Ages are therefore never negative, and stamps rise even if TPDOs are sent at different rates. The device acquired the
+values of a TPDO at the stamp of the snapshot minus their age.
 
-Rules
+The assembler follows these rules:
+
  1. A snapshot is emitted as soon as every TPDO has been received since the previous snapshot. The assembler does not
     wait for TPDOs whose values are already too old.
- 2. A snapshot is also emitted before a TPDO replaces values that no snapshot contains yet. No value is lost, and the
-    fastest TPDO sets the pace. A snapshot is also emitted before a TPDO that arrives more than SNAPSHOT_WAIT after the
-    first new TPDO.
+
+ 2. A snapshot is also emitted before a TPDO replaces values that no snapshot contains yet. With this rule, no value is
+    lost, and the fastest TPDO sets the rate of snapshots. A snapshot is also emitted before a TPDO that arrives more
+    than SNAPSHOT_WAIT after the first new TPDO.
+
  3. If a TPDO is older than ``max_age`` or was never received, its taxels are NaN and STALE. A device repeats unchanged
     values after its event timer, so silence beyond ``max_age`` is a fault and never means "unchanged".
- 4. An immediate repetition with equal bytes, sooner than half the event timer, is a DUPLICATE and does not renew the
-    age.
- 5. With ``drop_incomplete``, a snapshot with STALE TPDOs is withheld. Its new TPDOs are lost (INCOMPLETE) unless the
-    next emitted snapshot still holds them.
- 6. If a stamp differs from the newest stamp by more than ``max_age``, all values are forgotten: the pad was silent, or
-    the clock was set. The next snapshot then waits for every TPDO, as the first one does.
- 7. When a node is started, its values are forgotten. The node was silent, and its values may have changed.
+
+ 4. A TPDO that repeats the previous TPDO byte for byte within half the event timer is a DUPLICATE. A DUPLICATE does not
+    renew the age.
+
+ 5. With ``drop_incomplete``, a snapshot with STALE TPDOs is withheld. The new TPDOs of a withheld snapshot are lost
+    (INCOMPLETE) unless the next emitted snapshot still holds them.
+
+ 6. If a stamp differs from the newest stamp by more than ``max_age``, the assembler forgets all values, because the pad
+    was silent or the clock was set. The next snapshot waits for every TPDO, as the first one does.
+
+ 7. When a node is started, the assembler forgets the node's values, because they may have changed while the node was
+    silent.
 """
 
 from collections.abc import Sequence
@@ -31,7 +41,7 @@ from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout
 from tactile_node.taxel_frame import TpdoAges, read_only
 
-SNAPSHOT_WAIT = 0.02  #: Longest wait for further TPDOs [s]. It is the usual time between two sweeps with SYNC.
+SNAPSHOT_WAIT = 0.02  #: Longest wait for further TPDOs [s]; equal to the usual time between two sweeps with SYNC.
 
 
 class SnapshotAssembler(PadAssembler):
@@ -58,7 +68,7 @@ class SnapshotAssembler(PadAssembler):
         self.restart()
 
     def start(self, node_id: int) -> None:
-        """Note that a node was started. Its values are forgotten when the next TPDO arrives."""
+        """Note that a node was started. The assembler forgets the node's values when the next TPDO arrives."""
         self._started.add(node_id)
 
     def end_period(self) -> Frames:
@@ -86,15 +96,15 @@ class SnapshotAssembler(PadAssembler):
         self._lose(LossReason.UNFINISHED, self._pending())
         size = len(self._unused)
         self._unused = np.zeros(size, bool)
-        self._is_new = np.zeros(size, bool)  # by rank, True for values that are not in the last snapshot
+        self._is_new = np.zeros(size, bool)  # by rank, True for values that are newer than the last snapshot
         self._is_known = np.zeros(size, bool)
-        self._stamps = np.full(size, np.nan)  # by rank, time of the last TPDO, or time from which it may arrive
+        self._stamps = np.full(size, np.nan)  # by rank, time of the last TPDO, or earliest time at which it may arrive
         self._newest = self._first_new = np.inf
         self._last = -1, b''  # rank and bytes of the last TPDO
         self._started: set[int] = set()  # node-IDs
 
     def _forget_invalid(self, stamp: float) -> Frames:
-        """Forget values that are no longer valid at ``stamp``, and return the snapshot that holds them."""
+        """Forget values that are not valid any more at ``stamp``, and return the snapshot that holds them."""
         frames: Frames = ()
         is_first = not self._is_known.any()
         if not is_first and abs(stamp - self._newest) > self._event.max_age:
@@ -127,11 +137,11 @@ class SnapshotAssembler(PadAssembler):
         self._first_new = min(self._first_new, stamp)
 
     def _is_too_old(self) -> np.ndarray:
-        """Return for each rank True if its last TPDO is older than ``max_age``."""
+        """Return, for each rank, True if the last TPDO is older than ``max_age``."""
         return np.greater(self._newest - self._stamps, self._event.max_age)
 
     def _give_new(self) -> Frames:
-        """Return a snapshot if any value is new."""
+        """Return a snapshot if any value is new, otherwise an empty tuple."""
         if not self._is_new.any():
             return ()
         fresh = self._is_known & ~self._is_too_old()

@@ -1,26 +1,34 @@
-"""Recognise the sweeps of a skin that sends without SYNC. A pure state machine: no bus, no clock.
+"""Recognise the sweeps of a skin that sends without SYNC.
 
-The device sends all TPDOs of one scan together, in ascending rank. The next sweep begins at least one ``period`` later.
-CAN keeps the order of one sender.
+The assembler is a pure state machine without access to a bus or a clock. The device sends all TPDOs of one scan
+together, in ascending rank. The next sweep begins at least one ``period`` later. CAN keeps the order of one sender.
 
-Rules
- 1. A taxel frame consists of one run: TPDOs in ascending rank, stamped within ``sweep_time`` of the first of them.
- 2. If the rank of a TPDO is not above the last rank, or its stamp is outside that time, the TPDO begins the next run.
-    An immediate repetition with equal bytes within that time is a DUPLICATE and changes nothing.
+The assembler follows these rules:
+
+ 1. A taxel frame consists of one run. A run consists of TPDOs in ascending rank, stamped within ``sweep_time`` of the
+    first TPDO.
+
+ 2. If the rank of a TPDO is not above the last rank, or its stamp is not within ``sweep_time``, the TPDO begins the
+    next run. A TPDO that repeats the previous TPDO byte for byte within ``sweep_time`` is a DUPLICATE and changes
+    nothing.
+
  3. A run is emitted when its last rank is received, or when the next run begins. Taxels without a TPDO in the run are
     NaN and STALE. With ``drop_incomplete``, an incomplete frame is withheld.
- 4. The stamp of a frame is the stamp of the first TPDO received. It is later than the scan by the time that the device
-    takes to send this TPDO. If the first TPDOs are lost, it is later by up to ``sweep_time``.
- 5. If the device has an event timer, ``sequence`` also counts the sweeps missing in a pause. After SILENCE missing
-    sweeps, TPDOs may have waited in an adapter. They are LATE until a run begins more than ``sweep_time`` after the run
-    before.
 
-Two sweeps are never mixed if each takes less than ``sweep_time`` from its beginning to its last stamp. The first TPDO
-received is then stamped at most ``sweep_time`` after the beginning of the sweep, and the run ends ``sweep_time`` later.
-Together these times are shorter than the period (``SWEEP_SHARE``).
+ 4. The stamp of a frame is the stamp of the first TPDO received. This stamp is later than the scan by the time that the
+    device takes to send the TPDO. If the first TPDOs of a sweep are lost, the stamp is later by up to ``sweep_time``.
 
-Limit: two sweeps may be mixed if two faults coincide. Stamps are delayed by more than that, for example by an adapter
-that delivers many frames at once, and both the end of one sweep and the beginning of the next are lost.
+ 5. If the device has an event timer, ``sequence`` also counts the sweeps that are missing in a pause. After SILENCE
+    missing sweeps, TPDOs may have waited in an adapter. These TPDOs are LATE until a run begins more than
+    ``sweep_time`` after the previous run.
+
+Two sweeps are never mixed if each sweep takes less than ``sweep_time`` from its beginning to its last stamp. Under this
+condition, the first TPDO received is stamped at most ``sweep_time`` after the beginning of the sweep, and the run ends
+``sweep_time`` later. The sum of both times is shorter than the period (``SWEEP_SHARE``).
+
+Limit: two sweeps may be mixed if two faults coincide. The first fault is a longer delay of the stamps, for example by
+an adapter that delivers many frames at once. The second fault is the loss of both the end of one sweep and the
+beginning of the next.
 """
 
 from collections.abc import Sequence
@@ -32,7 +40,8 @@ from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout
 
-#: Number of event timers without a TPDO that count as silence. Lost TPDOs of a working device cause shorter gaps.
+#: Number of event timer intervals without a TPDO that count as silence. TPDOs lost from a working device cause shorter
+#: gaps.
 SILENCE = 5
 
 
@@ -56,12 +65,12 @@ class SweepAssembler(PadAssembler):
         self._first: float | None = None  # stamp of the first TPDO in the run
         self._words = bytearray()
         self._fresh = np.zeros(self._size, bool)
-        self._is_given = True  # the run was emitted, or there is none
+        self._is_given = True  # True if the run was emitted or no run has begun
         self._last = -1, b''  # rank and bytes of the last TPDO
         self.restart()
 
     def start(self, node_id: int) -> None:
-        """Note that the node was started, so its next TPDO begins a run."""
+        """Note that the node was started. The next TPDO of the node begins a run."""
         self._is_continued = False
 
     def end_period(self) -> Frames:
@@ -91,8 +100,8 @@ class SweepAssembler(PadAssembler):
         self._lose(LossReason.UNFINISHED, self._pending())
         self._first = None
         self._is_given = True
-        self._is_continued = False  # the next TPDO may belong to the run
-        self._is_held_back = False  # the run may have waited in an adapter
+        self._is_continued = False  # True if the next TPDO may belong to the present run
+        self._is_held_back = False  # True if the run may have waited in an adapter
         self._last = -1, b''
 
     def _is_within(self, stamp: float) -> bool:
@@ -105,7 +114,7 @@ class SweepAssembler(PadAssembler):
         if timer and self._first is not None:
             pause = stamp - self._first
             steps = max(1, int(pause / timer + 0.5))
-            is_backlog = 0 <= pause <= self._event.sweep_time  # no device begins a sweep so soon after another
+            is_backlog = 0 <= pause <= self._event.sweep_time  # no device begins a sweep so soon after the previous one
             self._is_held_back = is_backlog if self._is_held_back else pause > SILENCE * timer
         self._sequence += steps
         self._first = stamp

@@ -1,4 +1,4 @@
-"""The TPDOs of one pad received between two SYNCs. ``assembler`` states the rules."""
+"""The TPDOs of one pad received between two SYNCs. The module ``assembler`` states the rules."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ class SweepPeriod:
     sequence : int
         Sequence number of the period.
     stamp : float
-        Stamp of its SYNC [s].
+        Stamp of the period's SYNC [s].
     ranks_of_senders : list of np.ndarray
         Ranks of each sender of the pad, ascending.
     before : SweepPeriod or None
@@ -31,12 +31,15 @@ class SweepPeriod:
         self.runs: list[SenderRun] = [SenderRun(own, self.payload, run)
                                       for own, run in zip(ranks_of_senders, runs_before)]
         self.is_emitted = False
-        self.is_stamp_wrong = False  #: True if the stamp may be wrong; the taxels are then not emitted
-        self.is_discarded = False  #: True if a SYNC was lost in this period; its TPDOs are then not used
+        self.is_stamp_wrong = False  #: True if the stamp may be wrong, so that the taxels are not emitted
+        self.is_discarded = False  #: True if a SYNC was lost in this period, so that its TPDOs are not used
 
     @property
     def is_complete(self) -> bool:
-        """True if all TPDOs were received and the frame was not emitted yet. A discarded period is never complete."""
+        """True if all TPDOs were received and the frame has not been emitted yet.
+
+        A discarded period is never complete.
+        """
         return not self.is_emitted and not self.is_discarded and all(run.is_complete for run in self.runs)
 
     @property
@@ -46,7 +49,7 @@ class SweepPeriod:
 
     @property
     def may_be_continued(self) -> bool:
-        """True if missing TPDOs of this period may arrive in the next one."""
+        """True if missing TPDOs of this period may arrive in the next period."""
         return not self.is_emitted and not self.is_discarded and any(run.may_be_continued for run in self.runs)
 
     def may_continue(self, before: 'SweepPeriod') -> bool:

@@ -1,1 +1,1 @@
-"""Operate one live CAN bus: configure its devices, send SYNC, receive and record its frames."""
+"""Operate one live CAN bus: configure its devices, send SYNC, and receive and record CAN frames."""

@@ -1,4 +1,4 @@
-"""Configure, start, stop and zero the CANopen devices of one bus. It uses NMT commands and SDO requests."""
+"""Configure, start, stop and zero the CANopen devices of one bus. The module uses NMT commands and SDO requests."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -21,14 +21,14 @@ from tactile_node.skin.pads import CanopenNode
 
 
 def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
-    """Zero every channel of a device that its EDS lists under the auto-zero object of CiA 404.
+    """Zero every channel that the EDS of a device lists under the CiA 404 auto-zero object.
 
     Parameters
     ----------
     sdo : SdoClient
         SDO client of the device.
     dictionary : ObjectDictionary
-        Object dictionary of the device, from its EDS.
+        Object dictionary of the device, read from its EDS.
     label : str
         Name of the node in error messages.
 
@@ -40,17 +40,17 @@ def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
     Raises
     ------
     DeviceError
-        If no channel was zeroed.
+        Raised if no channel was zeroed.
     HalfZeroedError
-        If some channels were zeroed before the device refused one, or if the device did not answer. In the second case
-        it is not known whether it has zeroed the channel.
+        Raised if some channels were zeroed before the device refused one, or if the device did not answer. A device
+        that did not answer may or may not have zeroed the channel.
     """
     where = f'{label}, object 0x{objects.AUTO_ZERO:04X}'
     entry = dictionary[objects.AUTO_ZERO] if objects.AUTO_ZERO in dictionary else None
     subs = [0] if isinstance(entry, ODVariable) else [sub for sub in entry or () if sub]
     if not subs:
         raise DeviceError(where, expected="the device's auto-zero (CiA 404) in its EDS", got='no such object',
-                          remedy='Tare without on_device; the driver then subtracts the zero itself.')
+                          remedy='Tare without on_device, so that the driver subtracts the zero.')
     for sub in subs:
         try:
             sdo.download(objects.AUTO_ZERO, sub, ZERO_SIGNATURE)
@@ -64,9 +64,11 @@ def auto_zero(sdo: SdoClient, dictionary: ObjectDictionary, label: str) -> int:
 
 
 def read_errors(sdo: SdoClient) -> DeviceErrors:
-    """Return the error register of a device and its newest four errors. Values without an answer are missing.
+    """Return the error register of a device and its four newest errors.
 
-    A device may store up to 254 errors, so only the newest four are read.
+    Objects that the device does not report are missing from the result.
+
+    A device may store up to 254 errors, so the driver reads only the newest four.
 
     Parameters
     ----------
@@ -76,7 +78,7 @@ def read_errors(sdo: SdoClient) -> DeviceErrors:
     Raises
     ------
     BusError
-        If a request cannot be sent.
+        Raised if a request cannot be sent.
     """
     def read(index: int, sub: int) -> int | None:
         with suppress(SdoAbortedError):  # 0x1003 is optional
@@ -91,7 +93,7 @@ def read_errors(sdo: SdoClient) -> DeviceErrors:
     return DeviceErrors(register, tuple(field))
 
 
-START_PERIOD = 1.3  #: Time between two NMT start commands to a node that does not become OPERATIONAL [s].
+START_PERIOD = 1.3  #: Time between two NMT start commands to a node that has not become OPERATIONAL [s].
 
 
 class BusDevices:
@@ -106,7 +108,7 @@ class BusDevices:
     monitor : BusMonitor
         Monitor that receives the heartbeats of the nodes.
     network : callable
-        Returns the open bus. It raises BusError if the bus is not open.
+        Function that returns the open bus. The function raises BusError if the bus is not open.
     """
 
     def __init__(self, settings: BusSettings, nodes: Sequence[CanopenNode], monitor: BusMonitor,
@@ -122,7 +124,7 @@ class BusDevices:
         return self._network().sdo_client(node.node_id, node.dictionary, self._settings.sdo_timeout)
 
     def command(self, command: objects.NmtCommand, node: CanopenNode) -> None:
-        """Send an NMT command to one node. Raises BusError."""
+        """Send an NMT command to one CANopen node. Raises BusError."""
         self._network().send_message(objects.NMT, bytes([command, node.node_id]))
 
     def configure(self, node: CanopenNode, boot_timeout: float, pause: bool) -> DeviceAsSet:
@@ -135,23 +137,23 @@ class BusDevices:
         boot_timeout : float
             Time allowed for the first answer of the device [s].
         pause : bool
-            True to set the device to PRE-OPERATIONAL first, so that it sends no TPDOs while it is configured.
+            True to set the device to PRE-OPERATIONAL first, so that the device sends no TPDOs while it is configured.
 
         Returns
         -------
         DeviceAsSet
-            Settings that the device has after the configuration.
+            Settings of the device after the configuration.
 
         Raises
         ------
         DeviceError
-            If the device is absent, has another identity, or refuses a request.
+            Raised if the device is absent, has another identity, or rejects a request.
         TwoDevicesError
-            If two devices answer under this node-ID.
+            Raised if two devices answer with this node-ID.
         BusError
-            If the bus cannot be used.
+            Raised if the bus cannot be used.
         InterruptedSetupError
-            If ``interrupt`` was called during the configuration.
+            Raised if ``interrupt`` was called during the configuration.
         """
         interrupts = self._interrupts
         foreign_requests = self._monitor.foreign_requests[node.node_id]
@@ -161,7 +163,8 @@ class BusDevices:
             setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries,
                                 is_interrupted=lambda: self._interrupts != interrupts)
             as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
-            is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests  # no answers to another client
+            # the answers to another client do not count
+            is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests
             if is_alone and 2 * sdo.doubled > sdo.requests:
                 raise TwoDevicesError(node.label, expected='one device with this node-ID', remedy='Switch one of them '
                                       'off, and set another node-ID on it.',
@@ -169,7 +172,10 @@ class BusDevices:
         return as_set
 
     def interrupt(self) -> None:
-        """Interrupt every configuration that is running. Any thread may call this; it returns immediately."""
+        """Interrupt every configuration that is running.
+
+        Any thread may call ``interrupt``; the call returns immediately.
+        """
         self._interrupts += 1
 
     def read_errors(self, node: CanopenNode) -> DeviceErrors:
@@ -178,7 +184,7 @@ class BusDevices:
             return read_errors(sdo)
 
     def auto_zero(self, pad: str) -> int:
-        """Make all devices of a pad zero themselves (CiA 404).
+        """Tell all devices of a pad to zero themselves (CiA 404).
 
         Parameters
         ----------
@@ -193,9 +199,9 @@ class BusDevices:
         Raises
         ------
         DeviceError, BusError
-            If no channel was zeroed.
+            Raised if no channel was zeroed.
         HalfZeroedError
-            If some channels were zeroed, or if a device did not answer.
+            Raised if some channels were zeroed, or if a device did not answer.
         """
         zeroed = 0
         for node in self._nodes:
@@ -213,22 +219,23 @@ class BusDevices:
     def confirm_operational(self, node: CanopenNode, since: float) -> None:
         """Wait until a started node reports OPERATIONAL.
 
-        The timeout is ``boot_timeout``, but at least START_PERIOD, plus three heartbeat times. NMT start is repeated
-        every START_PERIOD, because the first command may be lost.
+        The timeout is ``boot_timeout``, or START_PERIOD if that is longer, plus three heartbeat times. The driver
+        repeats NMT start every START_PERIOD, because the first command may be lost.
 
         Parameters
         ----------
         node : CanopenNode
-            Node that was started.
+            Node to which NMT start was sent.
         since : float
-            Time of the monotonic clock [s]. Earlier heartbeats do not count.
+            Time on the monotonic clock [s]. Heartbeats received before this time do not count.
 
         Raises
         ------
         DeviceError
-            If the node does not become OPERATIONAL in time. The message lists the errors that the device reports.
+            Raised if the node does not become OPERATIONAL in time. The error message lists the errors that the device
+            reports.
         BusError
-            If a command or request cannot be sent.
+            Raised if a command or request cannot be sent.
         """
         end = time.monotonic() + max(self._settings.boot_timeout, START_PERIOD) + 3e-3 * self._settings.heartbeat_ms
         while time.monotonic() < end:
@@ -238,4 +245,4 @@ class BusDevices:
         state = self._monitor.heartbeats.of(node.node_id).state
         heard = 'no heartbeat' if state is None else f'its heartbeat ({objects.state_name(state)})'
         raise DeviceError(node.label, expected='OPERATIONAL after NMT start', got=f'{heard}; {self.read_errors(node)}',
-                          remedy='See its manual: a device with an error may refuse to start.')
+                          remedy='See the manual of the device; after an error, it may refuse to start.')

@@ -1,4 +1,4 @@
-"""Monitor all traffic of a bus except the taxels, and count the bits of all frames for the bus load.
+"""Monitor all bus traffic except the taxels, and count the bits of all frames to measure the bus load.
 
 The monitor observes heartbeats, EMCY messages, error frames, and the NMT commands and SDO requests of other masters.
 """
@@ -14,32 +14,32 @@ from tactile_node.cia301.frame_bits import load_bits
 from tactile_node.cia301.heartbeat import Heartbeats, nmt_state
 from tactile_node.cia301.sdo import written_object
 
-# Bits in the identifier of an error frame (linux/can/error.h)
+# Bits in the identifier of an error frame (see linux/can/error.h).
 CONTROLLER = 0x004
 BUS_OFF = 0x040
 RESTARTED = 0x100
 COUNTERS = 0x200
-# Bits in byte 1 of an error frame with the bit CONTROLLER (linux/can/error.h)
+# Bits in byte 1 of an error frame whose CONTROLLER bit is set (see linux/can/error.h).
 PASSIVE = 0x30
 ACTIVE = 0x40
 
-#: Objects that determine which TPDOs a node sends, and when.
+#: Objects that determine which TPDOs a node sends and when it sends them.
 DECIDES_TPDOS = frozenset((objects.COB_ID_SYNC, *objects.COMMUNICATION_RECORDS, *objects.MAPPING_RECORDS))
 
 
 class BusMonitor:
-    """State of the nodes and of the CAN controller, as received on one bus.
+    """State of the nodes and of the CAN controller as observed on one bus.
 
-    The reception thread feeds the monitor; any thread may read it. The monitor and its counts persist while the bus is
-    closed and opened again.
+    The reception thread feeds the monitor, and any thread may read it. The monitor and its counts persist while the bus
+    is closed and opened again.
 
     Parameters
     ----------
     node_ids : iterable of int
         Node-IDs of the pads on the bus.
     on_news : callable
-        Called when the state of a node changes, when another master sends an NMT command to one of the nodes, or when
-        another master changes the TPDOs of a node. The callback must return immediately.
+        Function that is called when a node changes its state, or when another master commands a node by NMT or changes
+        its TPDOs. The callback must return immediately.
     """
 
     def __init__(self, node_ids: Iterable[int], on_news: Callable[[], None] = lambda: None):
@@ -50,9 +50,11 @@ class BusMonitor:
         self.bits = 0
         self.foreign_commands = 0
         self.last_command: ForeignCommand | None = None  #: last NMT command of another master to one of our nodes
+
         #: by node-ID, writes of another master to the objects in DECIDES_TPDOS
         self.foreign_writes = dict.fromkeys(self.emergencies, 0)
         self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: by node-ID, SDO requests of another master
+
         #: by node-ID, writes of another master to the heartbeat time
         self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)
         self.is_error_passive = False
@@ -66,12 +68,12 @@ class BusMonitor:
             self._watched[objects.SDO_REQUEST + node_id] = self._request
 
     def restart(self) -> None:
-        """Forget the states of nodes and controller, because the bus was opened again. The counts stay."""
+        """Forget the states of the nodes and of the controller, because the bus was reopened. The counts stay."""
         self.heartbeats.forget()
         self._reset_errors()
 
     def feed(self, can_id: int, data: bytes) -> None:
-        """Take a received data frame with an 11-bit identifier."""
+        """Process a received data frame with an 11-bit identifier."""
         self.can_frames += 1
         self.bits += load_bits(len(data))
         watched = self._watched.get(can_id)
@@ -79,15 +81,18 @@ class BusMonitor:
             watched(can_id, data)
 
     def feed_own(self, size: int) -> None:
-        """Add a frame that this driver sends to the bus load. The frame has ``size`` data bytes."""
+        """Add a frame sent by this driver to the bus load. The frame has ``size`` data bytes."""
         self.bits += load_bits(size)
 
     def feed_other(self, message: can.Message) -> None:
-        """Add a remote frame or a frame with a 29-bit identifier to the bus load. The driver ignores its data."""
+        """Add a remote frame, or a frame with a 29-bit identifier, to the bus load.
+
+        The driver ignores the data of the frame.
+        """
         self.bits += load_bits(message.dlc, message.is_extended_id, message.is_remote_frame)
 
     def feed_error(self, message: can.Message) -> bool:
-        """Take an error frame of the CAN controller. Returns True if the frame reports bus-off."""
+        """Process an error frame from the CAN controller. Return True if the frame reports bus-off."""
         kind, data = message.arbitration_id, message.data
         if kind & CONTROLLER and len(data) > 1:
             self.is_error_passive = bool(data[1] & PASSIVE) and not data[1] & ACTIVE
@@ -108,9 +113,12 @@ class BusMonitor:
             self._on_news()
 
     def _request(self, can_id: int, data: bytes) -> None:
-        """Count an SDO request of another master, and its writes to the TPDOs or the heartbeat time of a node.
+        """Count an SDO request of another master.
 
-        The driver does not receive its own requests. After a foreign write the TPDOs may no longer match the layout.
+        Writes to the TPDOs or to the heartbeat time of a node are also counted separately.
+
+        The driver does not receive its own requests. After another master has written to a node, the TPDOs may no
+        longer match the layout.
         """
         self.foreign_requests[can_id - objects.SDO_REQUEST] += 1
         written = written_object(data)
@@ -121,7 +129,7 @@ class BusMonitor:
             self._on_news()
 
     def _command(self, _can_id: int, data: bytes) -> None:
-        """Note an NMT command of another master; the driver does not receive its own commands."""
+        """Note an NMT command of another master. The driver does not receive its own commands."""
         if len(data) < 2 or data[1] and data[1] not in self.emergencies:
             return
         self.last_command = ForeignCommand(data[0], data[1])

@@ -1,4 +1,4 @@
-"""Connect a python-can bus to a canopen Network. An exception of a subscriber cannot stop the reception."""
+"""Connect a python-can bus to a canopen Network. If a subscriber raises an exception, reception continues."""
 
 import errno
 import logging
@@ -22,7 +22,7 @@ from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.logs.log_writer import CanLogWriter
 
 logger = logging.getLogger(__name__)
-# The caller reports each SDO timeout with its node; the log line of canopen names no node.
+# The caller reports each SDO timeout with its node, whereas canopen's log line names no node.
 logging.getLogger('canopen.sdo').setLevel(logging.CRITICAL)
 
 OnFailure = Callable[[BusFault, Exception], None]
@@ -35,15 +35,15 @@ _REMEDIES = {
     'kvaser': 'Use the interface socketcan with the Linux driver kvaser_usb. On Linux, python-can 4.6 cannot open an '
               'adapter through CANlib (docs/adapters.md).',
     'pcan': 'Use the interface socketcan with the Linux driver peak_usb, or install PCAN-Basic (docs/adapters.md).'}
-#: The manufacturer's library that python-can loads, by interface.
+#: Manufacturer's library that python-can loads, by interface.
 _LIBRARIES = {'kvaser': 'CANlib', 'pcan': 'PCAN-Basic'}
 
 
 def check_bit_rate(bitrate: int) -> None:
-    """Raise ConfigurationError if ``bitrate`` [bit/s] is not a bit rate of CANopen (CiA 301)."""
+    """Raise ConfigurationError if ``bitrate`` [bit/s] is not a standard CANopen bit rate (CiA 301)."""
     if bitrate not in BIT_RATES:
         raise ConfigurationError('bitrate', expected=f'one of {", ".join(map(str, BIT_RATES))} bit/s', got=str(bitrate),
-                                 remedy='Give the bit rate that the devices are set to.')
+                                 remedy='Give the bit rate to which the devices are set.')
 
 
 def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.BusABC:
@@ -54,18 +54,18 @@ def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.
     interface : str
         Interface name of python-can, such as 'socketcan' or 'slcan'.
     channel : str
-        Channel of that interface, such as 'can0' or '/dev/ttyACM0'.
+        Channel of the interface, such as 'can0' or '/dev/ttyACM0'.
     bitrate : int
-        Bit rate of the devices [bit/s].
+        Bit rate to which the devices are set [bit/s].
     **options
         Further options for python-can.
 
     Raises
     ------
     ConfigurationError
-        If the interface or the bit rate does not exist.
+        Raised if the interface or the bit rate does not exist.
     BusError
-        If the bus cannot be opened.
+        Raised if the bus cannot be opened.
     """
     check_bit_rate(bitrate)
     if interface not in can.VALID_INTERFACES:
@@ -78,7 +78,7 @@ def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.
             return BulkSlcanBus(channel, bitrate=bitrate, **options)
         return can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **options)
     except Exception as error:
-        # The exception depends on the backend of python-can: CanError, OSError, ValueError, ImportError or NameError.
+        # The exception type depends on the python-can backend: CanError, OSError, ValueError, ImportError or NameError.
         is_without_library = interface in _LIBRARIES and isinstance(error, (NameError, OSError))
         raise BusError(f'CAN bus {interface} {channel}', expected=f'a bus that opens at {bitrate} bit/s',
                        got=f'no library {_LIBRARIES[interface]} of its maker' if is_without_library
@@ -98,24 +98,28 @@ def _remedy(interface: str, channel: str, error: Exception) -> str:
 
 
 class BusNetwork(Network):
-    """A canopen Network with its own reception. Each batch of messages goes to ``on_batch`` first, then to canopen.
+    """A canopen Network that receives messages in batches.
 
-    An object serves one bus from open to close.
+    The network passes each batch of messages to ``on_batch`` first, then to canopen.
+
+    One object serves one bus from open to close.
 
     Parameters
     ----------
     bus : can.BusABC
         Open bus.
     on_batch : callable
-        Called with each `Batch`, on the reception thread.
+        Function that is called with each `Batch`, on the reception thread.
     on_failure : callable
-        Called with a `BusFault` and the exception when receiving fails, or when canopen cannot send an answer.
+        Function that is called with a `BusFault` and the exception if reception fails, or if canopen cannot send an
+        answer.
     record : CanLogWriter or None
         Recording of all received and sent frames.
     name : str
         Name of the bus in error messages.
     on_sent : callable
-        Called with COB-ID and data before each frame that this network sends. The callback must return immediately.
+        Function that is called with the COB-ID and the data of each frame before this network sends it. The callback
+        must return immediately.
     """
 
     def __init__(self, bus: can.BusABC, on_batch: Callable[[Batch], None],
@@ -130,13 +134,13 @@ class BusNetwork(Network):
         self._sdo_owed: defaultdict[int, Counter[bytes]] = defaultdict(Counter)  # see OwnSdoClient
         self._record = record
         self._name = name or str(bus.channel_info)
-        self._order = threading.Lock()  # frames are recorded in the order in which they are handed on
+        self._order = threading.Lock()  # the recording keeps the order in which threads pass frames to the bus
         self._reception = Reception(bus, self._received,
                                     lambda error: on_failure(BusFault.RECEPTION_FAILED, error))
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False,
                      announce: Callable[[], float] = lambda: time.time()) -> None:
-        """Send a frame. Any thread may call this.
+        """Send a frame. Any thread may call ``send_message``.
 
         Parameters
         ----------
@@ -147,13 +151,14 @@ class BusNetwork(Network):
         remote : bool
             True for a remote frame.
         announce : callable
-            Returns the time of the frame for the recording [s]. It is called before the frame is on the bus, and while
-            no other thread sends. The order of the calls is the order of the recording.
+            Function that returns the time of the frame for the recording [s]. The network calls this function before
+            the frame is on the bus, and while no other thread sends. The recording holds the frames in the order of
+            these calls.
 
         Raises
         ------
         BusError
-            If the frame cannot be sent.
+            Raised if the frame cannot be sent.
         """
         with self.send_lock:
             with self._order:
@@ -166,13 +171,15 @@ class BusNetwork(Network):
             except (can.CanError, OSError, ValueError) as error:
                 raise BusError(f'CAN bus {self._name}', expected=f'to send 0x{can_id:03X}',
                                got=str(error),
-                               remedy='Check cable, termination and the other nodes.') from error
+                               remedy='Check the cable, the termination and the other nodes.') from error
 
     @contextmanager
     def sdo_client(self, node_id: int, dictionary: ObjectDictionary, timeout: float) -> Iterator[OwnSdoClient]:
-        """Yield an SDO client for one device. Only one client for a device is active at a time; others wait.
+        """Yield an SDO client for one device.
 
-        canopen's RemoteNode is not used, because it stores every EMCY message without a limit.
+        Only one client per device is active at a time. Other threads wait until that client is closed.
+
+        canopen's RemoteNode is not used, because it stores an unlimited number of EMCY messages.
 
         Parameters
         ----------
@@ -193,7 +200,10 @@ class BusNetwork(Network):
                 self.unsubscribe(client.tx_cobid, client.on_response)
 
     def close(self) -> None:
-        """Stop receiving and close the bus. This also works if the adapter is gone. The recording stays open."""
+        """Stop receiving and close the bus.
+
+        The method also works if the adapter is gone. The recording remains open.
+        """
         self._reception.stop()
         try:
             self._open_bus.shutdown()
@@ -215,7 +225,7 @@ class BusNetwork(Network):
         for callback in subscribers:
             try:
                 callback(message.arbitration_id, message.data, message.timestamp)
-            except BusError as error:  # canopen could not send its answer
+            except BusError as error:  # canopen failed to send its answer
                 self._on_failure(BusFault.SENDING_FAILED, error)
-            except Exception:  # canopen raises on malformed frames; the reception must continue
+            except Exception:  # canopen raises an exception on malformed frames, but reception must continue
                 logger.exception('CAN frame 0x%03X#%s', message.arbitration_id, message.data.hex())

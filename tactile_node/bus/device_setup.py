@@ -1,4 +1,4 @@
-"""Find, identify and configure one CANopen device, so that it is ready for NMT start (CiA 301, 302-2)."""
+"""Find, identify and configure one CANopen device, so that it is ready for NMT start (CiA 301, CiA 302-2)."""
 
 import logging
 import time
@@ -22,7 +22,7 @@ from tactile_node.skin.pads import CanopenNode
 
 logger = logging.getLogger(__name__)
 
-#: Number of bytes and name of the sub-indices in a communication record that determine when a TPDO is sent.
+#: Size [bytes] and name of each sub-index in a communication record that determines when a TPDO is sent.
 SENDING_TIMES = {objects.TRANSMISSION_TYPE: (1, 'transmission type'), objects.INHIBIT_TIME: (2, 'inhibit time'),
                  objects.EVENT_TIMER: (2, 'event timer')}
 
@@ -31,27 +31,28 @@ MappingEntries = list[int] | None  # entries of a mapping record; None for an MP
 
 
 class DeviceAsSet(NamedTuple):
-    """Settings that a device has after its configuration, as read back."""
+    """Settings of a device after its configuration, as read back from the device."""
 
     by_block: bool = False  #: True if the device sends its DOMAIN by block upload
-    heartbeat_ms: int | None = None  #: heartbeat time [ms]; 0 if the device sends no heartbeat, None if not known
+    heartbeat_ms: int | None = None  #: heartbeat time [ms]; 0 if the device sends no heartbeat; None if unknown
 
 
 class DeviceSetup:
-    """Configuration of the device of one node.
+    """Configures the device of one node.
 
     Parameters
     ----------
     sdo : SdoClient
         SDO client of the device.
     node : CanopenNode
-        Node with its EDS and layout.
+        Node with its EDS and its layout.
     heartbeats : Heartbeats
-        Heartbeats received on the bus.
+        Source of the heartbeats received on the bus.
     retries : int
-        Number of times that an unanswered request is repeated.
+        Number of times an unanswered request is repeated.
     is_interrupted : callable
-        Called before each request. If it returns True, the configuration ends with InterruptedSetupError.
+        Function that is called before each request. If the function returns True, the configuration ends with
+        InterruptedSetupError.
     """
 
     def __init__(self, sdo: SdoClient, node: CanopenNode, heartbeats: Heartbeats, retries: int,
@@ -65,30 +66,32 @@ class DeviceSetup:
         self._replaced: list[tuple[int, int, int, int]] = []  # index, sub-index, previous value, number of bytes
 
     def run(self, boot_timeout: float, heartbeat_ms: int) -> DeviceAsSet:
-        """Find the device, check its identity and configure it. After a failure its previous TPDOs are restored.
+        """Find the device, check its identity and configure it.
+
+        If the configuration fails, the previous TPDO settings are restored.
 
         Parameters
         ----------
         boot_timeout : float
             Time allowed for the first answer [s].
         heartbeat_ms : int
-            Heartbeat time to set [ms].
+            Heartbeat time to set on the device [ms].
 
         Returns
         -------
         DeviceAsSet
-            Settings that the device has now.
+            Present settings of the device.
 
         Raises
         ------
         DeviceAbsentError
-            If the device does not answer.
+            Raised if the device does not answer.
         DeviceError
-            If the device has another identity or does not accept the configuration.
+            Raised if the device has another identity or rejects the configuration.
         BusError
-            If a request cannot be sent.
+            Raised if a request cannot be sent.
         InterruptedSetupError
-            If the configuration was interrupted.
+            Raised if the configuration was interrupted.
         """
         try:
             return self._run(boot_timeout, heartbeat_ms)
@@ -104,7 +107,8 @@ class DeviceSetup:
         heartbeat = self._set_heartbeat(heartbeat_ms)
         if self._node.layout.domain is not None:
             return DeviceAsSet(check_domain(self._sdo, self._node.layout.domain, self._label), heartbeat)
-        tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}  # a multiplexed TPDO appears several times
+        # a multiplexed TPDO appears several times in the layout
+        tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}
         self._disable_rivals()
         self._report_fixed_times(tpdos)
         written = sum(self._configure(tpdo) for tpdo in tpdos.values())
@@ -118,7 +122,7 @@ class DeviceSetup:
             try:
                 self._sdo.upload(objects.IDENTITY, 1)
                 return
-            except SdoAbortedError:  # the device answers; the next step reports a missing object
+            except SdoAbortedError:  # an abort is an answer, too; the next step reports a missing object
                 return
             except SdoCommunicationError:
                 now = time.monotonic()
@@ -147,17 +151,17 @@ class DeviceSetup:
                                         expected=f'{ours} as in {self._node.eds}',
                                         remedy='Check the node-ID, or use the EDS and layout of this device.')
         if ours.not_given:
-            logger.warning('%s: its EDS %s gives no %s in object 0x%04X, so any value is accepted.', self._label,
+            logger.warning('%s: the EDS %s gives no %s in object 0x%04X, so the driver accepts any value.', self._label,
                            self._node.eds, ', '.join(ours.not_given), objects.IDENTITY)
         logger.info('%s was found: %s.', self._label, theirs)
 
     def _set_sync(self, wanted: int) -> None:
-        """Set the COB-ID of SYNC, and keep bits 30 and 31 of the object, which are not part of the COB-ID.
+        """Set the COB-ID of SYNC, and keep bits 30 and 31 of the object, which do not belong to the COB-ID.
 
-        If the device itself produces SYNC, its COB-ID cannot be changed, so a different COB-ID is an error.
+        A device that produces SYNC does not allow a change of its COB-ID, so a different COB-ID is an error.
         """
         if objects.COB_ID_SYNC not in self._node.dictionary:
-            logger.info('%s: its EDS has no object 0x%04X, so its SYNC COB-ID is not changed.', self._label,
+            logger.info('%s: the EDS has no object 0x%04X, so the driver keeps the SYNC COB-ID.', self._label,
                         objects.COB_ID_SYNC)
             return
         now = self._read_if_any(objects.COB_ID_SYNC, 0)
@@ -172,22 +176,23 @@ class DeviceSetup:
         self._write(objects.COB_ID_SYNC, 0, (now or 0) & ~objects.SYNC_ID_MASK | wanted, 4, was=now)
 
     def _set_heartbeat(self, wanted: int) -> int | None:
-        """Set the heartbeat time [ms]. Returns the time that the device has now, or None if it is not known."""
+        """Set the heartbeat time [ms]. Return the heartbeat time that the device now uses, or None if it is unknown."""
         now = self._read_if_any(objects.PRODUCER_HEARTBEAT_TIME, 0)
         if now != wanted and objects.PRODUCER_HEARTBEAT_TIME in self._node.dictionary:
             with suppress(SdoAbortedError):
                 self._download(objects.PRODUCER_HEARTBEAT_TIME, 0, wanted.to_bytes(2, 'little'))
             now = self._read_if_any(objects.PRODUCER_HEARTBEAT_TIME, 0)
         if now != wanted:
-            logger.info('%s: its heartbeat time cannot be set to %d ms; %s.', self._label, wanted,
-                        'the present one cannot be read' if now is None else
+            logger.info('%s: the heartbeat time cannot be set to %d ms; %s.', self._label, wanted,
+                        'the present heartbeat time cannot be read' if now is None else
                         f'it stays at {now} ms' if now else 'the device sends no heartbeat')
         return now
 
     def _disable_rivals(self) -> None:
-        """Disable TPDOs that are not in the layout but use one of its COB-IDs: their data would be read as taxels.
+        """Disable foreign TPDOs that use one of the layout's COB-IDs.
 
-        A device has such TPDOs if it was configured for another layout before.
+        A foreign TPDO is not in the layout, and its data would be read as taxels. A device has foreign TPDOs if it was
+        previously configured for another layout.
         """
         ours = {objects.TPDO_COMMUNICATION + tpdo.number - 1 for tpdo in self._node.layout.tpdos}
         cob_ids = {tpdo.cob_id.of(self._node.node_id) for tpdo in self._node.layout.tpdos}
@@ -207,7 +212,7 @@ class DeviceSetup:
                            self._label, number, current & objects.ID_MASK)
 
     def _configure(self, tpdo: TpdoLayout) -> bool:
-        """Make the device send ``tpdo`` as the layout specifies. Returns True if anything had to be written."""
+        """Configure the device to send ``tpdo`` as the layout specifies. Return True if anything had to be written."""
         communication, mapping = objects.TPDO_COMMUNICATION + tpdo.number - 1, objects.TPDO_MAPPING + tpdo.number - 1
         entries = None if tpdo.is_mpdo else [mapped.entry for mapped in tpdo.mapping]
         transmission = self._transmission(tpdo, communication)
@@ -233,7 +238,10 @@ class DeviceSetup:
         return True
 
     def _transmission(self, tpdo: TpdoLayout, index: int) -> dict[int, int]:
-        """Return the values to write, by sub-index: the transmission type and, without SYNC, the times in the EDS."""
+        """Return the values to write, by sub-index.
+
+        The values are the transmission type and, without SYNC, the times that the EDS lists.
+        """
         event = self._node.layout.event_driven
         if event is None:
             return {objects.TRANSMISSION_TYPE: objects.MANUFACTURER_EVENT if tpdo.is_mpdo else objects.EVERY_SYNC}
@@ -245,12 +253,12 @@ class DeviceSetup:
         return not isinstance(record, ODVariable) and sub in record.subindices
 
     def _report_fixed_times(self, tpdos: Collection[int]) -> None:
-        """Log the times that the layout specifies but the EDS does not list for ``tpdos``."""
+        """Log the times that the layout specifies for ``tpdos`` but the EDS does not list."""
         event = self._node.layout.event_driven
         for sub, value in () if event is None else event.times.items():
             fixed = [number for number in tpdos if not self._is_listed(objects.TPDO_COMMUNICATION + number - 1, sub)]
             if value and fixed:
-                logger.warning('%s: its EDS has no %s (sub-index %d) for TPDO %s, so this time is not set.',
+                logger.warning('%s: the EDS has no %s (sub-index %d) for TPDO %s, so the driver does not set it.',
                                self._label, SENDING_TIMES[sub][1], sub, ', '.join(map(str, fixed)))
 
     def _mapping(self, index: int) -> MappingEntries:
@@ -281,25 +289,25 @@ class DeviceSetup:
                           remedy='Adapt the layout to the device, because the device does not accept this value.')
 
     def _read(self, index: int, sub: int) -> int:
-        """Return the unsigned number of an object."""
+        """Return the value of an object as an unsigned number."""
         with explain_refusal(self._where(index, sub), 'be read'):
             return self._upload(index, sub)
 
     def _read_if_any(self, index: int, sub: int) -> int | None:
-        """Return the unsigned number of an object, or None if the device aborts the request."""
+        """Return the value of an object as an unsigned number, or None if the device aborts the request."""
         with suppress(SdoAbortedError):
             return self._upload(index, sub)
         return None
 
     def _write(self, index: int, sub: int, value: int, size: int, was: int | None) -> None:
-        """Write an unsigned number, and note the previous value ``was`` for ``_restore`` if it is known."""
+        """Write an unsigned number, and save the previous value ``was``, if known, for ``_restore``."""
         with explain_refusal(self._where(index, sub), f'be set to 0x{value:X}'):
             self._download(index, sub, value.to_bytes(size, 'little'))
         if was is not None:
             self._replaced.append((index, sub, was, size))
 
     def _restore(self) -> None:
-        """Write the previous values back in reverse order, so that each write is allowed by CiA 301."""
+        """Write the previous values back in reverse order, because CiA 301 allows each write only in that order."""
         for index, sub, value, size in reversed(self._replaced):
             try:
                 self._sdo.download(index, sub, value.to_bytes(size, 'little'))
@@ -315,7 +323,10 @@ class DeviceSetup:
         self._retried('write', index, sub, lambda: self._sdo.download(index, sub, data))
 
     def _retried(self, verb: str, index: int, sub: int, request: Callable[[], Answer]) -> Answer:
-        """Make a request, and repeat it while the device does not answer. Raises DeviceAbsentError after the last."""
+        """Send a request, and repeat it while the device does not answer.
+
+        Raise DeviceAbsentError after the last attempt.
+        """
         silence: SdoCommunicationError | None = None
         for _ in range(self._tries):
             self._check_interrupt()
@@ -339,7 +350,7 @@ class DeviceSetup:
 
 
 def _count(entries: MappingEntries) -> int:
-    """Return sub-index 0 of a mapping record with these entries."""
+    """Return the value of sub-index 0 for a mapping record with the given entries."""
     return objects.SAM_MPDO if entries is None else len(entries)
 
 

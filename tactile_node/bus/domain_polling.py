@@ -1,6 +1,6 @@
 """Poll the DOMAIN of a pad by SDO.
 
-The polls only make the device send its data. The assembler reads the data from the frames on the bus.
+The polls only cause the device to send its data. The assembler reads the data from the frames on the bus.
 """
 
 import logging
@@ -35,11 +35,11 @@ def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
     Raises
     ------
     BusError
-        If a request cannot be sent.
+        Raised if a request cannot be sent.
     canopen.SdoAbortedError
-        If the device aborts the upload.
+        Raised if the device aborts the upload.
     canopen.SdoCommunicationError
-        If the device does not answer, or if frames are missing or do not belong to the upload.
+        Raised if the device does not answer, or if frames are missing or do not belong to the upload.
     """
     try:
         if not by_block:
@@ -48,13 +48,14 @@ def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
             return stream.read()
     except (SdoAbortedError, SdoCommunicationError, BusError):
         raise
-    # If the last frame is lost or a foreign frame comes in between, canopen raises AttributeError and others.
+    # If the last frame is lost or a foreign frame arrives in between, canopen raises AttributeError or another
+    # exception.
     except Exception as error:
         raise SdoCommunicationError(f'Upload failed: {type(error).__name__}: {error}') from error
 
 
 def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
-    """Read a DOMAIN once, to check its length and to find the kind of upload that the device supports.
+    """Read a DOMAIN once, to check its length and to find out which kind of upload the device supports.
 
     Parameters
     ----------
@@ -63,17 +64,17 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
     domain : DomainLayout
         Index, sub-index and length of the object.
     label : str
-        Name of the node in messages.
+        Name of the node for messages.
 
     Returns
     -------
     bool
-        True if the device sends the object by block upload, False for a segmented upload.
+        True if the device sends the object by block upload, False if it uses segmented upload.
 
     Raises
     ------
     DeviceError
-        If the object cannot be read or does not have the length that the layout specifies.
+        Raised if the object cannot be read or its length differs from the layout.
     """
     where = f'{label}, object 0x{domain.index:04X} sub {domain.subindex}'
     read, is_block = None, False
@@ -89,15 +90,15 @@ def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
     if len(read) != domain.length:
         raise DeviceError(where, expected=f'{domain.length} bytes, as in the layout', got=f'{len(read)} bytes',
                           remedy='Correct "bytes" in the layout, or use the layout of this device.')
-    logger.info('%s: its taxels are read by %s SDO upload, %d bytes per frame.',
+    logger.info('%s: the driver reads the taxels by %s SDO upload, %d bytes per frame.',
                 label, 'block' if is_block else 'segmented', len(read))
     return is_block
 
 
 class DomainPolling(Pacer):
-    """Polls the DOMAIN of one node on its own thread, from ``start`` to ``stop``.
+    """Polls the DOMAIN of one node on a separate thread, from ``start`` to ``stop``.
 
-    Failed polls are logged at increasing intervals. The assembler counts the lost uploads.
+    Failed polls are logged at increasing intervals. The assembler counts lost uploads.
 
     Parameters
     ----------
@@ -108,9 +109,9 @@ class DomainPolling(Pacer):
     period : float
         Time between two polls [s].
     open_sdo : callable
-        Returns a context manager that yields the SDO client of the node.
+        Function that returns a context manager that yields the SDO client of the node.
     on_failure : callable
-        Called with a `BusFault` and the exception if a request cannot be sent, or if the thread ends with an exception.
+        Function that is called with a `BusFault` and the exception if a request cannot be sent or the thread fails.
     """
 
     def __init__(self, domain: DomainLayout, label: str, period: float,
@@ -127,11 +128,12 @@ class DomainPolling(Pacer):
     def _poll(self) -> None:
         try:
             with self._open_sdo() as sdo:
-                # Time after which a missing answer counts as lost [s]. A lost frame must not delay many further polls.
+                # Time after which a missing answer counts as lost [s]. The timeout is short so that a lost frame delays
+                # only a few further polls.
                 sdo.RESPONSE_TIMEOUT = 0.1
                 upload(sdo, self._domain, self.by_block)
         except (SdoAbortedError, SdoCommunicationError) as error:
             if self._reminder.is_due(str(error), time.monotonic()):
-                logger.error('%s: its taxels could not be read: %s', self._label, error, extra={'fact': error})
+                logger.error('%s: the taxels could not be read: %s', self._label, error, extra={'fact': error})
         except BusError as error:
             self._on_failure(BusFault.SENDING_FAILED, error)

@@ -1,4 +1,4 @@
-"""Compute the number of bits of a sweep and the planned load of a bus."""
+"""Compute the number of bits in a sweep and the planned load of a bus."""
 
 from collections.abc import Iterable
 from math import ceil
@@ -7,15 +7,15 @@ from tactile_node.cia301.frame_bits import load_bits
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout import SkinLayout
 
-#: Bits of a SYNC without data. The counter in a SYNC is optional (CiA 301, 7.2.5), and this driver sends none.
+#: Number of bits in a SYNC without data. The SYNC counter is optional (CiA 301, 7.2.5), and this driver sends none.
 SYNC_BITS = load_bits(0)
 
 
 def sweep_bits(layout: SkinLayout) -> int:
     """Return the number of bits of one sweep of a pad, with worst-case bit stuffing.
 
-    A sweep has one SYNC and all TPDOs that answer it. For a pad without SYNC, only the TPDOs count. For a polled pad,
-    the result is 0.
+    A sweep consists of one SYNC and all TPDOs that answer it. For a pad without SYNC, the result counts only the TPDOs.
+    For a polled pad, the result is 0.
 
     Examples
     --------
@@ -28,18 +28,19 @@ def sweep_bits(layout: SkinLayout) -> int:
 
 
 def tpdo_bits(layout: SkinLayout) -> int:
-    """Return the number of bits of the TPDOs of one sweep, without SYNC, with worst-case bit stuffing."""
+    """Return the number of bits in the TPDOs of one sweep, without SYNC, with worst-case bit stuffing."""
     return sum(load_bits(tpdo.length) for tpdo in layout.tpdos)
 
 
-#: Recommended highest bus load, as a share of time. Above it, other traffic (heartbeats, SDO, EMCY) delays sweeps.
+#: Highest recommended bus load, as a share of time. Above this load, other traffic (heartbeats, SDO, EMCY) delays
+#: sweeps.
 MOST_LOAD = 0.9
-#: Highest bus load that the driver accepts. Above it, a few foreign frames make nodes skip sweeps.
+#: Highest bus load that the driver accepts. Above this load, a few foreign frames cause nodes to skip sweeps.
 FULL_LOAD = 0.95
 
 
 def planned_load(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float) -> float:
-    """Return the bus load that SYNC and the TPDOs of these pads cause, with worst-case bit stuffing.
+    """Return the bus load caused by SYNC and the TPDOs of these pads, with worst-case bit stuffing.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ def planned_load(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float
     bitrate : int
         Bit rate [bit/s].
     sync_period : float
-        Time between two SYNCs [s]. Pads without SYNC use the period in their layout.
+        Time between two SYNCs [s]. A pad without SYNC uses the period in its layout instead.
 
     Returns
     -------
@@ -68,17 +69,17 @@ def planned_load(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float
 
 
 def refuse_full_bus(layouts: Iterable[SkinLayout], bitrate: int, sync_period: float) -> None:
-    """Raise ConfigurationError if the planned load of these pads exceeds FULL_LOAD.
+    """Raise ConfigurationError if the planned load of the pads exceeds FULL_LOAD.
 
-    The message names the shortest ``sync_period`` that the bus can carry, if there is one. The parameters are those of
-    `planned_load`.
+    The message states the shortest ``sync_period`` that the bus can carry, if there is one. See `planned_load` for the
+    parameters.
     """
     pads = tuple(layouts)
     load = planned_load(pads, bitrate, sync_period)
     if load <= FULL_LOAD:
         return
     by_sync = planned_load([pad for pad in pads if pad.needs_sync], bitrate, sync_period)
-    left = FULL_LOAD - (load - by_sync)  # load available for pads with SYNC
+    left = FULL_LOAD - (load - by_sync)  # bus load that remains for pads with SYNC
     least = ceil(1e4 * sync_period * by_sync / left) / 1e4 if by_sync and left > 0 else 0.0
     sweeps = f'{1 / least:.1f} sweeps per second' if least else ''
     slower = f'Set sync_period to {least:g} s ({sweeps}) or more, or connect' if least else 'Connect'
@@ -91,7 +92,7 @@ def refuse_full_bus(layouts: Iterable[SkinLayout], bitrate: int, sync_period: fl
 def sweep_period(layout: SkinLayout, sync_period: float) -> float:
     """Return the time between two sweeps of a pad [s].
 
-    With SYNC it is ``sync_period``. Without SYNC it is the period in the layout. If such a device also sends when
-    values change, its sweeps may come more often.
+    For a pad with SYNC, that time is ``sync_period``. For a pad without SYNC, that time is the period in its layout. A
+    device without SYNC that also sends when values change may send sweeps more often.
     """
     return sync_period if layout.event_driven is None else layout.event_driven.period

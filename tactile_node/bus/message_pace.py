@@ -1,18 +1,18 @@
 """Limit how often a message is sent.
 
-`Reminder` lets a repeated log message through at increasing intervals. `ChangePace` lets a state through when it
-changes, and otherwise once a period.
+`Reminder` allows repeated log messages only at increasing intervals. `ChangePace` allows a state to be published when
+it changes, and otherwise once per period.
 """
 
 from collections import deque
 from collections.abc import Hashable
 
-FIRST_REMINDER = 2.0  #: Time from the first message of a kind to the second [s].
+FIRST_REMINDER = 2.0  #: Time between the first and the second message of a kind [s].
 LAST_REMINDER = 60.0  #: Longest time between two messages of one kind [s].
 
 
 class Reminder:
-    """Lets the first message of a kind through immediately, and repetitions at intervals that double each time."""
+    """Allows the first message of a kind immediately, and repetitions at intervals that double each time."""
 
     def __init__(self) -> None:
         self._kind = ''
@@ -20,14 +20,14 @@ class Reminder:
         self._pause = FIRST_REMINDER
 
     def is_due(self, kind: str, now: float) -> bool:
-        """Return True if a message of this kind is to be sent now, and note that it is sent.
+        """Return True if a message of this kind must be sent now, and note that it is sent.
 
         Parameters
         ----------
         kind : str
-            Kind of the message. A kind other than the last one is always due.
+            Kind of the message. A message of a new kind is always due.
         now : float
-            Present time of the steady clock [s].
+            Present time on the steady clock [s].
         """
         if kind == self._kind and now < self._due:
             return False
@@ -41,20 +41,21 @@ class Reminder:
         self._kind = ''
 
 
-STATE_PERIOD = 1.0  #: Longest time between two publications of the state [s] (REP-107).
+STATE_PERIOD = 1.0  #: Longest time between two publications of the state [s] (see REP-107).
 MOST_STATES = 20  #: Largest number of publications within any STATE_PERIOD.
-#: Longest time from a decision to its publication [s]. It is added to STATE_PERIOD, so that a reader never receives
-#: more than MOST_STATES publications in a period.
+
+#: Longest time from the decision to publish until the publication [s]. STATE_PERIOD is extended by this time, so that a
+#: reader never receives more than MOST_STATES publications in a period.
 STATE_MARGIN = 0.05
-#: The state is already published if STATE_PERIOD ends within this time [s]. The next call might come after its end.
+#: If STATE_PERIOD ends within this time [s], the state is published early, because the next call might come too late.
 EARLY_ROUND = 0.02
 
 
 class ChangePace:
-    """Lets a state through when it has changed, and at least once in each STATE_PERIOD.
+    """Allows a state to be published when it has changed, and at least once in each STATE_PERIOD.
 
-    At most MOST_STATES publications fall within any STATE_PERIOD. A change beyond that limit is let through by a later
-    call, unless the state has changed back by then.
+    At most MOST_STATES publications fall within any STATE_PERIOD. A change beyond this limit of MOST_STATES is
+    published at a later call, unless the state has changed back by then.
     """
 
     def __init__(self) -> None:
@@ -62,14 +63,14 @@ class ChangePace:
         self._key: Hashable = None
 
     def is_due(self, key: Hashable, now: float) -> bool:
-        """Return True if the state is to be published now, and note that it is published.
+        """Return True if the state must be published now, and note that it is published.
 
         Parameters
         ----------
         key : hashable
-            Value that is equal for equal states.
+            Value by which two states are compared.
         now : float
-            Present time of the steady clock [s].
+            Present time on the steady clock [s].
         """
         is_over = not self._published or now - self._published[-1] >= STATE_PERIOD - EARLY_ROUND
         if key == self._key and not is_over:
@@ -80,6 +81,6 @@ class ChangePace:
         return True
 
     def note(self, key: Hashable, now: float) -> None:
-        """Note that the state ``key`` is published at ``now`` [s], whether it was due or not."""
+        """Note that the state ``key`` is published at ``now`` [s], even if it was not due."""
         self._published.append(now)
         self._key = key

@@ -1,6 +1,6 @@
 """Find the CANopen nodes of a bus and the bit rate of an unknown bus.
 
-The scan listens to heartbeats and then reads a few objects of each node by SDO. It writes no object.
+The scan listens for heartbeats and then reads a few objects of each node by SDO. The scan writes no object.
 """
 
 import threading
@@ -21,20 +21,20 @@ from tactile_node.cia301.sdo import SDO_BYTES
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.skin.eds_rules import Identity
 
-ANSWER_TIMEOUT = 0.5  #: Time allowed for an SDO answer of a node [s].
+ANSWER_TIMEOUT = 0.5  #: Time allowed for a node to answer an SDO request [s].
 DEVICE_TYPE_REQUEST = bytes((REQUEST_UPLOAD, objects.DEVICE_TYPE & 0xFF, objects.DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))
 
 
 class FoundNode(NamedTuple):
-    """One node as it was found. A field is None if the node did not report its value."""
+    """Describes one node found by the scan. A field is None if the node did not report the value."""
 
     node_id: int
     answers: bool             #: True if the node answers SDO requests
-    state: int | None         #: NMT state in its last heartbeat
-    heartbeat_period: float | None  #: mean time between the heartbeats that were received [s]
-    heartbeat_time: float | None    #: heartbeat time set in object 0x1017 [s]; 0 if the node sends no heartbeat
+    state: int | None         #: NMT state in the node's last heartbeat
+    heartbeat_period: float | None  #: mean time between the received heartbeats [s]
+    heartbeat_time: float | None    #: heartbeat time configured in object 0x1017 [s]; 0 if the node sends no heartbeat
     device_type: int | None   #: object 0x1000
-    name: str | None          #: device name, object 0x1008
+    name: str | None          #: device name, read from object 0x1008
     identity: Identity        #: object 0x1018
 
 
@@ -43,7 +43,7 @@ class NodeScan:
 
     def __init__(self) -> None:
         self.can_frames = 0  #: CANopen frames received
-        self.error_frames = 0  #: error frames received; each damaged line of an slcan adapter also counts as one
+        self.error_frames = 0  #: error frames received, including one for each damaged line from an slcan adapter
         self.answered: set[int] = set()  #: node-IDs that have answered an SDO request
         self._states: dict[int, int] = {}
         self._heard: dict[int, list[float]] = {}
@@ -67,7 +67,7 @@ class NodeScan:
         """Request the device type of each node in ``node_ids``, then wait for ANSWER_TIMEOUT. Raises BusError."""
         for node_id in node_ids:
             network.send_message(objects.SDO_REQUEST + node_id, DEVICE_TYPE_REQUEST)
-            time.sleep(0.002)  # a bus in use must remain usable
+            time.sleep(0.002)  # the scan must not disturb a bus in use
         time.sleep(ANSWER_TIMEOUT)
 
     def nodes(self, network: BusNetwork | None) -> list[FoundNode]:
@@ -76,12 +76,12 @@ class NodeScan:
         Parameters
         ----------
         network : BusNetwork or None
-            Network through which the objects of each answering node are read; None to read no objects.
+            Network used to read the objects of each node that answers; None to read no objects.
 
         Raises
         ------
         BusError
-            If a request cannot be sent.
+            Raised if a request cannot be sent.
         """
         with self._lock:
             node_ids = sorted(self.answered | self._states.keys())
@@ -101,7 +101,7 @@ class NodeScan:
 
 
 def _read(network: BusNetwork, node_id: int) -> dict[tuple[int, int], bytes]:
-    """Return the data of the readable objects, by index and sub-index."""
+    """Return the data of all readable objects, by index and sub-index."""
     found = {}
     with network.sdo_client(node_id, ObjectDictionary(), ANSWER_TIMEOUT) as sdo:
         for index, sub in ((objects.DEVICE_TYPE, 0), (objects.DEVICE_NAME, 0), (objects.PRODUCER_HEARTBEAT_TIME, 0),
@@ -117,16 +117,17 @@ def _number(data: bytes | None) -> int | None:
     return None if data is None else int.from_bytes(data, 'little')
 
 
-#: Bit rates of CiA 301 (5.4) in the order in which they are tried [bit/s]: those common for skins come first.
+#: Bit rates of CiA 301 (5.4) in the order in which they are tried [bit/s]. Bit rates that are common for skins come
+#: first.
 SCANNED_BIT_RATES = (1_000_000, 500_000, 250_000, 125_000, 800_000, 50_000, 20_000, 10_000)
-#: Time after opening during which frames are ignored [s]: the change of bit rate may truncate lines of the adapter.
+#: Time after opening during which frames are ignored [s]. The change of bit rate may truncate lines from the adapter.
 OPENING_TIME = 0.1
 BY_IP_LINK = ('Try one bit rate after another: "ip link set {channel} down", then "ip link set {channel} up type can '
               'bitrate 500000 listen-only on". Use candump to see whether frames are received.')
 
 
 def find_bit_rate(interface: str, channel: str, listen: float) -> int:
-    """Find the bit rate at which only valid frames are received.
+    """Find the bit rate at which all received frames are valid.
 
     Parameters
     ----------
@@ -135,7 +136,7 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
     channel : str
         Serial port of the adapter.
     listen : float
-        Time to listen at each bit rate [s].
+        Time spent listening at each bit rate [s].
 
     Returns
     -------
@@ -145,9 +146,9 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
     Raises
     ------
     ConfigurationError
-        If the interface cannot find the bit rate.
+        Raised if the interface cannot detect the bit rate.
     BusError
-        If there are no valid frames at any bit rate, or only together with error frames.
+        Raised if no bit rate yields valid frames without error frames.
     """
     if interface != 'slcan':
         by_hand = BY_IP_LINK if interface == 'socketcan' else 'Give the bit rate; only slcan can find it.'
@@ -156,7 +157,7 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
     heard = []
     for bitrate in SCANNED_BIT_RATES:
         frames, error_frames = _listen_at(channel, bitrate, listen)
-        if frames and not error_frames:  # at a wrong bit rate every CRC is wrong
+        if frames and not error_frames:  # at a wrong bit rate, every CRC is wrong
             return bitrate
         if error_frames:
             heard.append(f'{bitrate / 1000:g} kbit/s: {frames} ({error_frames} error frames)')
@@ -168,9 +169,9 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
 
 
 def _listen_at(channel: str, bitrate: int, listen: float) -> tuple[int, int]:
-    """Return the number of valid frames and of error frames at one bit rate. Raises BusError.
+    """Return the number of valid frames and the number of error frames at one bit rate. Raises BusError.
 
-    The function returns before ``listen`` [s] after ten valid frames or after an error frame.
+    Listening ends before ``listen`` [s] have passed if ten valid frames or one error frame were received.
     """
     frames = error_frames = 0
     bus = open_bus('slcan', channel, bitrate, listen_only=True)

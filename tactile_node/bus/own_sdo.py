@@ -1,4 +1,4 @@
-"""An SDO client that accepts only answers to its own requests, because another master may use the same server."""
+"""Accept only answers to our own SDO requests, because another master may use the same server."""
 
 import queue
 from collections import Counter
@@ -14,7 +14,7 @@ from tactile_node.errors import DeviceAbsentError, DeviceError
 
 
 def read_object(sdo: SdoClient, address: ObjectAddress) -> bytes:
-    """Return the bytes of one object. Raises DeviceError if the object cannot be read completely."""
+    """Return the bytes of one object. Raise DeviceError if the object cannot be read completely."""
     with _explain_failures(sdo, address, 'be read'):
         with sdo.open(address.index, address.sub, 'rb', buffering=0) as upload:
             announced, data = upload.size, bytes(upload.read())
@@ -26,7 +26,7 @@ def read_object(sdo: SdoClient, address: ObjectAddress) -> bytes:
 
 
 def write_object(sdo: SdoClient, address: ObjectAddress, data: bytes) -> None:
-    """Write ``data`` to one object. Raises DeviceError if the device does not confirm the write."""
+    """Write ``data`` to one object. Raise DeviceError if the device does not confirm the write."""
     with _explain_failures(sdo, address, f'be set to the bytes {data[:8].hex()}{"..." if len(data) > 8 else ""}'):
         sdo.download(address.index, address.sub, data)
 
@@ -38,15 +38,15 @@ def explain_refusal(where: str, what: str) -> Iterator[None]:
     Parameters
     ----------
     where : str
-        Node and object in the message.
+        Node and object that the message names.
     what : str
-        Operation in the passive, such as 'be read'.
+        Operation in the passive voice, such as 'be read'.
     """
     try:
         yield
     except SdoAbortedError as error:
         raise DeviceError(where, expected=f'an object that can {what}', got=f'SDO abort: {error}',
-                          remedy="Compare layout and request with the device's manual and EDS.") from error
+                          remedy="Compare the layout and the request with the device's manual and EDS.") from error
 
 
 @contextmanager
@@ -64,19 +64,19 @@ def _where(sdo: SdoClient, address: ObjectAddress) -> str:
     return f'node {sdo.rx_cobid & 0x7F}, object {address}'
 
 
-#: Command of the answer to each request that names an object, unless the server aborts.
+#: Command of the expected answer, for each request that names an object. An abort has a different command.
 ANSWER_COMMANDS = {constants.REQUEST_DOWNLOAD: constants.RESPONSE_DOWNLOAD,
                    constants.REQUEST_UPLOAD: constants.RESPONSE_UPLOAD,
                    constants.REQUEST_BLOCK_UPLOAD: constants.RESPONSE_BLOCK_UPLOAD}
 
 
 class OwnSdoClient(SdoClient):
-    """canopen's SDO client for one node. It ignores answers to other requests.
+    """canopen's SDO client for one node. The client ignores answers to other requests.
 
-    The client ignores an answer if it names another object, or if it answers a write while this client reads. Such an
-    answer belongs to another client or is late. An answer about the requested object is accepted, even if another
-    client has requested it. An abort that names no object is also accepted, because some servers send it.
-    Segments name no object, so while this client waits for a segment, it accepts every answer.
+    The client ignores an answer that names another object, and an answer to a write while this client reads. An ignored
+    answer is late or belongs to another client. The client accepts any answer that names the requested object, even if
+    another client requested it. The client also accepts an abort that names no object, because some servers send it.
+    Segments name no object, so the client accepts every answer while it waits for a segment.
 
     Parameters
     ----------
@@ -87,22 +87,25 @@ class OwnSdoClient(SdoClient):
     timeout : float
         Time allowed for each answer [s].
     owed : Counter
-        Number of outstanding answers of the node, by object: requests sent minus answers received. All clients of the
-        node share this counter, because a device that was held up also answers requests of earlier clients.
+        Number of answers that the node still owes, by object: requests sent minus answers received. All clients of the
+        node share this counter, because a delayed device may also answer requests of earlier clients.
     """
 
     def __init__(self, node_id: int, dictionary: ObjectDictionary, timeout: float, owed: Counter[bytes]):
         super().__init__(SDO_REQUEST + node_id, SDO_RESPONSE + node_id, dictionary)
         self.RESPONSE_TIMEOUT = timeout
-        self._object: bytes | None = None  # object of the pending request; None for a segment
-        self._answer = constants.RESPONSE_UPLOAD  # expected command of the answer
+        self._object: bytes | None = None  # object of the pending request; None while a segment is pending
+        self._answer = constants.RESPONSE_UPLOAD  # command that the answer must have
         self._owed = owed
-        self.requests = 0  #: requests sent that name an object
-        self.doubled = 0  #: answers about requested objects in excess of one for each request
+        self.requests = 0  #: number of requests sent that name an object
+        self.doubled = 0  #: number of answers about requested objects beyond one per request
         self.others = 0  #: answers ignored
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Queue an answer to the pending request. Frames of a wrong length are dropped; canopen raises on them."""
+        """Queue an answer to the pending request.
+
+        Frames of the wrong length are dropped, because canopen raises an exception on them.
+        """
         if len(data) != SDO_BYTES:
             return
         answered = bytes(data[1:4])
@@ -118,7 +121,7 @@ class OwnSdoClient(SdoClient):
             self.others += 1
 
     def send_request(self, request: bytes) -> None:
-        """Send a request. From now on, only answers about its object are accepted."""
+        """Send a request. After the call, the client accepts only answers that name its object."""
         initiates = request[0] & COMMAND in (constants.REQUEST_DOWNLOAD, constants.REQUEST_UPLOAD) \
             or request[0] & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST
         self._object = bytes(request[1:4]) if initiates else None
@@ -126,5 +129,5 @@ class OwnSdoClient(SdoClient):
             self._answer = ANSWER_COMMANDS[request[0] & COMMAND]
             self._owed[self._object] += 1
             self.requests += 1
-            self.responses = queue.Queue()  # answers received before this request are late
+            self.responses = queue.Queue()  # answers already in the queue are late, so the queue is replaced
         super().send_request(request)

@@ -1,4 +1,4 @@
-"""A live CAN bus with the pads of a skin: open, configure, start, stop and close it."""
+"""Operate a live CAN bus with the pads of a skin: open, configure, start, stop and close it."""
 
 import logging
 import time
@@ -31,10 +31,12 @@ logger = logging.getLogger(__name__)
 
 
 class SkinBus:
-    """One CAN bus and its pads. `FrameSource` defines the order of calls; a `Supervisor` recovers the bus after faults.
+    """One CAN bus and its pads.
 
-    The reception thread puts frames into a queue (`Traffic`). The assembler thread takes them from the queue and calls
-    ``on_frame``. The SYNC producer has its own thread. SDO requests run on the thread of the caller.
+    `FrameSource` defines the order of the calls, and a `Supervisor` recovers the bus after faults.
+
+    The reception thread puts frames into a queue (`Traffic`). The assembler thread takes the frames from the queue and
+    calls ``on_frame``. The SYNC producer runs on a separate thread. SDO requests run on the thread of the caller.
 
     Parameters
     ----------
@@ -43,22 +45,22 @@ class SkinBus:
     pads : tuple of LivePad
         Pads on the bus.
     on_frame : callable
-        Called with the name of the pad and each taxel frame.
+        Function that is called with the name of the pad and each taxel frame.
     monitor : BusMonitor or None
-        Monitor to feed; None for a new one.
+        Monitor that the bus feeds; None to create one.
     on_failure : callable or None
-        Called with a `Failure` when the bus stops working; None to log the failure.
+        Function that is called with a `Failure` when the bus stops working; None to log the failure.
 
     Raises
     ------
     ConfigurationError
-        If the pads conflict, the bit rate does not exist, or the planned load is too high.
+        Raised if the pads conflict, the bit rate does not exist, or the planned load is too high.
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
                  monitor: BusMonitor | None = None, on_failure: Callable[[Failure], None] | None = None):
         check_pads(pads)
-        check_bit_rate(settings.bitrate)  # before the load, which depends on it
+        check_bit_rate(settings.bitrate)  # checked before the load, because the load depends on the bit rate
         if not settings.allow_full_bus:
             refuse_full_bus((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._settings = settings
@@ -69,7 +71,8 @@ class SkinBus:
         self.devices = BusDevices(settings, self._nodes, self._monitor, self._opened)
         self._polls = {node.node_id: self._polling(node, node.layout.domain)
                        for node in self._nodes if node.layout.domain is not None}
-        is_stamped_on_arrival = settings.interface in ('socketcan', 'virtual')  # by the same clock as our SYNC
+        # True if one clock stamps the TPDOs and our SYNC
+        is_stamped_on_arrival = settings.interface in ('socketcan', 'virtual')
         self._router = Router(self._pads, on_frame, foreign_sync=not settings.produce_sync,
                               one_clock=not settings.produce_sync or is_stamped_on_arrival,
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
@@ -82,23 +85,26 @@ class SkinBus:
         self._sync = Pacer(settings.sync_period, self._send_sync, 'sync',
                            lambda error: self._fail(BusFault.INTERNAL_ERROR, error))
         self._is_running = False
-        #: reason why the bus no longer works, or None; only close() and open() recover the bus
+        #: reason why the bus has stopped working, or None; only close() and open() recover the bus
         self.failure: Failure | None = None
 
     @property
     def recorded_to(self) -> Path | None:
-        """Log file being written, or None without a recording. If the requested file existed, this is another file."""
+        """Path of the log file being written, or None if there is no recording.
+
+        If the requested file already existed, the path is that of another file.
+        """
         return None if self._record is None else self._record.path
 
     def open(self) -> None:
-        """Open the bus and start to receive.
+        """Open the bus and start receiving.
 
         Raises
         ------
         BusError
-            If the bus cannot be opened.
+            Raised if the bus cannot be opened.
         LogError
-            If the recording cannot be written.
+            Raised if the recording cannot be written.
         """
         if self._network is not None:
             return
@@ -132,21 +138,21 @@ class SkinBus:
         boot_timeout : float
             Time allowed for the first answer of the device [s].
         pause : bool
-            True to set the device to PRE-OPERATIONAL first; False to configure it while it sends.
+            True to set the device to PRE-OPERATIONAL first; False to configure the device while it sends.
 
         Returns
         -------
         float or None
-            Heartbeat time that the device has now [s]; 0 if the device sends no heartbeat, None if it is not known.
+            Present heartbeat time of the device [s]; 0 if the device sends no heartbeat; None if unknown.
 
         Raises
         ------
         DeviceError
-            If the device is absent or does not accept the configuration.
+            Raised if the device is absent or rejects the configuration.
         TwoDevicesError
-            If two devices answer under this node-ID.
+            Raised if two devices answer with this node-ID.
         BusError
-            If the bus cannot be used.
+            Raised if the bus cannot be used.
         """
         as_set = self.devices.configure(node, boot_timeout, pause)
         if node.node_id in self._polls:
@@ -154,26 +160,26 @@ class SkinBus:
         return None if as_set.heartbeat_ms is None else 1e-3 * as_set.heartbeat_ms
 
     def start(self, without: Collection[int] = ()) -> None:
-        """Start the devices and SYNC.
+        """Start the devices and the SYNC producer.
 
         Parameters
         ----------
         without : collection of int
-            Node-IDs of nodes that do not answer yet. They are neither started nor waited for.
+            Node-IDs of the nodes that do not answer yet. These nodes are neither started nor awaited.
 
         Raises
         ------
         DeviceError
-            If a device does not become OPERATIONAL.
+            Raised if a device does not become OPERATIONAL.
         BusError
-            If a command cannot be sent.
+            Raised if a command cannot be sent.
         """
         self._opened()
         if self._is_running:
             return
         self.traffic.restart()
         begun = time.monotonic()
-        self._is_running = True  # from here on stop() has work to do
+        self._is_running = True  # from here on, stop() has something to undo
         present = [node for node in self._nodes if node.node_id not in without]
         for node in present:
             self.start_node(node)
@@ -193,26 +199,30 @@ class SkinBus:
         node : CanopenNode
             Node to start.
         was_silent : bool
-            True if the device has not sent TPDOs. The assembler then knows that its next TPDOs are not late.
+            True if the device has not sent TPDOs so far. In that case, the assembler knows that the next TPDOs of the
+            device are not late.
 
         Raises
         ------
         BusError
-            If the command cannot be sent.
+            Raised if the command cannot be sent.
         """
         if was_silent:
             self.traffic.put(self._router.start, node.node_id)
         self.devices.command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
-        """Send SYNC again after an outage. Sequence numbers skip ``lost_periods``. The devices are not started."""
+        """Resume SYNC after an outage.
+
+        The sequence numbers skip ``lost_periods``. The method does not start the devices.
+        """
         self._opened()
         self.traffic.put(self._router.resume, lost_periods)
         self._is_running = True
         self._start_pacers()
 
     def stop(self) -> None:
-        """Stop SYNC and set the devices to PRE-OPERATIONAL. After a failure of the bus, no command is sent."""
+        """Stop SYNC and set the devices to PRE-OPERATIONAL. After a bus failure, no command is sent."""
         if self._network is None or not self._is_running:
             return
         self._is_running = False
@@ -227,14 +237,14 @@ class SkinBus:
                 logger.error('%s could not be stopped: %s', node_label(node.pad, node.node_id), error)
 
     def close(self) -> None:
-        """Stop, close the bus and end the recording."""
+        """Stop and close the bus, and end the recording."""
         self.disconnect()
         if self._record is not None:
             self._record.close()
             self._record = None
 
     def disconnect(self) -> None:
-        """Stop and close the bus. The next ``open`` continues the same recording."""
+        """Stop and close the bus. The same recording continues at the next ``open``."""
         self.stop()
         if self._network is not None:
             self._network.close()
@@ -242,7 +252,7 @@ class SkinBus:
             self.traffic.end(timeout=2.0)  # a call of on_frame may still be running
 
     def drop_incomplete(self, is_wanted: bool) -> None:
-        """Withhold incomplete taxel frames from now on if ``is_wanted`` is True, otherwise emit them."""
+        """Withhold incomplete taxel frames from now on if ``is_wanted`` is True; emit them otherwise."""
         self._router.drop_incomplete(is_wanted)
 
     def statistics(self) -> BusStatistics:
@@ -257,7 +267,10 @@ class SkinBus:
                                 stamps_ahead=traffic.clock.ahead)
 
     def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
-        """Open the recording if one is wanted. If it cannot be written, close the bus before raising LogError."""
+        """Open the recording if one is wanted.
+
+        If the recording cannot be written, close the bus before raising LogError.
+        """
         try:
             if self._record is None and self._settings.record:
                 self._record = CanLogWriter(self._settings.record, self._settings.channel,

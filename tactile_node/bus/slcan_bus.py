@@ -1,8 +1,8 @@
-"""An slcan bus based on python-can, with bulk reads, checked lines and a locked port.
+"""Extend python-can's slcan bus by bulk reads, checked lines and a locked port.
 
-python-can reads the serial port byte by byte, with one or two system calls per byte. That is too slow for two pads at
-25 Hz (1600 CAN frames/s). This module reads all waiting bytes at once, which takes a fraction of the time. python-can
-also decodes parts of damaged lines; this module accepts a line only if the whole line is valid.
+python-can reads the serial port byte by byte, with one or two system calls per byte. Reading byte by byte is too slow
+for two pads at 25 Hz (1600 CAN frames/s). This module reads all waiting bytes at once, which takes a fraction of the
+time. python-can also decodes parts of damaged lines. This module accepts a line only if the whole line is valid.
 """
 
 import os
@@ -17,26 +17,29 @@ from can.util import CAN_FD_DLC
 
 from tactile_node.bus.reception import Batch
 
-END = b'\r'  #: End of a line.
-#: Other ends of a line become END: BELL follows a refused command, and some firmware writes CR LF.
+#: End of a line. Other line endings are replaced by END: BELL follows a refused command, and some firmware writes CR
+#: LF.
+END = b'\r'
 ENDS = bytes.maketrans(b'\a\n', 2 * END)
 
-#: Longest valid line [characters]. It is more than a CAN FD frame takes, so in a longer line an END is missing.
+#: Longest valid line [characters]. The limit is longer than any CAN FD frame, so a longer line lacks an END.
 LONGEST_LINE = 160
 HEXADECIMAL = frozenset('0123456789abcdefABCDEF')
-ID_DIGITS = dict.fromkeys('trdb', 3) | dict.fromkeys('TxRDB', 8)  #: Digits of the identifier, by frame type.
+ID_DIGITS = dict.fromkeys('trdb', 3) | dict.fromkeys('TxRDB', 8)  #: Number of digits in the identifier, by frame type.
 
-#: Identifier of an error frame that stands for a damaged line (linux/can/error.h).
+#: Identifier of the error frame that replaces a damaged line (linux/can/error.h).
 PROTOCOL_VIOLATION = 0x008
 WAKE_TIMEOUT = 0.3  #: Time within which a running adapter answers [s].
-RESET_TIME = 2.0  #: Start time of an adapter that is reset when its port is opened, such as an Arduino [s].
+RESET_TIME = 2.0  #: Start time of an adapter that resets when its port is opened, such as an Arduino [s].
 
 
 class BulkSlcanBus(slcanBus):
-    """An slcan bus with the options of python-can's. A damaged line becomes an error frame.
+    """An slcan bus that takes the same options as python-can's slcan bus.
 
-    If the adapter does not answer immediately, the bus gives it time to start and opens it again. This does not happen
-    if ``sleep_after_open`` is given.
+    A damaged line is delivered as an error frame.
+
+    If the adapter does not answer immediately, the bus gives it time to start and then opens it again. If
+    ``sleep_after_open`` is given, the bus does not open the adapter a second time.
 
     Parameters
     ----------
@@ -54,10 +57,12 @@ class BulkSlcanBus(slcanBus):
     Raises
     ------
     can.CanInitializationError
-        If another process has opened the port. Each frame would reach only one of the two processes.
+        Raised if another process has opened the port. If two processes shared the port, each frame would reach only one
+        of them.
     """
 
-    # In the protocol (CAN232), S7 is 800 kbit/s, a bit rate of CiA 301. python-can uses the 750 kbit/s of the CANable.
+    # In the protocol (CAN232), S7 is 800 kbit/s, a bit rate of CiA 301. python-can instead uses the 750 kbit/s of the
+    # CANable.
     _BITRATES = slcanBus._BITRATES | {800_000: 'S7'}
 
     def __init__(self, channel: str, bitrate: int | None = None, sleep_after_open: float | None = None,
@@ -65,11 +70,11 @@ class BulkSlcanBus(slcanBus):
         self._lines: deque[str] = deque()
         self._asked = -inf  # time of the last check for waiting bytes
         self._came_after = -inf  # all lines in the buffer arrived after this time
-        self._open_command = 'L' if listen_only else 'O'  # python-can 4.3 ignores the option
+        self._open_command = 'L' if listen_only else 'O'  # python-can 4.3 ignores this option
         self._lock = _lock_port(channel.split('@')[0])
         try:
             super().__init__(channel, bitrate=bitrate, sleep_after_open=sleep_after_open or 0.0,
-                             # Longest wait of one read on an idle port [s]; data end the wait immediately.
+                             # Longest wait of one read on an idle port [s]. Incoming data end the wait immediately.
                              **{'timeout': 0.002} | options)
             if sleep_after_open is None and not self._is_awake():
                 time.sleep(RESET_TIME - WAKE_TIMEOUT)
@@ -85,7 +90,7 @@ class BulkSlcanBus(slcanBus):
     def shutdown(self) -> None:
         """Close the bus and the port, even if the adapter is gone.
 
-        If the port stayed open, the adapter would get another device name when it is plugged in again.
+        If the port stayed open, the adapter would get a different device name when it is plugged in again.
         """
         try:
             super().shutdown()
@@ -93,7 +98,7 @@ class BulkSlcanBus(slcanBus):
             self._release()
 
     def _release(self) -> None:
-        """Close and unlock the port. python-can leaves it open if a command to the adapter fails."""
+        """Close and unlock the port. python-can leaves the port open if a command to the adapter fails."""
         try:
             port = getattr(self, 'serialPortOrig', None)
             if port is not None:
@@ -112,7 +117,7 @@ class BulkSlcanBus(slcanBus):
         return bool(self._buffer)
 
     def recv_all(self, timeout: float) -> Batch:
-        """Return all waiting messages. If none waits, wait up to ``timeout`` [s] for the first."""
+        """Return all waiting messages. If no message is waiting, wait up to ``timeout`` [s] for the first one."""
         self._came_after = self._asked
         if not self._lines:
             self._read_lines(timeout)
@@ -122,20 +127,20 @@ class BulkSlcanBus(slcanBus):
         return Batch([message for message in messages if message is not None], (self._came_after, read))
 
     def _read_lines(self, timeout: float | None) -> None:
-        """Read all waiting bytes, repeatedly until there is a line or ``timeout`` [s] has passed."""
+        """Read all waiting bytes, and repeat this until a line is complete or ``timeout`` [s] has passed."""
         end = None if timeout is None else time.monotonic() + timeout
         while not self._lines:
             with can.exceptions.error_check('Could not read from serial device'):
                 self._asked = time.monotonic()
                 waiting = self.serialPortOrig.in_waiting
-                if not waiting and not self._buffer:  # the next line has not begun to arrive
+                if not waiting and not self._buffer:  # no byte of the next line has arrived yet
                     self._came_after = self._asked
                 self._buffer += self.serialPortOrig.read(max(1, waiting))
             *lines, rest = self._buffer.translate(ENDS).split(END)
             self._buffer = bytearray(rest)
             if len(rest) > LONGEST_LINE:
                 self._buffer.clear()
-                self._lines.append('t')  # an incomplete line, which becomes an error frame
+                self._lines.append('t')  # an incomplete line, which is delivered as an error frame
             self._lines += [line.decode('ascii', 'replace') for line in lines if line not in (b'', b'z', b'Z')]
             if end is not None and time.monotonic() >= end:
                 return
@@ -151,28 +156,28 @@ class BulkSlcanBus(slcanBus):
         return None if line is None else self._message(line, time.time()), False
 
     def _message(self, line: str, now: float) -> can.Message | None:
-        """Return the message in a line received at ``now`` [s], or None for an answer of the adapter."""
+        """Return the message in a line received at ``now`` [s], or None if the line is an answer of the adapter."""
         if not is_sound(line):
             return can.Message(now, PROTOCOL_VIOLATION, is_extended_id=False, is_error_frame=True, data=bytes(8))
         if line[0] == 't':
             return can.Message(now, int(line[1:4], 16), False, data=bytes.fromhex(line[5:5 + 2 * int(line[4])]))
-        self._lines.appendleft(line)  # python-can gets the line from _read; before 4.5 it has no queue
+        self._lines.appendleft(line)  # python-can calls _read to get the line; before version 4.5 it has no queue
         return super()._recv_internal(0.0)[0]
 
 
 def _lock_port(port: str) -> int | None:
-    """Lock ``port`` against other processes that also ask for exclusive access, as pyserial can.
+    """Lock ``port`` against other processes that also request exclusive access, as pyserial can.
 
-    Returns the file descriptor that holds the lock, or None if the port is not a file that can be locked.
+    Return the file descriptor that holds the lock, or None if the port is not a file that can be locked.
     """
     try:
         import fcntl
-    except ImportError:  # Windows opens a serial port for one process only
+    except ImportError:  # Windows lets only one process open a serial port
         return None
     try:
         descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError:
-        return None  # pyserial reports this error
+        return None  # pyserial reports that the port is locked
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
@@ -195,7 +200,8 @@ def is_sound(line: str) -> bool:
     """
     digits = ID_DIGITS.get(line[:1])
     if digits is None:
-        return line[:1] in ('', *'VvNFzZ') and len(line) <= 20  # version, serial number, status flags, confirmation
+        # answers: version, serial number, status flags, confirmation
+        return line[:1] in ('', *'VvNFzZ') and len(line) <= 20
     body = line[1:]
     if len(body) <= digits or not HEXADECIMAL.issuperset(body):
         return False

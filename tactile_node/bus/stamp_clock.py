@@ -1,28 +1,31 @@
-"""A clock for stamps: Unix time that never goes back, even if the wall clock is set back."""
+"""Provide stamps in Unix time that never go back, even if the wall clock is set back."""
 
 import threading
 import time
 from collections.abc import Callable
 
-#: Smallest change of wall clock minus steady clock that counts as a jump [s]. A smaller change may be slewing.
+#: Smallest change of the difference between wall clock and steady clock that counts as a jump [s]. A smaller change may
+#: come from slewing.
 CLOCK_JUMP = 0.1
-CLOCK_DRIFT = 1e-4  #: Largest relative error of an adapter's crystal.
+CLOCK_DRIFT = 1e-4  #: Largest relative frequency error of an adapter's crystal.
 
 
 class StampClock:
-    """Provides stamps for sent messages (``now``) and received messages (``of``) in one epoch. They never go back.
+    """Provides stamps for sent messages (``now``) and received messages (``of``) in one epoch.
 
-    If the wall clock is set forward, the stamps follow it. If it is set back, the stamps continue evenly and lead the
-    wall clock by ``ahead`` [s], until the wall clock has caught up or ``restart`` is called. Both kinds of jump count
-    in ``jumps``.
+    The stamps never go back.
+
+    If the wall clock is set forward, the stamps follow it. If the wall clock is set back, the stamps continue evenly
+    and lead it by ``ahead`` [s], until the wall clock has caught up or ``restart`` is called. ``jumps`` counts the
+    jumps in both directions.
 
     Parameters
     ----------
     host_stamped : bool
-        True if messages carry the wall clock of this host: socketcan and virtual stamp on arrival, slcan stamps when
-        the message is read. False if messages carry the clock of the adapter, whose epoch is not known.
+        True if messages carry the wall clock of this host. The socketcan and virtual interfaces stamp on arrival, and
+        slcan stamps when the message is read. False if messages carry the adapter's clock, whose epoch is unknown.
     wall : callable or None
-        Wall clock [s]; None for ``time.time``.
+        Function that returns the wall clock [s]; None for ``time.time``.
     steady : callable
         Steady clock [s].
 
@@ -31,13 +34,13 @@ class StampClock:
     ahead : float
         Time by which the stamps lead the wall clock [s].
     jumps : int
-        Number of times that the wall clock was set.
+        Number of times the wall clock was set.
 
     Notes
     -----
-    The offset of an adapter's clock is the smallest time from stamp to arrival so far. It grows by CLOCK_DRIFT, so that
-    it follows the drift of the clock. The stamps of received messages are therefore late by the shortest time that a
-    message takes through the adapter.
+    The offset of an adapter's clock is the smallest delay from stamp to arrival so far. The offset grows by
+    CLOCK_DRIFT, so that it follows the drift of the adapter's clock. The stamps of received messages are therefore late
+    by the shortest time that a message spends in the adapter.
     """
 
     def __init__(self, host_stamped: bool = True, wall: Callable[[], float] | None = None,
@@ -50,20 +53,20 @@ class StampClock:
         self.restart()
 
     def restart(self) -> None:
-        """Follow the wall clock as it is now. The stamps may go back, so the caller must allow for that."""
+        """Adopt the present wall clock. The stamps may go back after a restart, so the caller must allow for that."""
         with self._lock:
             self.ahead = 0.0
             wall, steady = self._both()
             self._offset = wall - steady
-            self._before = 0.0  # offset before the last jump
+            self._before = 0.0  # offset of the wall clock before the last jump
             self._lead_before = 0.0  # stamp minus steady clock before the last jump
-            self._jumped = -float('inf')  # time of the last jump on the steady clock
+            self._jumped = -float('inf')  # time of the last jump, on the steady clock
             self._least: float | None = None
             self._looked = steady
             self._last = -float('inf')
 
     def now(self) -> float:
-        """Return the present time [s]. It is never below an earlier result."""
+        """Return the present time [s]. The time is never earlier than a previous result."""
         with self._lock:
             wall, _ = self._look()
             self._last = max(self._last, wall + self.ahead)
@@ -75,24 +78,26 @@ class StampClock:
         Parameters
         ----------
         timestamp : float
-            Stamp of the message by the host or the adapter [s]. The method must be called when the message arrives.
+            Stamp of the message by the host or the adapter [s]. The caller must call ``of`` as soon as the message
+            arrives.
         """
         with self._lock:
             wall, steady = self._look()
             if not self._host_stamped:
                 return wall + self.ahead - self._adapter_age(timestamp, steady)
-            if steady - self._jumped > 2.0:  # messages stamped before the jump have all arrived
+            if steady - self._jumped > 2.0:  # all messages stamped before the jump have arrived by now
                 return timestamp + self.ahead
-            ages = [wall - timestamp, steady + self._before - timestamp]  # stamped after or before the jump
+            # ages of a message stamped after and before the jump
+            ages = [wall - timestamp, steady + self._before - timestamp]
             return wall + self.ahead - min((age for age in ages if age >= 0), default=0.0)
 
     def age(self, stamp: float) -> float:
-        """Return the age of a stamp [s]. It is correct even if the wall clock was set once since the stamp.
+        """Return the age of a stamp [s]. The age is correct even if the wall clock was set once since the stamp.
 
         Parameters
         ----------
         stamp : float
-            Result of ``now`` or ``of`` [s].
+            A result of ``now`` or ``of`` [s].
         """
         with self._lock:
             _, steady = self._look()
@@ -102,17 +107,17 @@ class StampClock:
             return max(0.0, steady - taken)
 
     def _both(self) -> tuple[float, float]:
-        """Return wall clock and steady clock, read at the same time [s]."""
+        """Return the wall clock and the steady clock, read at the same time [s]."""
         steady = self._steady()
-        for _ in range(10):  # after ten attempts the last reading is used
+        for _ in range(10):  # after ten attempts, the last reading is used
             before, wall, steady = steady, self._wall(), self._steady()
-            if steady - before < 0.01:  # the thread was not held up between the readings
+            if steady - before < 0.01:  # the thread was not interrupted between the readings
                 break
         return wall, steady
 
     def _look(self) -> tuple[float, float]:
         wall, steady = self._wall(), self._steady()
-        if abs(wall - steady - self._offset) > CLOCK_JUMP:  # a jump, or the thread was held up here
+        if abs(wall - steady - self._offset) > CLOCK_JUMP:  # the clock has jumped, or the thread was interrupted here
             wall, steady = self._both()
         offset = wall - steady
         if abs(step := offset - self._offset) > CLOCK_JUMP:
@@ -125,7 +130,8 @@ class StampClock:
 
     def _adapter_age(self, timestamp: float, steady: float) -> float:
         lag = steady - timestamp
-        if self._least is None or lag < self._least or lag - self._least > 1.0:  # the clock has restarted
+        # a lag beyond this limit means that the adapter's clock has restarted
+        if self._least is None or lag < self._least or lag - self._least > 1.0:
             self._least = lag
         else:
             self._least += CLOCK_DRIFT * (steady - self._looked)

@@ -1,4 +1,4 @@
-"""Stoppable threads of a bus, and the schedule of periodic calls."""
+"""Provide stoppable threads for a bus, and a schedule for periodic calls."""
 
 import threading
 import time
@@ -13,11 +13,11 @@ class StoppableThread:
     Parameters
     ----------
     run : callable
-        Function of the thread. It is called with an event and must return soon after the event is set.
+        Function of the thread. The function is called with an event and must return soon after the event is set.
     name : str
         Name of the thread.
     on_death : callable
-        Called with the exception if one ends the thread.
+        Function that is called with the exception that ends the thread.
     """
 
     def __init__(self, run: Callable[[threading.Event], None], name: str, on_death: OnDeath = lambda error: None):
@@ -28,21 +28,22 @@ class StoppableThread:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Start the thread, unless it was started already and not stopped since."""
+        """Start the thread, unless it is already running."""
         if self._thread is None:
             self._stopping.clear()
             self._thread = ReportedThread(self._run, self._name, self._stopping, on_death=self._on_death)
             self._thread.start()
 
     def stop(self) -> None:
-        """Stop the thread and wait for its end. If the thread itself calls this, it does not wait."""
+        """Stop the thread and wait until it has ended. If the thread stops itself, the call does not wait."""
         self._stopping.set()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
         self._thread = None
 
 
-#: Shortest time between two calls that catch up [periods]. A bus with this load still carries all answers between them.
+#: Shortest time between two calls while they catch up [periods]. Even at this rate, the bus can carry all answers
+#: between two calls.
 LEAST_PAUSE = 0.95
 
 
@@ -50,8 +51,8 @@ class Schedule:
     """Computes when the next periodic call is due. Delays do not accumulate.
 
     The ideal times of the calls are exactly one period apart. After a late call, the pauses are shorter until the calls
-    are at their ideal times again, but no pause is shorter than LEAST_PAUSE periods. If a call is late by a whole
-    period or more, the calls missed are skipped, because a burst of SYNCs would mix the sweeps.
+    have caught up with their ideal times. No pause is shorter than LEAST_PAUSE periods. If a call is late by a whole
+    period or more, the missed calls are skipped, because a burst of SYNCs would mix the sweeps.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ class Schedule:
         self.overruns = 0
 
     def begin(self, at: float) -> None:
-        """Note that the pending call begins at the time ``at`` [s], and schedule the next one."""
+        """Note that the pending call begins at the time ``at`` [s], and schedule the next call."""
         missed = int((at - self._ideal) / self._period)
         self.overruns += missed
         self._ideal += (missed + 1) * self._period
@@ -83,18 +84,18 @@ class Schedule:
 
 
 class Pacer(StoppableThread):
-    """Thread that makes a periodic call, with the times of `Schedule`, until it is stopped.
+    """Thread that makes periodic calls according to `Schedule` until it is stopped.
 
     Parameters
     ----------
     period : float
         Time between two calls [s].
     act : callable
-        Called every period.
+        Function that is called every period.
     name : str
         Name of the thread.
     on_death : callable
-        Called with the exception if one ends the thread.
+        Function that is called with the exception that ends the thread.
 
     Attributes
     ----------

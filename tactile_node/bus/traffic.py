@@ -25,25 +25,25 @@ logger = logging.getLogger(__name__)
 
 Call = tuple[Callable[..., object], tuple[object, ...]]
 
-LONGEST_WRITE = 0.1  #: Longest time that the assembler waits until a SYNC has been written [s].
-NO_DATA = -1  #: Placeholder for the COB-ID of a message that is not a data frame with an 11-bit identifier.
+LONGEST_WRITE = 0.1  #: Longest time the assembler waits until a SYNC has been written [s].
+NO_DATA = -1  #: Placeholder COB-ID of a message that is not a data frame with an 11-bit identifier.
 
 
 class Traffic:
     """Queues every received message, and every sent message that the assembler needs, for the assembler thread.
 
-    The assembler thread runs from ``begin`` to ``end`` and makes the queued calls in their order.
+    The assembler thread runs from ``begin`` to ``end`` and executes the queued calls in order.
 
     Parameters
     ----------
     router : Router
-        Router to feed on the assembler thread.
+        Router that the assembler thread feeds.
     monitor : BusMonitor
-        Monitor to feed on the reception thread.
+        Monitor that the reception thread feeds.
     on_failure : callable
-        Called with `BusFault.BUS_OFF` and an exception if the controller reports bus-off.
+        Function that is called with `BusFault.BUS_OFF` and an exception if the controller reports bus-off.
     polled : collection of int
-        Node-IDs of polled pads. The assembler needs the SDO requests to these nodes.
+        Node-IDs of polled pads. The assembler also needs the SDO requests to these nodes.
     queue_limit : int
         Largest number of CAN frames that may wait for the assembler.
     is_host_stamped : bool
@@ -63,21 +63,22 @@ class Traffic:
         self._thread: threading.Thread | None = None
         self.clock = StampClock(is_host_stamped)
         self._jumps_reported = 0
-        self.no_data_frames: Counter[str] = Counter()  #: by kind, received messages that are not data frames
+        self.no_data_frames: Counter[str] = Counter()  #: received messages that are not data frames, by kind
         self._put = 0  # CAN frames put into the queue
         self._fed = 0  # CAN frames taken from the queue
-        #: data frames lost because the queue was full; other messages of the same batches count in no_data_frames
+
+        #: data frames lost because the queue was full; no_data_frames counts the other messages of the same batches
         self.overruns = 0
         self.syncs_sent = 0
         self.pause = SyncPause(sync_period)
-        self._last_came = -inf  # stamp by which all messages so far had arrived
-        self._is_gap = True  # messages before the next batch may be missing
-        self._read_at = 0.0  # time of the last batch on the steady clock
+        self._last_came = -inf  # stamp before which all messages so far had arrived
+        self._is_gap = True  # True if messages before the next batch may be missing
+        self._read_at = 0.0  # time at which the last batch was read, on the steady clock
 
     def begin(self) -> None:
         """Start the assembler thread with an empty queue.
 
-        If the previous assembler thread still hangs in a call, it ends after that call.
+        If the previous assembler thread still hangs in a call, that thread ends after the call.
         """
         self._put = self._fed = 0
         self._is_gap = True
@@ -86,7 +87,7 @@ class Traffic:
         self._thread.start()
 
     def end(self, timeout: float) -> None:
-        """End the assembler thread after the calls queued so far, and wait for its end up to ``timeout`` [s]."""
+        """End the assembler thread after all calls queued so far, and wait up to ``timeout`` [s] for its end."""
         self._queue.put(None)
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(timeout)
@@ -98,9 +99,9 @@ class Traffic:
         self.put(self._router.restart)
 
     def put(self, call: Callable[..., object], *args: object) -> None:
-        """Queue a call for the assembler thread, after the messages received before.
+        """Queue a call for the assembler thread, after all messages received so far.
 
-        Any thread may call this. The method returns immediately.
+        Any thread may call ``put``. The method returns immediately.
 
         Parameters
         ----------
@@ -112,8 +113,11 @@ class Traffic:
         self._queue.put((call, args))
 
     def received(self, batch: Batch) -> None:
-        """Count, stamp and queue a batch. The reception thread calls this, so it must return quickly."""
-        is_gap, self._is_gap = self._is_gap, True  # a gap, unless this batch gets into the queue
+        """Count, stamp and queue a batch.
+
+        The reception thread calls ``received``, so the method must return quickly.
+        """
+        is_gap, self._is_gap = self._is_gap, True  # there is a gap, unless this batch gets into the queue
         frames = []
         for message in batch.messages:
             kind = non_data_kind(message)
@@ -123,8 +127,8 @@ class Traffic:
                 frames.append((can_id, data, self.clock.of(message.timestamp)))
             else:
                 self._count_other(kind, message)
-                # The bus may have more errors than the controller reports, so time before an error frame never counts
-                # as free.
+                # The bus may have more errors than the controller reports, so no time before an error frame counts as
+                # free.
                 came = inf if message.is_error_frame else self.clock.of(message.timestamp)
                 frames.append((NO_DATA, b'', came))
         if self._put - self._fed + len(frames) <= self._queue_limit:
@@ -142,7 +146,7 @@ class Traffic:
     def _came(self, batch: Batch) -> tuple[float, float] | None:
         """Return the two stamps between which all frames of a batch arrived.
 
-        Returns None if the stamp of each frame is its time of arrival.
+        Return None if each frame's stamp is its time of arrival.
         """
         if batch.came is None:
             return None
@@ -162,7 +166,7 @@ class Traffic:
     def _feed(self, frames: list[tuple[int, bytes, float]], came: tuple[float, float] | None, most_free: float) -> None:
         """Feed a batch to the router, on the assembler thread.
 
-        If the stamps advance by more than the steady clock, the difference does not count as time of a free bus.
+        If the stamps advance by more than the steady clock, the difference does not count as free time of the bus.
         """
         self._fed += len(frames)
         for can_id, data, stamp in frames:
@@ -193,22 +197,22 @@ class Traffic:
             self.put(self._router.feed, can_id, bytes(data), self.clock.now())
 
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
-        """Send a SYNC, unless a pause is due so that the bus becomes free (`SyncPause`).
+        """Send a SYNC, unless the driver must skip it so that the bus becomes free (`SyncPause`).
 
-        The SYNC is queued for the assembler before it is on the bus, so no TPDO can overtake it. The assembler gets the
-        start and the end of the write, because the SYNC was on the bus at some time between them.
+        The SYNC is queued for the assembler before it is sent on the bus, so no TPDO can overtake it. The assembler
+        receives the start and the end of the write, because the SYNC was on the bus at some time in between.
 
         Parameters
         ----------
         network : BusNetwork
-            Network to send on.
+            Network that sends the SYNC.
         can_id : int
             COB-ID of SYNC.
 
         Raises
         ------
         BusError
-            If the SYNC cannot be sent.
+            Raised if the SYNC cannot be sent.
         """
         if self.pause.is_due(self._router.is_in_doubt):
             return
@@ -229,8 +233,8 @@ class Traffic:
     def _begin_period(self, stamp: float, written: SimpleQueue[float]) -> None:
         """Begin a period, on the assembler thread.
 
-        The thread waits for the end of the SYNC's write, because the answers must not be used before it is known how
-        late the SYNC was.
+        The thread first waits until the SYNC has been written, because answers must not be used before the delay of the
+        SYNC is known.
         """
         try:
             late = written.get(timeout=LONGEST_WRITE) - stamp
@@ -245,4 +249,4 @@ class Traffic:
             logger.error('The wall clock was set. Stamps never go back, so they continue %.3f s ahead of the wall '
                          'clock. To use the new time, deactivate and activate the driver.', ahead)
         else:
-            logger.error('The wall clock was set. Stamps follow it.')
+            logger.error('The wall clock was set, and the stamps follow it.')

@@ -1,4 +1,4 @@
-"""Find a serial adapter by its USB identity, because it may get another device name when it is plugged in again."""
+"""Find a serial adapter by its USB identity, because its device name may change when it is plugged in again."""
 
 import logging
 import os
@@ -14,9 +14,9 @@ class UsbIdentity(NamedTuple):
 
     vendor: int  #: vendor ID
     product: int  #: product ID
-    serial_number: str  #: '' if the device has none
-    interface: str  #: interface of this port if the adapter has several; '' if it has one
-    place: str  #: USB bus and ports that lead to the device; '' if the serial number identifies it
+    serial_number: str  #: serial number; '' if the device has none
+    interface: str  #: interface of this port if the adapter has several, else ''
+    place: str  #: USB bus and ports that lead to the device; '' if the serial number identifies the device
 
     def __str__(self) -> str:
         which = f'at {self.place}' if self.place else f'serial number {self.serial_number}'
@@ -26,22 +26,25 @@ class UsbIdentity(NamedTuple):
 class UsbPort:
     """A serial port whose adapter is remembered when the port is first opened.
 
-    From then on, only this adapter is opened, whatever its device name is. Another adapter would be another bus.
+    Later calls open only this adapter, no matter which device name it has. Another adapter would belong to another bus.
 
     Parameters
     ----------
     channel : str
-        Device file, optionally followed by '@' and the baud rate.
+        Device file of the port, optionally followed by '@' and the baud rate.
     """
 
     def __init__(self, channel: str):
         self._channel = channel
         self._path, self._at, self._rate = channel.partition('@')
         self._adapter: UsbIdentity | None = None
-        self._found = ''  # last device name of the adapter, if it differs from the given one
+        self._found = ''  # last device name of the adapter if it differs from the given name
 
     def channel(self) -> str:
-        """Return the channel to open now. Raises BusError if only another adapter is present under the given name."""
+        """Return the channel to open now.
+
+        Raise BusError if the given name belongs to another adapter and the remembered adapter is not present.
+        """
         if self._adapter is None:
             return self._channel
         ports = _usb_ports(needs_place=bool(self._adapter.place))
@@ -63,7 +66,7 @@ class UsbPort:
     def opened(self) -> None:
         """Remember the adapter of the port when the port is opened for the first time.
 
-        If the adapter has no serial number, or shares it with another one, its place on the USB is remembered, too.
+        If the adapter has no serial number, or shares it with another adapter, its USB location is also remembered.
         """
         if self._adapter is None:
             path, ports = os.path.realpath(self._path), _usb_ports()
@@ -74,7 +77,7 @@ class UsbPort:
 
 
 def _usb_ports(needs_place: bool = False) -> dict[str, UsbIdentity]:
-    """Return the USB serial ports of this host, by device file. Without pyserial, the result is empty."""
+    """Return the USB serial ports of this host, by device file. If pyserial is not installed, the result is empty."""
     try:
         from serial.tools import list_ports
     except ImportError:

@@ -1,1 +1,1 @@
-"""Facts of CiA 301 (CANopen), each defined once, and state machines for its frames, without a bus or threads."""
+"""Define each fact of CiA 301 (CANopen) once. The state machines for CANopen frames use neither a bus nor threads."""

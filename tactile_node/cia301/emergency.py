@@ -1,9 +1,10 @@
-"""Decode EMCY messages (CiA 301, 7.2.7), which report a device's own errors, and keep the last one."""
+"""Decode EMCY messages (CiA 301, 7.2.7), in which a device reports its errors, and keep the last message."""
 
 import time
 from typing import NamedTuple
 
-#: CiA 301, "Emergency error codes". The most specific known entry names an error: its code, its high byte or its class
+#: Names of errors (CiA 301, "Emergency error codes"). The most specific known entry names an error. An entry is a full
+#: code, a high byte or a class.
 _CODES = {
     0x8110: 'CAN overrun, frames lost', 0x8120: 'CAN in error passive mode', 0x8130: 'life guard or heartbeat error',
     0x8140: 'recovered from bus-off', 0x8150: 'CAN-ID collision', 0x8210: 'PDO not processed, wrong length',
@@ -19,13 +20,13 @@ _CLASSES = {
     0x1: 'generic error', 0x2: 'current', 0x3: 'voltage', 0x4: 'temperature', 0x5: 'device hardware',
     0x6: 'device software', 0x7: 'additional modules', 0x8: 'monitoring', 0x9: 'external error',
     0xF: 'additional or specific to the device'}
-#: meaning of the bits of object 0x1001 (CiA 301), from bit 0 on
+#: meaning of each bit in object 0x1001 (CiA 301), starting with bit 0
 _REGISTER = ('generic', 'current', 'voltage', 'temperature', 'communication', 'device profile', 'reserved',
              'manufacturer')
 
 
 class Emergency(NamedTuple):
-    """One EMCY. A field that a short message lacks is None."""
+    """One EMCY. A field is None if the message is too short to contain it."""
 
     stamp: float  #: time of reception [s, Unix epoch]
     code: int | None
@@ -34,7 +35,7 @@ class Emergency(NamedTuple):
 
     @property
     def is_reset(self) -> bool:
-        """True if the EMCY reports "error reset" or "no error"."""
+        """True if the EMCY message reports "error reset" or "no error"."""
         return self.code is not None and self.code >> 8 == 0
 
     def __str__(self) -> str:
@@ -46,7 +47,7 @@ class Emergency(NamedTuple):
 
 
 def decode_emergency(data: bytes, stamp: float) -> Emergency:
-    """Decode an EMCY of any length; real devices send short and even empty ones.
+    """Decode an EMCY message of any length. Real devices also send short and even empty ones.
 
     >>> str(decode_emergency(bytes.fromhex('1042090000000000'), 0.0))
     'EMCY 0x4210 (device temperature), error register: generic, temperature'
@@ -56,10 +57,12 @@ def decode_emergency(data: bytes, stamp: float) -> Emergency:
 
 
 class DeviceErrors(NamedTuple):
-    """Errors that a device reports when it is asked by SDO; None or empty without an answer."""
+    """Errors that a device reports when asked by SDO. A field is None or empty if the device did not report it."""
 
     register: int | None  #: object 0x1001
-    field: tuple[int, ...] = ()  #: object 0x1003, newest first: error code in the lower 16 bits, maker's code above
+
+    #: entries of object 0x1003, newest first; the lower 16 bits hold the error code, the upper 16 bits the maker's code
+    field: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         """Return the errors as text.
@@ -76,17 +79,18 @@ class DeviceErrors(NamedTuple):
 
 
 class EmergencyLog:
-    """Keeps the last EMCY of one node and counts all of them."""
+    """Keeps the last EMCY message of one node and counts all its EMCY messages."""
 
     def __init__(self) -> None:
         self.count = 0
         self.last: Emergency | None = None
-        self.active: Emergency | None = None  #: last error that was not reset
+        self.active: Emergency | None = None  #: last error that the device has not reset
 
     def feed(self, _can_id: int, data: bytes) -> None:
         """Process an EMCY.
 
-        If the error register still shows errors at an error reset, the error stays active (CiA 301, 7.2.7.1).
+        If the error register still shows errors when the device reports an error reset, the error stays active (CiA
+        301, 7.2.7.1).
         """
         emergency = decode_emergency(data, time.time())
         self.last = emergency
@@ -97,7 +101,7 @@ class EmergencyLog:
             self.active = None
 
     def booted(self) -> None:
-        """Note a boot-up: a device starts without errors and reports the ones that it finds."""
+        """Note a boot-up. A device starts without errors and then reports the errors that it finds."""
         self.active = None
 
 

@@ -1,15 +1,19 @@
-"""Largest number of bits that a CAN frame takes on the wire (ISO 11898-1, classical frames; Bosch CAN 2.0)."""
+"""Compute the largest number of bits that a CAN frame takes on the wire.
+
+The rules are those of ISO 11898-1 for classical frames (Bosch CAN 2.0).
+"""
 
 from functools import lru_cache
 from typing import NamedTuple
 
 CRC_BITS = 15
-#: bits that are never stuffed: CRC delimiter, ACK slot and delimiter, end of frame, 3 bits of interframe space
+#: number of bits that are never stuffed: CRC delimiter, ACK slot and delimiter, end of frame, 3 bits of interframe
+#: space
 UNSTUFFED_BITS = 1 + 2 + 7 + 3
 
 
 class Frame(NamedTuple):
-    """A classical CAN frame. A remote frame has no data and requests ``requested`` bytes."""
+    """A classical CAN frame. A remote frame carries no data and requests ``requested`` bytes."""
 
     can_id: int
     data: bytes = b''
@@ -23,9 +27,9 @@ class Frame(NamedTuple):
 
 
 def arbitration(frame: Frame) -> int:
-    """Return the arbitration field as a number; the frame with the lowest number wins.
+    """Return the arbitration field as a number. The frame with the lowest number wins arbitration.
 
-    A standard frame wins over an extended frame with the same first eleven bits. A data frame wins over the remote
+    A standard frame wins over an extended frame whose first eleven bits are equal. A data frame wins over a remote
     frame with the same identifier.
 
     >>> frames = [Frame(0x100 << 18, is_extended=True), Frame(0x100, is_remote=True), Frame(0x101), Frame(0x100)]
@@ -50,12 +54,12 @@ def worst_case_bits(frame: Frame) -> int:
 
 @lru_cache(maxsize=256)
 def load_bits(size: int, is_extended: bool = False, is_remote: bool = False) -> int:
-    """Return the number of bits that a frame adds to the load of its bus.
+    """Return the number of bits that a frame adds to the bus load.
 
     Parameters
     ----------
     size
-        Number of data bytes. A classical frame has at most 8, but an adapter may report more.
+        Number of data bytes. A classical frame has at most 8 bytes, but an adapter may report more.
     is_extended
         True for a 29-bit identifier.
     is_remote

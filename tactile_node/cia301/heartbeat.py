@@ -1,4 +1,4 @@
-"""Heartbeats of the nodes (CiA 301, NMT error control), and the state that each node reported last."""
+"""Keep the heartbeats of the nodes (CiA 301, NMT error control) and the last state that each node reported."""
 
 import threading
 import time
@@ -11,9 +11,10 @@ TOGGLE = 0x80  #: bit 7, which toggles in answers to node guarding
 
 
 def nmt_state(data: bytes) -> int | None:
-    """Return the NMT state in a heartbeat, a boot-up message or an answer to node guarding; None if it is empty.
+    """Return the NMT state in a heartbeat, a boot-up message or an answer to node guarding.
 
-    CiA 301 defines one byte for these frames. Some devices send more; the first byte is the state.
+    The result is None for an empty message. CiA 301 defines one byte for these frames. Some devices send more bytes, of
+    which the first is the state.
     """
     return data[0] & ~TOGGLE if data else None
 
@@ -22,11 +23,12 @@ def nmt_state(data: bytes) -> int | None:
 class HeardNode:
     """Heartbeats received from one node. Times are from the monotonic clock [s]."""
 
-    state: int | None = None  #: NMT state last reported; None if the node was never heard
-    heard: float | None = None  #: time of the last heartbeat
+    state: int | None = None  #: NMT state last reported; None if no heartbeat was received
+    heard: float | None = None  #: time of the last heartbeat on the monotonic clock
     boots: int = 0  #: number of boot-up messages
     heartbeats: int = 0  #: number of heartbeats, not counting boot-up messages
     guarded: int = 0  #: number of heartbeats with a toggle bit, which are answers to node guarding
+
     #: the last two intervals between heartbeats; a change of state adds an interval, which may be short
     intervals: tuple[float, float] | None = None
 
@@ -44,7 +46,10 @@ class Heartbeats:
             return self._nodes[node_id]
 
     def feed(self, can_id: int, data: bytes) -> bool:
-        """Process a frame on 0x700 + node-ID; return True for a boot-up or a new state. An empty frame is ignored."""
+        """Process a frame with the COB-ID 0x700 + node-ID.
+
+        Return True for a boot-up or a new state. An empty frame is ignored.
+        """
         state, now = nmt_state(data), time.monotonic()
         if state is None:
             return False
@@ -62,19 +67,19 @@ class Heartbeats:
         return is_news
 
     def forget(self) -> None:
-        """Forget all states because the bus was opened again; the counts remain."""
+        """Forget all states, because the bus was reopened. The counts remain."""
         with self._changed:
             for node in self._nodes.values():
                 node.state = node.heard = node.intervals = None
 
     @property
     def nodes(self) -> list[int]:
-        """Node-IDs of the nodes that were heard, sorted."""
+        """Node-IDs of all nodes from which a heartbeat was received, sorted."""
         with self._changed:
             return sorted(node_id for node_id, node in self._nodes.items() if node.state is not None)
 
     def wait_for(self, node_id: int, state: NmtState, since: float, timeout: float) -> bool:
-        """Wait at most ``timeout`` [s] for the node to report ``state`` after the time ``since``.
+        """Wait at most ``timeout`` [s] until the node reports ``state`` after the time ``since``.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Facts from CiA 301 and 306: node-IDs, COB-IDs, objects, PDO and NMT."""
+"""Define facts from CiA 301 and CiA 306: node-IDs, COB-IDs, objects, PDO and NMT."""
 
 import re
 from dataclasses import dataclass
@@ -8,21 +8,22 @@ from typing import NamedTuple
 MIN_NODE_ID = 1
 MAX_NODE_ID = 127
 ALL_NODES = 0  #: node-ID in an NMT command that addresses all nodes
-#: bit rates of CiA 301 (5.4) [bit/s]; its earlier versions also have 100,000
+
+#: bit rates of CiA 301 (5.4) [bit/s]; earlier versions of CiA 301 also have 100,000
 BIT_RATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 
 
-DISABLED = 1 << 31  #: bit "PDO does not exist" in sub 1 of the PDO communication record (CiA 301)
-NO_RTR = 1 << 30  #: bit "no remote request allowed" in the same entry
-PRODUCES_SYNC = 1 << 30  #: bit in 0x1005: the device produces SYNC
-SYNC_ID_MASK = (1 << 30) - 1  #: mask in 0x1005 of the identifier and of bit 29, which marks a 29-bit identifier
-ID_MASK = 0x7FF  #: mask of an 11-bit identifier, and its largest value
+DISABLED = 1 << 31  #: bit "PDO does not exist" in sub-index 1 of the PDO communication record (CiA 301)
+NO_RTR = 1 << 30  #: bit "no remote request allowed" in sub-index 1 of the PDO communication record (CiA 301)
+PRODUCES_SYNC = 1 << 30  #: bit in object 0x1005 that is set if the device produces SYNC
+SYNC_ID_MASK = (1 << 30) - 1  #: mask in object 0x1005 for the identifier and bit 29, which marks a 29-bit identifier
+ID_MASK = 0x7FF  #: mask and largest value of an 11-bit identifier
 
 _OCTAL = re.compile(r'(?<![\w.])0+([0-7]+)(?![\w.])')
 
 
 def read_octal(written: str) -> str:
-    """Return a number, or a sum, in Python's notation; an octal number of CiA 306 has a leading 0, as in C.
+    """Return a number, or a sum of numbers, in Python's notation. In CiA 306, an octal number has a leading 0, as in C.
 
     >>> read_octal('$NODEID+0600'), read_octal('0x080'), read_octal('0')
     ('$NODEID+0o600', '0x080', '0')
@@ -37,7 +38,7 @@ class CobId(NamedTuple):
     """An 11-bit COB-ID, given as a number or as '$NODEID+0x180' (CiA 306)."""
 
     base: int
-    relative: bool  #: True if the node-ID is added to ``base``
+    relative: bool  #: True if the node-ID must be added to ``base``
 
     def of(self, node_id: int) -> int:
         return self.base + (node_id if self.relative else 0)
@@ -47,7 +48,7 @@ class CobId(NamedTuple):
 
 
 def parse_cob_id(written: int | str) -> CobId:
-    """Read a COB-ID: a number, '0x1A0', '$NODEID+0x180' or '0x180 + $NodeID'. Raises ValueError for anything else.
+    """Read a COB-ID: a number, '0x1A0', '$NODEID+0x180' or '0x180 + $NodeID'. Raise ValueError for any other text.
 
     >>> parse_cob_id('$NODEID+0x180').of(32) == 0x1A0
     True
@@ -65,7 +66,7 @@ def parse_cob_id(written: int | str) -> CobId:
 
 DEVICE_TYPE = 0x1000
 ERROR_REGISTER = 0x1001
-ERROR_FIELD = 0x1003  #: sub 0: number of errors; sub 1: newest error
+ERROR_FIELD = 0x1003  #: sub-index 0: number of errors; sub-index 1: newest error
 COB_ID_SYNC = 0x1005
 DEVICE_NAME = 0x1008
 HARDWARE_VERSION = 0x1009
@@ -74,8 +75,10 @@ STORE_PARAMETERS = 0x1010  #: sub 1: all, sub 2: communication, sub 3: applicati
 RESTORE_PARAMETERS = 0x1011  #: sub 1: all, sub 2: communication, sub 3: application
 PRODUCER_HEARTBEAT_TIME = 0x1017
 IDENTITY = 0x1018  #: sub 1: vendor, sub 2: product, sub 3: revision, sub 4: serial number
-TPDO_COMMUNICATION = 0x1800  #: record of TPDO 1; sub 1: COB-ID, sub 2: transmission type
-TPDO_MAPPING = 0x1A00  #: record of TPDO 1; sub 0: number of mapped objects, then index, sub-index and bits of each
+TPDO_COMMUNICATION = 0x1800  #: communication record of TPDO 1; sub-index 1: COB-ID, sub-index 2: transmission type
+
+#: mapping record of TPDO 1; sub-index 0: number of mapped objects, then index, sub-index and number of bits of each
+TPDO_MAPPING = 0x1A00
 MAX_TPDOS = 512  #: largest number of TPDOs of one node
 COMMUNICATION_RECORDS = range(TPDO_COMMUNICATION, TPDO_COMMUNICATION + MAX_TPDOS)
 MAPPING_RECORDS = range(TPDO_MAPPING, TPDO_MAPPING + MAX_TPDOS)
@@ -84,13 +87,13 @@ MAX_INDEX = 0xFFFF
 MAX_SUBINDEX = 0xFE
 
 
-FIRST_INDEX = 0x1000  #: lower indices are data types (CiA 301, 7.4.1), which no SDO server provides
+FIRST_INDEX = 0x1000  #: indices below this one are data types (CiA 301, 7.4.1), which no SDO server provides
 _ADDRESS = re.compile(r'(0x[0-9a-f]+|[0-9]{5,})(?::(0x[0-9a-f]+|[0-9]+))?', re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class ObjectAddress:
-    """One value of a device; ``sub`` is 0 for an object without sub-indices."""
+    """Address of one value in a device; ``sub`` is 0 for an object without sub-indices."""
 
     index: int
     sub: int
@@ -100,10 +103,10 @@ class ObjectAddress:
 
 
 def parse_address(written: str) -> ObjectAddress:
-    """Return the address for '0x1018:1', '0x1018:0x01' or '25601:16'. Raises ValueError for anything else.
+    """Return the address for '0x1018:1', '0x1018:0x01' or '25601:16'. Raise ValueError for any other text.
 
-    Manuals write an index as four hexadecimal digits. Four digits without 0x are refused, because they could be decimal
-    or hexadecimal:
+    Manuals write an index as four hexadecimal digits. The function rejects four digits without 0x, because they could
+    be decimal or hexadecimal:
 
     >>> parse_address('0x6401:16'), parse_address('25601:0x10')
     (ObjectAddress(index=25601, sub=16), ObjectAddress(index=25601, sub=16))
@@ -120,25 +123,29 @@ def parse_address(written: str) -> ObjectAddress:
     return address
 
 
-MAX_PDO_BYTES = 8  #: size of a classical CAN frame
+MAX_PDO_BYTES = 8  #: largest number of data bytes in a classical CAN frame
 MAX_PDO_BITS = 8 * MAX_PDO_BYTES
 
 # Transmission types
-TRANSMISSION_TYPE = 2  #: sub-index in the communication record
-EVERY_SYNC = 1  #: synchronous at every SYNC; 2..240: at every 2nd..240th SYNC
+TRANSMISSION_TYPE = 2  #: sub-index of the transmission type in the communication record
+EVERY_SYNC = 1  #: transmission type "at every SYNC"; 2..240 means at every 2nd..240th SYNC
 MAX_SYNCHRONOUS = 240
-MANUFACTURER_EVENT = 254  #: at an event that the maker defines; CiA 301 prescribes 254 or 255 for an MPDO
-PROFILE_EVENT = 255  #: at an event that the device profile defines
+#: transmission type for an event that the maker defines; CiA 301 requires 254 or 255 for an MPDO
+MANUFACTURER_EVENT = 254
+PROFILE_EVENT = 255  #: transmission type for an event that the device profile defines
 
-# Times in the communication record (CiA 301, 7.5.2.37)
+# Transmission times in the communication record (CiA 301, 7.5.2.37)
 INHIBIT_TIME = 3  #: sub-index of the shortest time between two transmissions of one TPDO
-INHIBIT_UNIT = 1e-4  #: unit of the inhibit time [s]
-EVENT_TIMER = 5  #: sub-index of the longest time between two transmissions; 0 switches the timer off
-EVENT_TIMER_UNIT = 1e-3  #: unit of the event timer [s]
-MAX_TIME = 0xFFFF  #: largest inhibit time or event timer, in its unit
+INHIBIT_UNIT = 1e-4  #: resolution of the inhibit time [s]
+EVENT_TIMER = 5  #: sub-index of the event timer, the longest time between two transmissions; 0 disables the timer
+EVENT_TIMER_UNIT = 1e-3  #: resolution of the event timer [s]
+MAX_TIME = 0xFFFF  #: largest value of an inhibit time or event timer, in units of its resolution
 
-# Multiplexed PDO in source addressing mode: it carries node-ID, index and sub-index of one object, and its value
-SAM_MPDO = 0xFE  #: marks an MPDO, instead of the number of mapped objects, in sub 0 of the mapping record
+# A multiplexed PDO in source addressing mode carries a node-ID, the index and sub-index of one object, and the value of
+# the object.
+
+#: value of sub-index 0 in the mapping record that marks an MPDO, instead of the number of mapped objects
+SAM_MPDO = 0xFE
 MPDO_DATA_BITS = 32
 
 
@@ -153,7 +160,7 @@ class NmtCommand(IntEnum):
 
 
 class NmtState(IntEnum):
-    """State of a node, as its heartbeat reports it."""
+    """NMT state of a node, as reported in its heartbeat."""
 
     BOOT_UP = 0x00
     STOPPED = 0x04
@@ -162,14 +169,17 @@ class NmtState(IntEnum):
 
 
 def command_name(command: int) -> str:
-    """Return the name of an NMT command, such as 'enter pre-operational', or 'command 0x..' if it is not defined."""
+    """Return the name of an NMT command, such as 'enter pre-operational'.
+
+    The name is 'command 0x..' if CiA 301 does not define the command.
+    """
     if command not in NmtCommand.__members__.values():
         return f'command 0x{command:02X}'
     return NmtCommand(command).name.lower().replace('_', ' ').replace('pre ', 'pre-')
 
 
 def state_name(state: int | None) -> str:
-    """Return the name of an NMT state in CiA 301, such as 'PRE-OPERATIONAL', or 'never heard' for None."""
+    """Return the name that CiA 301 gives an NMT state, such as 'PRE-OPERATIONAL', or 'never heard' for None."""
     if state is None:
         return 'never heard'
     known = state in NmtState.__members__.values()
@@ -177,17 +187,17 @@ def state_name(state: int | None) -> str:
 
 
 AUTO_ZERO = 0x6125  #: object "AI autozero", write-only, with one sub-index per channel (CiA 404)
-ZERO_SIGNATURE = b'zero'  #: bytes to write to AUTO_ZERO: 0x6F72657A, least significant byte first
+ZERO_SIGNATURE = b'zero'  #: value written to AUTO_ZERO: 0x6F72657A, least significant byte first
 
 
 NMT = 0x000
-SYNC = 0x080  #: default; object 0x1005 can change it
+SYNC = 0x080  #: default COB-ID of SYNC; object 0x1005 can change it
 TIME = 0x100
-# Base COB-IDs, to which the node-ID is added:
+# Base COB-IDs to which the node-ID is added:
 EMCY = 0x080
 SDO_RESPONSE = 0x580  #: server to client
 SDO_REQUEST = 0x600  #: client to server
-HEARTBEAT = 0x700  #: also used by boot-up messages and node guarding
+HEARTBEAT = 0x700  #: base COB-ID of heartbeats, boot-up messages and node guarding
 
 
 class CanIdRange(NamedTuple):
@@ -200,11 +210,11 @@ def _of_nodes(base: int, use: str) -> CanIdRange:
     return CanIdRange(base + MIN_NODE_ID, base + MAX_NODE_ID, use)
 
 
-#: services and the names under which their CAN frames are counted
+#: CAN services, and the names under which their frames are counted
 SERVICES = (CanIdRange(NMT, NMT, 'nmt'), _of_nodes(EMCY, 'emcy'), CanIdRange(TIME, TIME, 'time'),
             _of_nodes(SDO_RESPONSE, 'sdo'), _of_nodes(SDO_REQUEST, 'sdo'), _of_nodes(HEARTBEAT, 'heartbeat'))
 
-#: table "Restricted CAN-IDs" of CiA 301: identifiers that neither a PDO nor SYNC may use
+#: table "Restricted CAN-IDs" of CiA 301; neither a PDO nor SYNC may use these identifiers
 RESERVED = (
     CanIdRange(NMT, NMT, 'NMT'), CanIdRange(0x001, 0x07F, 'reserved'), CanIdRange(0x101, 0x180, 'reserved'),
     _of_nodes(SDO_RESPONSE, 'SDO answers'), _of_nodes(SDO_REQUEST, 'SDO requests'),
@@ -213,7 +223,7 @@ RESERVED = (
 
 
 def node_of(can_id: int, base: int) -> int | None:
-    """Return the node-ID in a COB-ID that is the sum of ``base`` and a node-ID; None for any other COB-ID.
+    """Return the node-ID in a COB-ID that is the sum of ``base`` and a node-ID, or None for any other COB-ID.
 
     >>> node_of(0x720, HEARTBEAT), node_of(0x700, HEARTBEAT)
     (32, None)
@@ -228,5 +238,5 @@ def service_of(can_id: int) -> str:
 
 
 def reserved_for(can_id: int) -> str | None:
-    """Return the use for which CiA 301 reserves ``can_id``, or None if a PDO may use it."""
+    """Return the purpose for which CiA 301 reserves ``can_id``, or None if a PDO may use it."""
     return next((range_.use for range_ in RESERVED if range_.first <= can_id <= range_.last), None)

@@ -1,6 +1,6 @@
-"""Service data objects (CiA 301, 7.2.4): commands of block uploads, abort codes, and a tracker of uploads.
+"""Define service data objects (CiA 301, 7.2.4): commands of block uploads, abort codes, and a tracker of uploads.
 
-``canopen.sdo.constants`` defines the elementary commands. canopen before 2.4 lacks the abort codes.
+``canopen.sdo.constants`` defines the elementary commands. canopen versions before 2.4 lack the abort codes.
 """
 
 import binascii
@@ -14,19 +14,22 @@ MAX_BLOCK_SEGMENTS = 127  #: largest number of segments in one block
 COMMAND = 0xE0  #: mask of the command specifier
 BLOCK_COMMAND = 0xE3  #: mask of the command specifier and the sub-command of a block transfer
 
-# Commands of the client
+# Commands that the client sends
 INITIATE_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.INITIATE_BLOCK_TRANSFER
 START_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.START_BLOCK_UPLOAD
 ACKNOWLEDGE_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.BLOCK_TRANSFER_RESPONSE
 END_BLOCK_REQUEST = constants.REQUEST_BLOCK_UPLOAD | constants.END_BLOCK_TRANSFER
-# Commands of the server
+# Commands that the server sends
 INITIATE_BLOCK_RESPONSE = (constants.RESPONSE_BLOCK_UPLOAD | constants.INITIATE_BLOCK_TRANSFER
                            | constants.BLOCK_SIZE_SPECIFIED | constants.CRC_SUPPORTED)
 END_BLOCK_RESPONSE = constants.RESPONSE_BLOCK_UPLOAD | constants.END_BLOCK_TRANSFER
 
 
 class AbortCode(IntEnum):
-    """Abort codes with which a server refuses a request. Only those that this package uses are listed."""
+    """Abort codes with which a server rejects a request.
+
+    The list contains only the abort codes that this package uses.
+    """
 
     INVALID_BLOCK_SIZE = 0x0504_0002
     NOT_MAPPABLE = 0x0604_0041
@@ -51,12 +54,12 @@ def written_object(request: bytes) -> int | None:
 
 
 class Step(Enum):
-    """Effect of a frame on the upload."""
+    """Effect that a frame has on the upload."""
 
     NOTHING = 0
     BEGUN = 1
     DONE = 2  #: ``data`` is complete
-    BROKEN = 3  #: the transfer was aborted, frames are missing, or the CRC is wrong
+    BROKEN = 3  #: the transfer was aborted, a frame is missing, or the CRC is wrong
 
 
 class _Waiting(Enum):
@@ -69,15 +72,15 @@ class _Waiting(Enum):
 
 
 class SdoUpload:
-    """Follows the upload of one object. From DONE to the next BEGUN, ``data`` holds the object."""
+    """Follows the upload of one object. After DONE and before the next BEGUN, ``data`` holds the object."""
 
     def __init__(self, index: int, subindex: int):
         self._object = bytes([index & 0xFF, index >> 8, subindex])
         self._waiting = _Waiting.NOTHING
         self._segments: list[bytes] = []  # segments received in the present block
-        self._has_last = False  # True if they include the last segment of the object
+        self._has_last = False  # True if the present block contains the last segment of the object
         self._client_has_crc = False
-        self._has_crc = False  # True if client and server support a CRC
+        self._has_crc = False  # True if both client and server support a CRC
         self._toggle = 0  # toggle bit expected in the next segment
         self._buffer = bytearray()
         self.data = b''
@@ -102,7 +105,7 @@ class SdoUpload:
             return self._acknowledge(frame[1])
         if command & COMMAND == constants.REQUEST_SEGMENT_UPLOAD and self._waiting is _Waiting.SEGMENT:
             return Step.NOTHING
-        return self._break()  # aborted, or the channel now transfers another object
+        return self._break()  # the upload was aborted, or the channel now transfers another object
 
     def response(self, frame: bytes) -> Step:
         """Process a frame from the server and return its effect."""
@@ -145,7 +148,7 @@ class SdoUpload:
         return self._finish()
 
     def _segment(self, frame: bytes) -> Step:
-        if frame[0] & constants.TOGGLE_BIT != self._toggle:  # a segment is lost or duplicated
+        if frame[0] & constants.TOGGLE_BIT != self._toggle:  # a segment was lost or duplicated
             return self._break()
         self._toggle ^= constants.TOGGLE_BIT
         unused = frame[0] >> 1 & 7
@@ -153,14 +156,17 @@ class SdoUpload:
         return self._finish() if frame[0] & constants.NO_MORE_DATA else Step.NOTHING
 
     def _block_segment(self, frame: bytes) -> Step:
-        """Keep a segment if it is the next one in order; after a gap, the server repeats all following segments."""
+        """Keep a segment if it is the next one in order. After a gap, the server repeats all following segments."""
         if frame[0] & ~constants.NO_MORE_BLOCKS == len(self._segments) + 1:
             self._segments.append(frame[1:])
             self._has_last = bool(frame[0] & constants.NO_MORE_BLOCKS)
         return Step.NOTHING
 
     def _acknowledge(self, count: int) -> Step:
-        """Process the client's acknowledgement of ``count`` segments; the client may have received more than we did."""
+        """Process the client's acknowledgement of ``count`` segments.
+
+        The client may have received more segments than we did.
+        """
         if count > len(self._segments):
             return self._break()
         is_last = self._has_last and count == len(self._segments)

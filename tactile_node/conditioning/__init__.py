@@ -1,1 +1,1 @@
-"""From taxel frame to taxel frame: corrections of the values before contacts are found."""
+"""Correct the values of each taxel frame before contacts are found."""

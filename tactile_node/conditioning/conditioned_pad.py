@@ -1,4 +1,4 @@
-"""All corrections of one pad's frames between the bus and their consumers."""
+"""Apply all corrections of one pad's frames between the bus and their consumers."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, 
 from tactile_node.errors import HalfZeroedError
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only, without_any_value
 
-MOST_NAMED = 20  #: Largest number of taxels of one kind that the text lists.
+MOST_NAMED = 20  #: Largest number of taxels of each kind that the text lists.
 
 
 def faults_text(faults: FaultyTaxels) -> str:
@@ -25,33 +25,34 @@ def faults_text(faults: FaultyTaxels) -> str:
 
 
 class PadCondition(NamedTuple):
-    """The condition of a pad."""
+    """Condition of a pad, such as its faulty taxels and its zero."""
 
     faults: FaultyTaxels
-    unchanged: float = 0.0  #: time for which no taxel has changed its value [s]
+    unchanged: float = 0.0  #: time during which no taxel has changed its value [s]
     is_frozen: bool = False
-    zero: ZeroState = ZeroState.VALID          #: state of the zero; unless it is VALID, no value is valid
-    zero_error: HalfZeroedError | None = None  #: report of the device if it has zeroed only a part of its channels
-    other_publishers: tuple[str, ...] = ()     #: full names of other nodes that also publish taxels of this pad
+    zero: ZeroState = ZeroState.VALID          #: state of the zero; values are valid only in the state VALID
+    zero_error: HalfZeroedError | None = None  #: report of a device that has zeroed only some of its channels
+    other_publishers: tuple[str, ...] = ()     #: full names of other nodes that also publish the taxels of this pad
 
 
 class ConditionedPad:
     """Masks faulty taxels, subtracts the zero, and applies the gains and the curve, in this order.
 
-    value = curve(gain x (reading - zero)); NaN for a faulty taxel.
+    The published value is curve(gain x (reading - zero)), or NaN for a faulty taxel.
 
-    If no reading of a pad changes by a single count for ``frozen_after`` [s], the pad has stopped sampling. Then no
-    value is valid, and all taxels are STALE. Use this check only for skins whose readings always fluctuate; 0 turns it
-    off.
+    If no reading of a pad changes at all for ``frozen_after`` [s], the pad has stopped sampling. In a frozen pad, no
+    value is valid, and all taxels are STALE. Use this check only for skins whose readings always fluctuate. A value of
+    0 turns the check off.
 
     Parameters
     ----------
     tared : TaredPad
         Subtracts the zero.
     detector : FaultDetector
-        Finds more faulty taxels. They are reported, and with ``masks`` they are also removed.
+        Detector that finds further faulty taxels. The taxels that it finds are reported, and with ``masks`` they are
+        also removed.
     known : FaultyTaxels
-        Faulty taxels that are removed from the first frame on.
+        Faulty taxels that are removed from the first frame onwards.
     gains : np.ndarray or None
         Gain of each taxel, (rows, cols).
     curve : ResponseCurve or None
@@ -69,7 +70,7 @@ class ConditionedPad:
         self._known = known
         self.gains = gains
         self._curve = curve
-        self.faults = known  #: known and found faulty taxels
+        self.faults = known  #: known faulty taxels, and those found by the detector
         self._found: FaultyTaxels | None = None
         self._status = np.zeros_like(known.kinds)
 
@@ -103,7 +104,7 @@ class ConditionedPad:
         return frame
 
     def _count_unchanged(self, frame: TaxelFrame) -> None:
-        """Add the time since the frame before if the frame has readings; start again if the stamp goes backwards."""
+        """Add the time since the previous frame if the frame has readings. Start again if the stamp goes backwards."""
         step, self._stamp = frame.stamp - self._stamp, frame.stamp
         if self.detector.has_changed or step < 0:
             self.unchanged = 0.0

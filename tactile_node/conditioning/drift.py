@@ -1,29 +1,33 @@
-"""Follow the slow drift of the taxels' zero while nothing presses the pad, and keep the zero while something does."""
+"""Follow the slow drift of the taxels' zero while nothing presses the pad, and hold the zero during a touch."""
 
 import numpy as np
 
 from tactile_node.taxel_frame import read_only
 
-TIME_CONSTANT = 20.0  #: Time in which the zero follows a small step [s].
-DRIFT_RATE = 1 / 300  #: Largest drift per second, as a share of ``limit``; a faster change does not count as drift.
-PRESSED_SHARE = 0.5   #: Share of ``limit`` above the zero from which on a taxel may be under a contact.
-QUIET_TIME = 2.0      #: Time without such a taxel before the zero is followed [s].
+TIME_CONSTANT = 20.0  #: Time constant with which the zero follows a small step [s].
+DRIFT_RATE = 1 / 300  #: Largest drift per second, as a share of ``limit``. A faster change does not count as drift.
+PRESSED_SHARE = 0.5   #: Share of ``limit``. A taxel that reads this much above its zero may be part of a contact.
+
+#: Time for which no taxel may be part of a contact before the zero follows the readings again [s].
+QUIET_TIME = 2.0
 
 
 class DriftFollower:
     """The zero of one pad, updated frame by frame.
 
-    The zero of the whole pad stands still while any taxel reads PRESSED_SHARE x limit above its zero, and for
-    QUIET_TIME after that. A grasp is therefore never mistaken for drift, even if it is present from the start. The same
-    holds for the taxels around the grasp. The zero also stands still while a taxel that had a value before has none.
+    The zero of the whole pad is held while any taxel reads PRESSED_SHARE x limit above its zero, and for QUIET_TIME
+    afterwards. A grasp is therefore never mistaken for drift, even if it is present from the first frame. The readings
+    of the taxels around a grasp are not mistaken for drift, either. The zero is also held while a taxel that previously
+    had a value has none.
 
-    This has two drawbacks. After a drift of more than PRESSED_SHARE x limit during one grasp, a tare is needed. A
-    lighter touch is mistaken for drift, at no more than DRIFT_RATE x limit per second.
+    This way of following drift has two drawbacks. If the readings drift by more than PRESSED_SHARE x limit during one
+    grasp, a tare is needed. A lighter touch is mistaken for drift, but changes the zero by no more than DRIFT_RATE x
+    limit per second.
 
     Parameters
     ----------
     limit : float
-        Limit of a tare, in the taxels' unit.
+        Tare limit, in the taxels' unit.
     """
 
     def __init__(self, limit: float):
@@ -38,13 +42,13 @@ class DriftFollower:
         Parameters
         ----------
         stamp : float
-            Acquisition of the frame [s].
+            Time at which the frame was acquired [s].
         values : np.ndarray
             Taxel values as measured, (rows, cols); NaN if unknown.
         zero : np.ndarray
             Zero before this frame, (rows, cols).
         is_faulty : np.ndarray or bool
-            True for faulty taxels, bool (rows, cols). The zero does not wait until these taxels have values.
+            True for faulty taxels, bool (rows, cols). Missing values of faulty taxels do not hold the zero.
         is_contact : bool
             True if something presses the pad, even if no taxel reads much above its zero.
         """

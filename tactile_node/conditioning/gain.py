@@ -1,4 +1,4 @@
-"""Gains of taxels, and the curve from readings to pressures."""
+"""Define the gains of taxels and the curve from readings to pressures."""
 
 from io import BytesIO
 from pathlib import Path
@@ -11,9 +11,9 @@ from tactile_node.taxel_frame import read_only
 
 
 def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
-    """Return the gains in a file, float32 (rows, cols), read-only.
+    """Return the gains from a file, float32 (rows, cols), read-only.
 
-    The file is a .npy array, or text with one line per row of the pad and with commas or blanks between the numbers.
+    The file is a .npy array, or a text file with one line per row of the pad and commas or blanks between the numbers.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
     Raises
     ------
     ConfigurationError
-        If the file cannot be read, has another shape, or contains a gain that cannot be used.
+        Raised if the file cannot be read, has a different shape, or contains an unusable gain.
     """
     where, most = f'gain file {path}', 64 * rows * cols + 4096
     try:
@@ -39,34 +39,36 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
         if gains.dtype.kind not in 'iuf':
             raise ValueError(f'an array of {gains.dtype}')
         gains = gains.astype(np.float32)
-    except Exception as error:  # broken files raise errors of zipfile, tokenize and others, which numpy lets through
+    # damaged files raise errors of zipfile, tokenize and other modules that numpy does not catch
+    except Exception as error:
         got = (str(error).splitlines() or [type(error).__name__])[0]
         raise ConfigurationError(where, expected='numbers, one line of text per row of the pad, or a .npy array',
-                                 got=got, remedy='Correct the file, or make it again.') from error
+                                 got=got, remedy='Correct the file, or create it again.') from error
     if gains.shape != (rows, cols):
         raise ConfigurationError(where, expected=f'{rows} rows of {cols} gains, one for each taxel of the pad',
                                  got=f'shape {gains.shape}', remedy='Give the gains of this pad.')
-    low, high = 0.01, 100.0  # other gains are typing errors or belong to dead taxels
-    wrong = ~((gains >= low) & (gains <= high))  # also true for NaN
+    low, high = 0.01, 100.0  # gains outside this range are typing errors or belong to dead taxels
+    wrong = ~((gains >= low) & (gains <= high))  # the condition is also true for NaN
     if wrong.any():
         row, col = np.argwhere(wrong)[0]
         raise ConfigurationError(where, expected=f'gains {low:g}..{high:g}',
                                  got=f'{gains[row, col]:g} at row {row}, column {col}',
-                                 remedy='Name a taxel without a gain in dead_taxels of the layout, with gain 1 here.')
+                                 remedy='If a taxel has no gain, list it under dead_taxels in the layout, and give it '
+                                 'the gain 1 in this file.')
     return read_only(gains)
 
 
 class ResponseCurve(NamedTuple):
-    """Straight lines between nodes, from (0, 0) upwards. For negative readings, the curve is mirrored.
+    """A curve of straight lines between nodes, from (0, 0) upwards. For negative readings, the curve is mirrored.
 
-    Beyond the last node, the last line continues.
+    Beyond the last node, the last line is extended.
     """
 
-    readings: np.ndarray   #: (k,), readings above a calibrated zero, rising from 0 [unit of the taxels]
-    pressures: np.ndarray  #: (k,), pressures for these readings, rising from 0 [unit of the taxels]
+    readings: np.ndarray   #: (k,), readings above a calibrated zero, rising from 0, in the unit of the taxels
+    pressures: np.ndarray  #: (k,), pressures for these readings, rising from 0, in the unit of the taxels
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Return the pressures for readings, with the same shape and type; NaN stays NaN.
+        """Return the pressures for the given readings, with the same shape and type. NaN stays NaN.
 
         >>> curve = ResponseCurve(np.array((0.0, 1.0, 2.0)), np.array((0.0, 1.0, 4.0)))
         >>> curve(np.array((-1.0, 0.5, 3.0, np.nan))).tolist()
@@ -90,7 +92,7 @@ def make_curve(readings: list[float], pressures: list[float]) -> ResponseCurve:
     Raises
     ------
     ConfigurationError
-        Unless both lists rise from 0 and have the same length.
+        Raised unless both lists rise from 0 and have the same length.
     """
     for name, nodes in (('readings', readings), ('pressures', pressures)):
         array = np.array(nodes, float)

@@ -1,4 +1,4 @@
-"""Tare: measure the reading of each taxel with nothing on it, and subtract it."""
+"""Tare a pad: measure the reading of each taxel while nothing touches it, and subtract that reading."""
 
 import threading
 from collections.abc import Callable
@@ -20,17 +20,18 @@ from tactile_node.taxel_frame import (
     without_any_value,
 )
 
-#: If a taxel reads this much when a tare is requested, it is pressed. The value is less than that of a real contact.
+#: If a taxel reads this value or more when a tare is requested, it is pressed. The value is lower than the readings of
+#: a real contact.
 TARE_LIMIT_BY_UNIT = {'Pa': 10e3, 'N': 0.03}
 
 
 def tare_limit(given: float, unit: str) -> float:
-    """Return ``given``, or the limit for ``unit`` if ``given`` is 0.
+    """Return ``given``, or the tare limit for ``unit`` if ``given`` is 0.
 
     Raises
     ------
     ConfigurationError
-        If taxels in this unit have no limit.
+        Raised if there is no tare limit for taxels in this unit.
     """
     limit = None if unit == ON_OFF_UNIT else given or TARE_LIMIT_BY_UNIT.get(unit)
     if limit is None:
@@ -40,20 +41,24 @@ def tare_limit(given: float, unit: str) -> float:
 
 
 def rest_limit(given: float, unit: str) -> float:
-    """Return the value below which a taxel is not pressed: the tare limit, or the press threshold for on/off taxels."""
+    """Return the value below which a taxel is not pressed.
+
+    The value is the tare limit, or the press threshold for on/off taxels.
+    """
     return PRESS_BY_UNIT[ON_OFF_UNIT] if unit == ON_OFF_UNIT else tare_limit(given, unit)
 
 
 def drift_limit(given: float, unit: str, gains: np.ndarray | None = None) -> float:
     """Return the limit up to which the zero may follow a drift.
 
-    A ``given`` tare limit above the limit of the unit would hide a grasp. A zero error that the largest of ``gains``
-    amplifies above the contact threshold has the same effect. The result therefore accounts for both.
+    If ``given`` is above the tare limit of the unit, the zero could hide a grasp. If the largest of ``gains`` amplifies
+    a zero error above the contact threshold, the error looks like a contact. The result is therefore the lower of both
+    tare limits, divided by the largest gain if that is above 1.
 
     Parameters
     ----------
     given : float
-        Tare limit from the configuration; 0 if it is not given.
+        Tare limit from the configuration; 0 if none is given.
     unit : str
         Unit of the taxels.
     gains : np.ndarray or None
@@ -62,44 +67,46 @@ def drift_limit(given: float, unit: str, gains: np.ndarray | None = None) -> flo
     Raises
     ------
     ConfigurationError
-        If taxels in this unit have no zero.
+        Raised if taxels in this unit have no zero.
     """
     largest = 1.0 if gains is None else max(1.0, float(gains.max()))
     return min(tare_limit(given, unit), tare_limit(0.0, unit)) / largest
 
 
-RAISED_TAXELS = 3  #: Number of connected raised taxels that make a contact; fewer may be faulty.
+#: Smallest number of connected raised taxels that form a contact. A smaller group may consist of faulty taxels.
+RAISED_TAXELS = 3
 
 
 class ContactGuard(NamedTuple):
-    """Finds a contact in readings. Its levels refer to published values: gain x (reading - zero).
+    """Finds a contact in readings. The thresholds apply to published values: gain x (reading - zero).
 
-    A taxel becomes pressed at ``press`` and is released below RELEASE_RATIO of it. By default the processor reports the
-    same contact.
+    A taxel becomes pressed at ``press`` and is released below RELEASE_RATIO x ``press``. With its default settings, the
+    processor reports the same contacts.
 
-    RAISED_TAXELS connected taxels are also pressed if they read ``raised`` above the background of the pad. They must
-    also exceed the variation of the pad's offsets, because a low offset may hide a contact before the first tare.
+    A group of RAISED_TAXELS connected taxels is also pressed if the taxels read ``raised`` above the background of the
+    pad. The raised taxels must also exceed the variation of the pad's offsets, because a low offset may hide a contact
+    before the first tare.
     """
 
     press: float                     #: press threshold
-    raised: float                    #: rise above the background of the pad
+    raised: float                    #: required rise above the background of the pad
     unit: str                        #: unit of the taxels
     gains: np.ndarray | float = 1.0  #: (rows, cols), or one gain for all taxels
 
     @classmethod
     def of_unit(cls, unit: str, gains: np.ndarray | float = 1.0) -> 'ContactGuard':
-        """Return the guard for taxels in ``unit``, one of PRESS_BY_UNIT."""
+        """Return the guard for taxels in ``unit``, which must be one of PRESS_BY_UNIT."""
         return cls(PRESS_BY_UNIT[unit], TARE_LIMIT_BY_UNIT.get(unit, np.inf), unit, gains)
 
     def pressed(self, readings: np.ndarray, zero: np.ndarray | float) -> np.ndarray:
-        """Return the taxels that are pressed in any of successive frames.
+        """Return the taxels that are pressed in any of several successive frames.
 
         Parameters
         ----------
         readings : np.ndarray
             Readings of K frames, (K, rows, cols); NaN if invalid.
         zero : np.ndarray or float
-            Zero of each taxel, or of all.
+            Zero of each taxel, or one zero for all taxels.
 
         Returns
         -------
@@ -124,7 +131,8 @@ class ContactGuard(NamedTuple):
         if not known.any():
             return known
         # An object may cover three quarters of the pad, so the lowest quarter shows the background. If offsets are
-        # normally distributed, the two quantiles are 0.97 standard deviations apart, and no offset is six times as far.
+        # normally distributed, the two quantiles are 0.97 standard deviations apart, and no offset deviates by six
+        # times that distance.
         lowest, background = np.quantile(mean[known], (0.05, 0.25))
         raised = known & (mean >= background + max(self.raised, 6 * (background - lowest)))
         groups, count = label(raised, np.ones((3, 3)))
@@ -134,7 +142,7 @@ class ContactGuard(NamedTuple):
 
 
 class ZeroState(PhrasedCode):
-    """State of a pad's zero, whether it is subtracted here or by the device."""
+    """State of a pad's zero, no matter whether the driver or the device subtracts it."""
 
     NOT_KNOWN = 0, 'the state of its zero is not known'
     VALID = 1, 'its zero is valid'
@@ -147,15 +155,15 @@ class ZeroState(PhrasedCode):
 class Tare(NamedTuple):
     """The zero of a pad."""
 
-    offset: np.ndarray  #: float32, (rows, cols), read-only; 0 for a taxel that had no valid value
-    frames: int         #: number of averaged frames
-    noise: float        #: standard deviation of a taxel around its zero, as root mean square over the pad
+    offset: np.ndarray  #: float32, (rows, cols), read-only; 0 for a taxel without a valid value
+    frames: int         #: number of frames averaged
+    noise: float        #: standard deviation of a taxel's reading around its zero, as the root mean square over the pad
     known: np.ndarray   #: bool (rows, cols), True where the offset was measured
     unit: str           #: unit of offset and noise
 
     @property
     def largest(self) -> float:
-        """The offset farthest from 0."""
+        """Offset that is farthest from 0."""
         return float(self.offset.flat[np.abs(self.offset).argmax()])
 
 
@@ -167,22 +175,22 @@ def measure(values: np.ndarray, limit: float, guard: ContactGuard, zero: np.ndar
     values : np.ndarray
         Values of K frames before any tare, (K, rows, cols); NaN if invalid.
     limit : float
-        Reading from which on a taxel counts as pressed.
+        Reading at and above which a taxel counts as pressed.
     guard : ContactGuard
-        Finds contacts that must not be tared away.
+        Guard that finds contacts, which a tare must not remove.
     zero : np.ndarray or float
         Present zero.
 
     Raises
     ------
     TareRefusedError
-        If a taxel reads ``limit`` or more, or varies by as much; if ``guard`` finds a contact; or if no taxel has a
-        valid value in all frames.
+        Raised if a taxel reads ``limit`` or more or varies by as much, if ``guard`` finds a contact, or if no taxel has
+        a valid value in all frames.
     """
     known = np.isfinite(values).all(0)
     if not known.any():
         raise TareRefusedError('tare', TareRefusal.NO_VALID_VALUES, expected='taxels with valid values', got='none',
-                               remedy='See /diagnostics: do all CAN frames of the pad arrive?')
+                               remedy='Check in /diagnostics that all CAN frames of the pad arrive.')
     mean = np.where(known, values.mean(0), 0)
     varies = np.where(known, np.ptp(np.where(known, values, 0), axis=0), 0)
     worst = np.maximum(mean, varies)
@@ -193,7 +201,7 @@ def measure(values: np.ndarray, limit: float, guard: ContactGuard, zero: np.ndar
             expected=f'nothing on the pad: all taxels below {limit:g} {guard.unit}, and steady',
             got=f'{np.count_nonzero(worst >= limit)} taxels above, most at row {row}, column {col}: mean '
                 f'{mean[row, col]:g} {guard.unit}, varying by {varies[row, col]:g} {guard.unit}',
-            remedy='Open the gripper. If nothing presses: set "offset" in the layout, or raise tare_limit.')
+            remedy='Open the gripper. If nothing presses the pad, set "offset" in the layout or raise tare_limit.')
     _refuse_contact(values, guard, zero)
     noise = float(np.sqrt(values.var(0)[known].mean()))
     return Tare(read_only(mean.astype(np.float32)), len(values), noise, known, guard.unit)
@@ -209,18 +217,18 @@ def _refuse_contact(values: np.ndarray, guard: ContactGuard, zero: np.ndarray | 
             'tare', TareRefusal.CONTACT, expected='no contact on the pad, whatever tare_limit is',
             got=f'{np.count_nonzero(pressed)} pressed taxels, most at row {row}, column {col}: {loads[row, col]:g} '
                 f'{guard.unit} above zero',
-            remedy='Open the gripper. If nothing presses: set "offset" in the layout, or take out faulty taxels.')
+            remedy='Open the gripper. If nothing presses the pad, set "offset" in the layout or exclude faulty taxels.')
 
 
 class TaredPad:
-    """Subtracts the zero of one pad from its frames. Frames arrive on one thread, and `tare` is called on another.
+    """Subtracts the zero of one pad from its frames. Frames arrive on one thread, while `tare` is called on another.
 
     Parameters
     ----------
     guard : ContactGuard
-        Finds the contacts that are never tared away.
+        Guard that finds contacts, which a tare never removes.
     drift : DriftFollower or None
-        Lets the zero follow the taxels while nothing presses them; None to keep the zero.
+        Follower that lets the zero drift with the taxels while nothing presses them; None to hold the zero.
 
     Examples
     --------
@@ -232,19 +240,19 @@ class TaredPad:
     def __init__(self, guard: ContactGuard, drift: DriftFollower | None = None):
         self.offset: np.ndarray | None = None
         self.drift = drift
-        self.zero_error: HalfZeroedError | None = None  #: report of the device if it has zeroed only some channels
+        self.zero_error: HalfZeroedError | None = None  #: report of a device that has zeroed only some of its channels
         self._guard = guard
         self._zero_state = ZeroState.VALID
-        self._boots: Callable[[], int] | None = None  # counts boot-ups of a device that has zeroed itself
-        self._zeroed_after = 0  # number of boot-ups when the device zeroed itself
+        self._boots: Callable[[], int] | None = None  # function that counts boot-ups of a device that has zeroed itself
+        self._zeroed_after = 0  # number of boot-ups counted when the device zeroed itself
         self._wanted = 0
         self._taken: list[np.ndarray] = []
         self._changed = threading.Condition()
-        self._ended = ''  # reason why no more frames arrive; '' while they may
+        self._ended = ''  # reason why no more frames arrive; '' while frames may arrive
 
     @property
     def zero_state(self) -> ZeroState:
-        """State of the zero; unless it is VALID, no value is valid."""
+        """State of the zero. Values are valid only in the state VALID."""
         if self._zero_state is ZeroState.VALID and self._boots is not None and self._boots() != self._zeroed_after:
             return ZeroState.DEVICE_HAS_RESTARTED
         return self._zero_state
@@ -269,25 +277,25 @@ class TaredPad:
         return frame._replace(values=read_only((frame.values - self.offset).astype(np.float32, copy=False)))
 
     def tare(self, frames: int, limit: float, timeout: float) -> Tare:
-        """Average the next complete frames into a new zero.
+        """Average the next complete frames to obtain a new zero.
 
         Parameters
         ----------
         frames : int
             Number of frames to average.
         limit : float
-            Reading from which on a taxel counts as pressed.
+            Reading at and above which a taxel counts as pressed.
         timeout : float
             Time allowed for the frames to arrive [s].
 
         Raises
         ------
         TareRefusedError
-            If the pad is pressed or the frames do not arrive in time.
+            Raised if the pad is pressed or the frames do not arrive in time.
         """
         boots = self._boots() if self._boots is not None else 0
         found = self._measure_next(frames, limit, timeout)
-        with self._changed:  # a taxel that could not be measured keeps its zero
+        with self._changed:  # a taxel that could not be measured keeps its previous zero
             offset = found.offset if self.offset is None else np.where(found.known, found.offset, self.offset)
             self.offset = read_only(offset)
             self._zeroed_after = boots
@@ -296,27 +304,28 @@ class TaredPad:
 
     def tare_after(self, zero_device: Callable[[], int], boots: Callable[[], int], frames: int, limit: float,
                    timeout: float) -> tuple[int, Tare]:
-        """Let the device zero itself, then subtract the remaining offset.
+        """Command the device to zero itself, then subtract the remaining offset.
 
-        The request is refused under load before the device receives it, because the device would store the load as its
-        zero. Until the new tare is known, no value is valid, even if the tare fails.
+        Under load, the request is refused before it reaches the device, because the device would store the load as its
+        zero. After the command, no value is valid until the new tare is known, even if the tare fails.
 
-        From then on, ``boots`` shows whether the device still has its zero. According to CiA 404, a device loses its
-        zero in a reset, unless it was commanded to save it. Once the zero is lost, no value is valid before the next
-        tare.
+        After the tare, ``boots`` shows whether the device still has its zero. According to CiA 404, a device loses its
+        zero in a reset unless it was commanded to save the zero. Once the device has lost its zero, no value is valid
+        until the next tare.
 
-        If ``zero_device`` raises an error, everything is restored. After a HalfZeroedError, however, no value is valid.
+        If ``zero_device`` raises an error, the previous state is restored. After a HalfZeroedError, however, no value
+        is valid.
 
         Parameters
         ----------
         zero_device : callable
-            Commands the device to zero itself and returns the number of zeroed channels.
+            Function that commands the device to zero itself and returns the number of zeroed channels.
         boots : callable
-            Returns the number of boot-ups of the device.
+            Function that returns the number of boot-ups of the device.
         frames : int
             Number of frames to average.
         limit : float
-            Reading from which on a taxel counts as pressed.
+            Reading at and above which a taxel counts as pressed.
         timeout : float
             Time allowed for the frames to arrive [s].
 
@@ -342,24 +351,27 @@ class TaredPad:
                 self._zero_state, self.offset, self._boots = before
             raise
         try:
-            self._take_next(3, timeout)  # these frames may have been sampled before
+            self._take_next(3, timeout)  # frames that arrive now may have been sampled before the command
             return zeroed, self.tare(frames, limit, timeout)
         except BaseException:
             self._zero_state = ZeroState.DEVICE_NOT_CHECKED
             raise
 
     def give_up(self, why: str) -> None:
-        """Refuse a waiting tare at once, and any other tare until `expect` is called, because no frames arrive."""
+        """Refuse a waiting tare immediately, because no frames arrive.
+
+        Any other tare is also refused until `expect` is called.
+        """
         with self._changed:
             self._ended = why
             self._changed.notify()
 
     def expect(self) -> None:
-        """Accept tares again, because frames arrive again."""
+        """Accept tares again, because frames are arriving again."""
         self._ended = ''
 
     def _measure_next(self, frames: int, limit: float, timeout: float) -> Tare:
-        """Return the same result as `tare`, but change nothing."""
+        """Return the result of `tare` without changing anything."""
         taken = self._take_next(frames, timeout)
         return measure(taken, limit, self._guard, 0.0 if self.offset is None else self.offset)
 
@@ -376,5 +388,5 @@ class TaredPad:
         if len(taken) < frames:
             raise TareRefusedError('tare', TareRefusal.TOO_FEW_FRAMES, got=f'{len(taken)}',
                                    expected=f'{frames} whole taxel frames within {timeout:.1f} s',
-                                   remedy='See /diagnostics: it names the losses.')
+                                   remedy='Look up the losses in /diagnostics.')
         return np.stack(taken)

@@ -1,4 +1,4 @@
-"""Find faulty taxels (dead, stuck, flickering, saturated) by their values, and keep them in a file."""
+"""Find faulty taxels (dead, stuck, flickering, saturated) from their values, and keep them in a file."""
 
 from collections.abc import Mapping
 from enum import IntEnum
@@ -14,28 +14,32 @@ from tactile_node.output_file import output_file
 from tactile_node.taxel_frame import read_only
 from tactile_node.yaml_section import load_mapping
 
-CONTACTS = 5        #: Number of successive contacts that must give evidence against a taxel.
-MIN_TOUCHED = 3     #: Smallest number of taxels of a contact.
-FALLEN_SHARE = 0.6  #: Share of the taxels that rose in a contact that must have fallen when the contact is over.
-#: Share of the taxels pressed at the height of the contact that may still be pressed; edges come and go during a grasp.
+CONTACTS = 5        #: Number of successive contacts that must provide evidence against a taxel.
+MIN_TOUCHED = 3     #: Smallest number of taxels in a contact.
+FALLEN_SHARE = 0.6  #: A contact is over when at least this share of the taxels that rose in it have fallen again.
+
+#: A contact is over when at most this share of the taxels pressed at its height are still pressed. The share is not
+#: higher because edges come and go during a grasp.
 RELEASED_SHARE = 0.5
 APART = 3.0  #: Smallest distance between the centres of the contacts that prove a taxel dead [taxels].
-ALIVE = 0.1  #: Share of the limit; a taxel that reads this much has felt something.
+ALIVE = 0.1  #: Share of the limit. A taxel that reads this much counts as alive.
 SIDE_DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
-JUMP_SHARE = 2.0      #: Share of the limit; a larger change from one frame to the next is a jump.
-ALONE_SHARE = 0.5     #: Share of the limit; a jump is alone if no neighbour changes by this much in the same frame.
+JUMP_SHARE = 2.0      #: Share of the limit. A larger change from one frame to the next is a jump.
+
+#: Share of the limit. A jump is a lone jump if no neighbour changes by this much in the same frame.
+ALONE_SHARE = 0.5
 FLICKER_TIME = 5.0    #: Time over which lone jumps are counted [s].
-FLICKER_JUMPS = 40    #: Number of lone jumps of a flickering taxel in this time.
-FLICKER_SHARE = 0.25  #: Share of the frames in this time in which a flickering taxel jumps.
+FLICKER_JUMPS = 40    #: Number of lone jumps within FLICKER_TIME that make a taxel flickering.
+FLICKER_SHARE = 0.25  #: Share of the frames within FLICKER_TIME in which a flickering taxel jumps.
 
 
 class TaxelFault(IntEnum):
-    """Fault of a taxel; the numbers are stable."""
+    """Fault of a taxel. The code numbers never change."""
 
     NONE = 0
-    DEAD = 1        #: silent while its surroundings are pressed, in several contacts
-    STUCK = 2       #: pressed without changing by a single count while contacts around it come and go
-    FLICKERING = 3  #: jumps up and down by itself
+    DEAD = 1        #: silent in several contacts that pressed the surrounding taxels
+    STUCK = 2       #: pressed with exactly the same value while contacts around it come and go
+    FLICKERING = 3  #: jumps up and down while its neighbours do not
     SATURATED = 4   #: stuck at the end of its range
 
 
@@ -45,7 +49,7 @@ class FaultyTaxels(NamedTuple):
     kinds: np.ndarray  #: uint8 TaxelFault, (rows, cols), read-only
 
     def places(self, kind: TaxelFault) -> list[tuple[int, int]]:
-        """Return (row, col) of all taxels with this fault, row by row."""
+        """Return the (row, col) of all taxels with this fault, row by row."""
         return [(int(row), int(col)) for row, col in np.argwhere(self.kinds == kind)]
 
     @property
@@ -57,22 +61,25 @@ class FaultyTaxels(NamedTuple):
 class FaultDetector:
     """Detects the faulty taxels of one pad, frame by frame.
 
-    Evidence is counted by contacts, because time alone proves nothing: an untouched pad shows no dead taxels, and a
-    grasp of an hour shows no stuck taxels. A contact is counted when MIN_TOUCHED taxels have risen above ``limit``,
-    nearly all of them have fallen again, and not many taxels are left pressed. If more taxels are stuck than any
-    contact presses, no fault is found.
+    The detector counts evidence by contacts, because time alone proves nothing: an untouched pad shows no dead taxels,
+    and an hour's grasp shows no stuck taxels. A contact is counted once MIN_TOUCHED taxels have risen above ``limit``,
+    nearly all of them have fallen again, and only few taxels remain pressed. The detector finds no faults if more
+    taxels are stuck than any contact presses.
 
-    - Dead: the taxel was not ALIVE in CONTACTS contacts, although pressed taxels lay on both sides of it in two of four
-      directions. The centres of these contacts must be APART. A ring that is pressed elsewhere then also presses the
-      taxels that lay in its hole. A taxel in the corner of a pad does not have two sides, so it is never found dead.
-      Blocks of dead taxels are not found either, because a hole of more than two taxels contains taxels without pressed
-      taxels on both sides.
-    - Stuck: the taxel was pressed at the end of CONTACTS contacts, and its value has been identical to the bit since
-      before the first of them. It is alone or has fewer stuck neighbours than a contact has taxels. An object that is
-      still held presses more taxels. A stuck taxel at the end of its range is saturated.
-    - Flickering: the taxel made FLICKER_JUMPS jumps within FLICKER_TIME, and jumped in FLICKER_SHARE of the frames. A
-      jump counts if no neighbour took part, was pressed or was unknown; faulty neighbours are ignored. Two flickering
-      taxels side by side are not found.
+    - A taxel is *dead* if it was not ALIVE in CONTACTS contacts, although pressed taxels lay on both sides of it in two
+      of four directions. The centres of these contacts must be APART. A ring that is pressed at several places then
+      also presses the taxels that once lay in its hole. A taxel in the corner of a pad has no two sides, so it is never
+      found dead. Blocks of dead taxels are not found either, because a hole of more than two taxels contains taxels
+      without pressed taxels on both sides.
+
+    - A taxel is *stuck* if it was pressed at the end of CONTACTS contacts, and its value has been bit-identical since
+      before the first of these contacts. A stuck taxel must be alone or have fewer stuck neighbours than a contact has
+      taxels, because an object that is still held presses more taxels. A stuck taxel at the end of its range is
+      *saturated*.
+
+    - A taxel is *flickering* if it made FLICKER_JUMPS jumps within FLICKER_TIME, and jumped in FLICKER_SHARE of the
+      frames. A jump counts if no neighbour took part in it, was pressed or had no value. Faulty neighbours are ignored.
+      Two flickering taxels side by side are not found.
 
     A single sign of life clears a fault.
 
@@ -81,7 +88,7 @@ class FaultDetector:
     rows, cols : int
         Number of rows and columns of the pad.
     limit : float
-        A lower value counts as not pressed, in the taxels' unit.
+        Reading above the zero at which a taxel counts as pressed, in the taxels' unit.
     """
 
     def __init__(self, rows: int, cols: int, limit: float):
@@ -89,10 +96,10 @@ class FaultDetector:
         self.limit = limit  #: may be changed at any time
         self._last = np.full(shape, np.nan)
         self._pressed, self._risen = np.zeros((2, *shape), bool)
-        self._height = 0  # largest number of pressed taxels in this contact
-        self._still = np.zeros(shape, int)   # number of contacts since the value last changed
-        self._silent = np.zeros(shape, int)  # number of contacts around the taxel that it did not feel
-        self._range = np.zeros((2, 2, *shape))  # smallest and greatest row and column of these contacts' centres
+        self._height = 0  # largest number of taxels pressed during this contact
+        self._still = np.zeros(shape, int)   # number of contacts since the taxel's value last changed
+        self._silent = np.zeros(shape, int)  # number of contacts around the taxel that the taxel did not feel
+        self._range = np.zeros((2, 2, *shape))  # smallest and largest row and column of the centres of these contacts
         self._jumps, self._stamp = np.zeros(shape), -np.inf
         self._is_saturated = np.zeros(shape, bool)
         self._frames = 0.0
@@ -107,11 +114,11 @@ class FaultDetector:
         Parameters
         ----------
         stamp : float
-            Acquisition of the frame [s].
+            Time at which the frame was acquired [s].
         values : np.ndarray
             Taxel values as sent, (rows, cols); NaN if unknown.
         zero : np.ndarray or float
-            Readings of the taxels without load.
+            Readings of the unloaded taxels.
         is_saturated : np.ndarray
             Taxels at the end of their range, bool (rows, cols).
         """
@@ -138,7 +145,7 @@ class FaultDetector:
         return self.faults
 
     def _count_jumps(self, stamp: float, change: np.ndarray, unknown: np.ndarray) -> bool:
-        """Count the jumps in which no neighbour takes part, and return True if a fault may have appeared or cleared."""
+        """Count the jumps in which no neighbour took part. Return True if a fault may have appeared or cleared."""
         passed, self._stamp = stamp - self._stamp, stamp
         was_flickering, fading = self._is_flickering(), np.exp(-max(passed, 0.0) / FLICKER_TIME)
         self._jumps *= fading
@@ -189,7 +196,7 @@ class FaultDetector:
     def _stuck(self, pressed: np.ndarray) -> np.ndarray:
         """Return the stuck taxels.
 
-        A taxel stays stuck while it does not move. Stuck taxels do not count as neighbours of others.
+        A taxel remains stuck while its value does not change. Stuck taxels do not count as neighbours of other taxels.
         """
         still = pressed & (self._still >= CONTACTS)
         before = still & np.isin(self.faults.kinds, (TaxelFault.STUCK, TaxelFault.SATURATED))
@@ -203,7 +210,10 @@ NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
 
 
 def _find_surrounded(mask: np.ndarray) -> np.ndarray:
-    """Return the taxels with a taxel of ``mask`` on both sides, in two directions; at an edge, along the edge."""
+    """Return the taxels that lie between taxels of ``mask`` in two directions.
+
+    At an edge, one direction along the edge suffices.
+    """
     rows, cols = mask.shape
     padded = np.pad(mask, 1)
 
@@ -224,19 +234,19 @@ FAULT_KINDS = tuple(kind for kind in TaxelFault if kind)
 
 
 def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[str, FaultyTaxels]:
-    """Return the faulty taxels of some pads from a file. A pad that the file does not list has none.
+    """Return the faulty taxels of some pads from a file. A pad that the file does not list has no faulty taxels.
 
     Parameters
     ----------
     path : str or Path
         The file.
     pads : mapping of str to tuple of int
-        Rows and columns of each pad, by name.
+        Number of rows and columns of each pad, by pad name.
 
     Raises
     ------
     ConfigurationError
-        If the file cannot be used; the error names the file and the key.
+        Raised if the file cannot be used. The error names the file and the key.
     """
     kinds, path = {name: np.zeros(shape, np.uint8) for name, shape in pads.items()}, _usable(path)
     if path.exists():
@@ -258,12 +268,12 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
 
 
 def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
-    """Write the faulty taxels of these pads to a file; the entries of other pads stay.
+    """Write the faulty taxels of these pads to a file. The entries of other pads are kept.
 
     Raises
     ------
     ConfigurationError
-        If the file cannot be written or is another kind of file.
+        Raised if the file cannot be written or has another kind of content.
     """
     path = _usable(path)
     pads = load_mapping(path, FILE_CONTENT).take('pads', {}) if path.exists() else {}
@@ -284,7 +294,7 @@ def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
 
 
 def _usable(path: str | Path) -> Path:
-    """Return the path with ``~`` expanded; ConfigurationError if the system cannot even look for such a path."""
+    """Return the path with ``~`` expanded. ConfigurationError is raised if the system cannot look for this path."""
     try:
         expanded = Path(path).expanduser()
         expanded.exists()

@@ -1,1 +1,1 @@
-"""From a taxel frame to a contact pattern: which taxels are pressed, and which of them belong together."""
+"""Turn a taxel frame into a contact pattern, which says which taxels are pressed and which of them belong together."""

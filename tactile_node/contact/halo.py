@@ -1,18 +1,23 @@
-"""The halo of a contact: the load that the skin's cover carries sideways to taxels that nothing touches."""
+"""Estimate the halo of a contact.
+
+The halo is the load that the skin's cover carries sideways to taxels that nothing touches.
+"""
 
 import numpy as np
 
 from tactile_node.contact.neighbours import box_of, grown
 
-SKIRT_REACH = 2  #: Distance from a contact at which its halo shows but its own rim does not [taxels].
+SKIRT_REACH = 2  #: Distance from a contact at which its halo is visible but its own rim is not [taxels].
 LEAST_SKIRT = 8  #: Smallest number of taxels that can show a halo.
-#: Quantile of the readings around a contact that represents the halo. A halo surrounds its contact, while around a
-#: tilted or uneven contact the lowest quarter of the readings is at rest.
+
+#: Quantile of the readings around a contact at which the halo is measured. A halo surrounds its contact on all sides.
+#: Around a tilted or uneven contact without a halo, the lowest quarter of the readings is at rest.
 ALL_ROUND = 0.25
-#: Smallest halo, as a share of the contact's mean reading. Computed contacts of elastic layers and
-#: contacts on arrays that read 0 at rest show less.
+#: Smallest halo, as a share of the contact's mean reading. Simulated contacts on elastic layers, and contacts on arrays
+#: that read 0 at rest, have less.
 LEAST_HALO = 0.02
-#: Distance over which a halo falls to about a third (1/e) [taxels]; chosen on computed halos of five profiles.
+#: Distance over which a halo falls to about a third (1/e) [taxels]. The value was chosen on simulated halos of five
+#: profiles.
 HALO_LENGTH = 4.0
 
 
@@ -20,7 +25,7 @@ def halo_of(raised: np.ndarray, valid: np.ndarray, pressed: np.ndarray) -> np.nd
     """Return the halo of the pressed taxels, or None if the contact has no halo.
 
     The halo at a taxel is proportional to the load around that taxel. The factor is chosen so that the halo explains
-    the readings all round the contact.
+    the readings all around the contact.
 
     Parameters
     ----------
@@ -51,13 +56,13 @@ def halo_of(raised: np.ndarray, valid: np.ndarray, pressed: np.ndarray) -> np.nd
 
 
 def _lowest_quarter(values: np.ndarray) -> float:
-    """Return the value below which a quarter of ``values`` lies; five times as fast as numpy's quantile."""
+    """Return the value below which a quarter of ``values`` lies, five times as fast as numpy's quantile."""
     place = int(ALL_ROUND * values.size)
     return float(np.partition(values, place)[place])
 
 
 def _spread(load: np.ndarray) -> np.ndarray:
-    """Return ``load``, (rows, cols), spread over all taxels; it decays with the distance in rows plus columns."""
+    """Return ``load``, (rows, cols), spread over all taxels. The load decays with the distance in rows plus columns."""
     rows, cols = (np.exp(-np.abs(np.subtract.outer(place, place)) / HALO_LENGTH)
                   for place in map(np.arange, load.shape))
     spread: np.ndarray = rows @ load @ cols

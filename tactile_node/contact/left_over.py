@@ -1,4 +1,4 @@
-"""Left-over taxels: taxels that stay pressed after the contact they belonged to is gone."""
+"""Find left-over taxels, which stay pressed after the contact they belonged to is gone."""
 
 import numpy as np
 
@@ -6,30 +6,35 @@ from tactile_node.contact.neighbours import linked
 from tactile_node.taxel_frame import read_only
 
 REMAINING_SHARE = 1 / 3  #: A group can be left over if it has at most this share of the taxels of its former contact.
-#: Time in which a contact has to shrink to REMAINING_SHARE to count as released [frames]; 0.3 s at 50 Hz.
+
+#: Time within which a contact must shrink to REMAINING_SHARE to count as released [frames]; 0.3 s at 50 Hz.
 RELEASE_FRAMES = 15
-RETURN_GROWTH = 2  #: Factor by which a left-over group has to grow to count as a contact again.
-PIECES_APART = 2   #: Largest gap between pieces of one contact [taxels]; silent lines tear a contact into pieces.
-#: Smallest share of taxel sides that the taxels of a contact have in common. Left-over and random groups are ragged and
-#: have less.
+RETURN_GROWTH = 2  #: Factor by which a left-over group must grow to count as a contact again.
+
+#: Largest gap between pieces of one contact [taxels]. Silent lines of taxels tear a contact into pieces.
+PIECES_APART = 2
+#: Smallest share of the taxel sides in a contact that two of its taxels have in common. Left-over groups and random
+#: groups are ragged and have a smaller share.
 LEAST_COMPACTNESS = 0.62
-#: Time without being pressed after which the history of a taxel is forgotten [frames]; some taxels flicker.
+#: Time after which the history of a taxel that is no longer pressed is forgotten [frames]. A shorter time would forget
+#: taxels that flicker.
 IDLE_FRAMES = 25
 
 
 class LeftOver:
     """Finds the left-over taxels of a pad in successive frames.
 
-    A pressed taxel is left over if its group is much smaller than the contact to which the taxel belonged before, and
-    if the group also looks like a remainder:
+    A pressed taxel is left over if its group is much smaller than the contact that the taxel belonged to before, and
+    the group also looks like a remainder:
 
     - The group has at most a third (REMAINING_SHARE) of the taxels of the largest contact that the taxel belonged to.
-      Pieces close to each other count as one group.
-    - The group is ragged, or all of it shrank to that size within RELEASE_FRAMES. An object that leaves more slowly
-      stays a contact.
+      Pieces that are close to each other count as one group.
+
+    - The group is ragged, or all of it shrank to that size within RELEASE_FRAMES. An object that leaves more slowly is
+      still a contact.
 
     Left-over taxels become a contact again when a contact reaches them, or when a group that shrank grows by
-    RETURN_GROWTH. If a taxel was pressed from the first frame on, its earlier contact is not known, so it cannot be
+    RETURN_GROWTH. If a taxel was pressed in the first frame, its earlier contact is unknown, so the taxel cannot be
     found left over.
     """
 
@@ -44,7 +49,7 @@ class LeftOver:
         pressed : np.ndarray
             Pressed taxels of the frame, bool (rows, cols).
         is_one : bool
-            True if the caller knows that ``pressed`` is a single group. The search for groups is then skipped.
+            True if the caller knows that ``pressed`` is a single group. With True, the search for groups is skipped.
 
         Returns
         -------
@@ -73,9 +78,10 @@ class LeftOver:
         return self._left
 
     def keep_only_left_over(self) -> None:
-        """Forget all contacts but the current left-over taxels.
+        """Forget all contacts except the present left-over taxels.
 
-        Call this when thresholds change: a contact that new thresholds make smaller has not been released.
+        Call this when thresholds change, because a contact that becomes smaller under new thresholds has not been
+        released.
         """
         self._largest = self._largest * self._left
         self._recent = self._recent * self._left
@@ -84,7 +90,7 @@ class LeftOver:
 def _sizes(pressed: np.ndarray, groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the size of each group, and an array that is True for each ragged group.
 
-    Group 0, the taxels of no group, has size 0 and is not ragged.
+    Group 0 holds the taxels outside all groups. The size of group 0 is 0, and group 0 is not ragged.
     """
     count = int(groups.max()) + 1
     sizes = np.bincount(groups.reshape(-1), minlength=count)

@@ -1,4 +1,4 @@
-"""Array operations on neighbouring taxels, and the check that a frame shows enough of the pad."""
+"""Provide array operations on neighbouring taxels, and check that a frame shows enough of the pad."""
 
 import numpy as np
 from scipy import ndimage
@@ -12,8 +12,8 @@ EIGHT_CONNECTED = read_only(np.ones((3, 3), bool))
 def pad_seen(hidden: np.ndarray, unmapped: np.ndarray, smallest_contact: int = SMALLEST_CONTACT) -> bool:
     """Return True if no group of connected hidden taxels has room for a contact.
 
-    A line of taxels can be a contact, too: one lost TPDO that carries eight taxels of a row can hide a bar. A pad
-    without any visible taxel is not seen.
+    A line of taxels can also be a contact. One lost TPDO that carries eight taxels of a row can therefore hide a bar. A
+    pad without any visible taxel does not count as seen.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def pad_seen(hidden: np.ndarray, unmapped: np.ndarray, smallest_contact: int = S
 def largest_group(taxels: np.ndarray, reaching: np.ndarray | None = None) -> int:
     """Return the size of the largest 8-connected group of ``taxels`` that shares a taxel with ``reaching``, or 0.
 
-    If ``reaching`` is None, every group counts.
+    If ``reaching`` is None, all groups count.
     """
     if not taxels.any():
         return 0
@@ -70,7 +70,7 @@ def grown(mask: np.ndarray) -> np.ndarray:
 
 
 def framed(taxels: np.ndarray) -> np.ndarray:
-    """Return ``taxels`` with a row or column of zeros added on each side; five times as fast as `numpy.pad`.
+    """Return ``taxels`` with a row or column of zeros added on each side, five times as fast as `numpy.pad`.
 
     >>> framed(np.array([[7]])).tolist()
     [[0, 0, 0], [0, 7, 0], [0, 0, 0]]
@@ -82,7 +82,7 @@ def framed(taxels: np.ndarray) -> np.ndarray:
 
 
 def enclosed(mask: np.ndarray) -> np.ndarray:
-    """Return the taxels between two taxels of ``mask`` in their row or column, each at most 2 taxels away.
+    """Return the taxels that lie between two taxels of ``mask`` in their row or column, each at most 2 taxels away.
 
     ``mask`` and the result are bool (rows, cols).
 
@@ -107,8 +107,8 @@ def box_of(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
     mask : np.ndarray
         bool (rows, cols), with at least one taxel set.
     margin : int
-        Number of rows and columns to add on each side. The box never begins before row or column 0, but it may end
-        beyond the last one; numpy shortens such slices.
+        Number of rows and columns to add on each side. The box never begins before row or column 0, but may extend
+        beyond the last one, because numpy shortens slices.
 
     Returns
     -------
@@ -145,9 +145,9 @@ def sides_reached(mask: np.ndarray) -> SkinSide:
 
 
 def sum_around(values: np.ndarray) -> np.ndarray:
-    """Return for each taxel the sum of its value and the values of its 8 neighbours, float (rows, cols).
+    """Return, for each taxel, the sum of its value and the values of its 8 neighbours, float (rows, cols).
 
-    ``values`` are numbers or bool. Places beyond the edge of the pad add nothing.
+    ``values`` may be numbers or bool. Places beyond the edge of the pad count as 0.
 
     >>> sum_around(np.array([[1.0, 2.0, 4.0]])).tolist()
     [[3.0, 7.0, 6.0]]
@@ -174,19 +174,20 @@ def reached(start: np.ndarray, taxels: np.ndarray) -> np.ndarray:
 
 
 def linked(taxels: np.ndarray, between: int) -> np.ndarray:
-    """Number the groups of taxels, where a small gap does not separate two groups.
+    """Number the groups of taxels. A small gap does not separate two groups.
 
     Parameters
     ----------
     taxels : np.ndarray
         bool (rows, cols).
     between : int
-        Largest number of other taxels between two neighbours of the same group.
+        Largest number of other taxels between two taxels of one group.
 
     Returns
     -------
     np.ndarray
-        Group number of each taxel, int (rows, cols). Taxels of no group have 0; taxels in the gaps may have a number.
+        Group number of each taxel, int (rows, cols). Taxels outside all groups have the number 0. Taxels in the gaps
+        may have a group number.
 
     Examples
     --------

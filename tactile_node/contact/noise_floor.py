@@ -1,4 +1,4 @@
-"""The level and the noise of each taxel at rest, learned frame by frame while nothing presses the taxel."""
+"""Learn the level and the noise of each taxel at rest, frame by frame while nothing presses the taxel."""
 
 from math import sqrt
 from typing import NamedTuple
@@ -8,26 +8,28 @@ import numpy as np
 from tactile_node.contact.neighbours import grown, sum_around
 from tactile_node.taxel_frame import read_only
 
-FEWEST_TAXELS = 8     #: Smallest number of taxels that can show a level.
-RESTING_SHARE = 0.25  #: Share of the visible taxels that has to rest; an object may cover the others.
-#: A taxel counts as resting up to this many standard deviations above the mean of the resting taxels. The limit is low
-#: because the readings of a light contact begin near it.
+FEWEST_TAXELS = 8     #: Smallest number of taxels from which a level can be computed.
+RESTING_SHARE = 0.25  #: Share of the visible taxels that must rest. An object may cover the other taxels.
+
+#: A taxel counts as resting if it reads at most this many standard deviations above the mean of the resting taxels. The
+#: limit is low because the readings of a light contact begin just above it.
 TAKEN_SPREADS = 2.5
-#: The limit above leaves out the upper 1 % of normally distributed values. The mean of the remaining values is too low
-#: by this many of their standard deviations.
+#: With the limit above, the upper 1 % of normally distributed values are missing. The mean of the remaining values is
+#: too low by this many of their standard deviations.
 CLIPPED_SHIFT = 0.023
-CLIPPED_WIDTH = 0.972  #: Factor by which the same limit makes the standard deviation too small.
-#: Let d be the distance between the lowest quartile and the lowest octile of the values. Values that lie more than this
-#: many d below the octile are far below the others. Normally distributed values reach at most 5 d.
+CLIPPED_WIDTH = 0.972  #: Factor by which the clipping limit makes the standard deviation too small.
+
+#: Let d be the distance between the first octile and the first quartile of the values. Values that lie more than this
+#: many d below the octile count as far below the others. Normally distributed values lie at most 5 d below it.
 FAR_DISTANCES = 10.0
-MANY_VALUES = 64  #: Smallest number of values whose octile and quartile are reliable.
-MOST_ROUNDS = 12  #: Limit of the iteration; in practice it takes 3 to 6 rounds.
+MANY_VALUES = 64  #: Smallest number of values for which the octile and the quartile are reliable.
+MOST_ROUNDS = 12  #: Largest number of rounds of the iteration. In practice, 3 to 6 rounds suffice.
 
 
 class Resting(NamedTuple):
-    """Level of the taxels at rest and standard deviation over these taxels, in the unit of the values.
+    """Level of the resting taxels, and the standard deviation over these taxels, in the unit of the values.
 
-    Both are NaN if they are not known.
+    Both fields are NaN if they are unknown.
     """
 
     level: float
@@ -35,7 +37,7 @@ class Resting(NamedTuple):
 
     @property
     def is_known(self) -> bool:
-        """True if level and deviation are numbers."""
+        """True if the level and the deviation are known."""
         return self.level == self.level
 
 
@@ -45,9 +47,10 @@ UNKNOWN_REST = Resting(float('nan'), float('nan'))
 def resting_of(values: np.ndarray) -> Resting:
     """Return the level and the noise of the taxels at rest.
 
-    The function clips outliers from above (one-sided sigma clipping). It begins with the lowest quarter of the values.
-    It then adds all values up to 2.5 standard deviations above the mean of the values taken so far, until nothing
-    changes. Level and deviation are corrected for the clipping as for normally distributed values.
+    The function clips high outliers (one-sided sigma clipping). The calculation begins with the lowest quarter of the
+    values. In each round, all values up to 2.5 standard deviations above the mean of the accepted values are added,
+    until no value is new. The level and the deviation are corrected for the clipping, assuming normally distributed
+    values.
 
     Parameters
     ----------
@@ -62,9 +65,9 @@ def resting_of(values: np.ndarray) -> Resting:
 
     Notes
     -----
-    Among 64 values or more, up to an eighth may lie far below the others, for example because taxels have lost their
-    offset. These values are left out. If the values come in whole steps, the limit is one step higher, because there
-    are no values in between.
+    If there are 64 values or more, up to an eighth of them may lie far below the others, for example because taxels
+    have lost their offset. Values far below the others are ignored. If the values come in steps, the limit is one step
+    higher, because no values lie in between.
 
     Examples
     --------
@@ -95,7 +98,7 @@ def resting_of(values: np.ndarray) -> Resting:
 
 
 def _far_below(ordered: np.ndarray) -> int:
-    """Return how many of the sorted values lie far below all others.
+    """Return the number of sorted values that lie far below all others.
 
     If the first octile and the first quartile are equal, the distance to the next larger value is used instead.
     """
@@ -111,9 +114,9 @@ def _far_below(ordered: np.ndarray) -> int:
 
 
 def _step(ordered: np.ndarray) -> float:
-    """Return the smallest gap between sorted values that come in steps, or 0 if they do not.
+    """Return the smallest gap between sorted values that come in steps, or 0 if the values do not come in steps.
 
-    Values come in steps if fewer than a quarter of the neighbours differ, but some do.
+    Values come in steps if some neighbours in sorted order differ, but fewer than a quarter of them.
     """
     gaps = ordered[1:] - ordered[:-1]
     gaps = gaps[gaps > 0]
@@ -121,34 +124,38 @@ def _step(ordered: np.ndarray) -> float:
 
 
 LEARNED_FRAMES = 25      #: Number of frames at rest after which a taxel's own noise is used.
-REMEMBERED_FRAMES = 500  #: Number of frames at rest over which the noise is averaged; 10 s at 50 Hz.
-#: Highest noise of a taxel relative to the noise of the pad. Higher readings come from a contact or a fault, not from
+REMEMBERED_FRAMES = 500  #: Number of frames at rest over which the noise is averaged (10 s at 50 Hz).
+
+#: Highest noise of a taxel, relative to the noise of the pad. Higher values come from a contact or a fault, not from
 #: noise.
 LOUDEST_RATIO = 4.0
-#: A reading counts as at most this many standard deviations away from the level, so that one outlier changes little.
+#: A reading counts as at most this many standard deviations away from the level, so that a single outlier has little
+#: effect.
 OUTLYING_SPREADS = 2.0
-#: If the sum of 3x3 taxels rises by more than this many standard deviations, they rise together, as under a slowly
-#: growing contact.
+#: If the sum of 3x3 taxels rises by more than this many standard deviations, the taxels rise together, as under a
+#: slowly growing contact.
 TOGETHER_SPREADS = 9.0
 FOLLOWED_RISE = 0.1  #: Largest rise of the level at rest in one frame [standard deviations].
 LOUDER_RATIO = 2.0   #: Highest noise during a touch, relative to the noise before the touch.
-#: Share of the frame's deviation by which the level at rest may rise from frame to frame. The level of a pad that an
-#: object covers rises by more.
+
+#: Share of the frame's deviation by which the level at rest may rise from frame to frame. If an object covers the pad,
+#: the level rises by more.
 COVERED_SCATTER = 0.5
 
 
 class NoiseFloor:
-    """Level and noise at rest of the taxels of one pad, followed from frame to frame, in the unit of the values.
+    """Level and noise of one pad's taxels at rest, tracked from frame to frame, in the unit of the values.
 
-    The noise of a taxel is the root mean square of its readings about the level at rest. It includes the taxel's own
-    offset and is at least the noise over the resting taxels of the frame. The noise is not learned where taxels rise
-    together, because a slowly growing contact must not become noise. Until a taxel has rested for LEARNED_FRAMES
-    frames, the noise of the frame is used instead of its own. Taxels under an object that is held from the start
-    therefore use the noise of the frame.
+    The noise of a taxel is the root mean square of its readings about the level at rest. The noise includes the taxel's
+    own offset and is at least the noise over the resting taxels of the frame. Where taxels rise together, no noise is
+    learned, because a slowly growing contact must not become noise. Until a taxel has rested for LEARNED_FRAMES frames,
+    the noise of the frame replaces the noise of the taxel. Taxels under an object that is held from the start therefore
+    use the noise of the frame.
 
-    The level at rest rises slowly and falls at once. When an object comes to cover the whole pad, even the lowest
+    The level at rest rises slowly and falls immediately. When an object comes to cover the whole pad, even the lowest
     taxels are pressed, and the level must not rise to their readings. While something presses the pad, the noise is
-    limited to LOUDER_RATIO times the noise before the touch. A held object must not disappear in the noise of a motor.
+    limited to LOUDER_RATIO times the noise before the touch. The limit prevents a held object from disappearing in the
+    noise of a motor.
 
     Parameters
     ----------
@@ -158,16 +165,16 @@ class NoiseFloor:
 
     def __init__(self, highest: float = np.inf):
         self._highest = highest
-        self.of_frame = UNKNOWN_REST  #: level and deviation at rest from the latest frame alone
+        self.of_frame = UNKNOWN_REST  #: level and deviation at rest, from the latest frame alone
         self._last = Resting(0.0, 0.0)
         self._is_first = True
-        self._quiet = np.inf  # noise of the pad when the present touch began; infinite without a touch
+        self._quiet = np.inf  # noise of the pad when the present touch began; infinite if there is no touch
         self._is_loud = False
         self._squares = self._frames = np.zeros((0, 0))
 
     @property
     def is_new(self) -> bool:
-        """True until a frame has shown what the taxels read at rest."""
+        """True until a frame has shown the readings of the taxels at rest."""
         return self._is_first
 
     def measure(self, values: np.ndarray, valid: np.ndarray) -> tuple[float, np.ndarray]:
@@ -183,9 +190,9 @@ class NoiseFloor:
         Returns
         -------
         level : float
-            Level at rest; 0 as long as it is not known.
+            Level at rest; 0 while it is unknown.
         noise : np.ndarray
-            Standard deviation of each taxel at rest, float (rows, cols), read-only; 0 as long as it is not known.
+            Standard deviation of each taxel at rest, float (rows, cols), read-only; 0 while it is unknown.
         """
         self.of_frame = resting_of(values[valid])
         self._last = self._followed(self.of_frame)
@@ -202,13 +209,13 @@ class NoiseFloor:
         Parameters
         ----------
         values : np.ndarray
-            Taxel values of that frame, float (rows, cols).
+            Taxel values of the last frame, float (rows, cols).
         noise : np.ndarray
-            Noise that `measure` returned for that frame, float (rows, cols).
+            Noise that `measure` returned for the last frame, float (rows, cols).
         at_rest : np.ndarray
             Taxels at rest, bool (rows, cols).
         is_touched : bool
-            True if something presses the pad. The value is ignored while the noise is above its limit, because the
+            True if something presses the pad. A ``False`` is ignored while the noise is above its limit, because the
             noise may then hide a contact.
         """
         if not self._is_loud:
@@ -226,11 +233,11 @@ class NoiseFloor:
         limit = self._highest
         if not self._is_first:
             limit = min(limit, level + max(TAKEN_SPREADS * deviation, COVERED_SCATTER * found.deviation))
-        if not found.is_known or found.level > limit:  # an object covers the whole pad, or nearly all of it
+        if not found.is_known or found.level > limit:  # an object covers the whole pad or nearly all of it
             return self._last
         rise = np.inf if self._is_first else FOLLOWED_RISE * found.deviation
         self._is_first = False
-        # There is no limit if the noise before the touch is not known, because it was below the resolution.
+        # If the noise before the touch was below the resolution, it is unknown and sets no limit.
         most = LOUDER_RATIO * self._quiet if self._quiet > 0 else np.inf
         self._is_loud = found.deviation > most
         return Resting(min(found.level, level + rise), min(found.deviation, most))

@@ -1,4 +1,7 @@
-"""From taxel values to a contact pattern: the pressed taxels, with hysteresis, numbered by contact, largest first."""
+"""Extract a contact pattern from taxel values.
+
+The pattern holds the pressed taxels, with hysteresis, numbered by contact with the largest contact first.
+"""
 
 from typing import NamedTuple
 
@@ -14,68 +17,74 @@ from tactile_node.contact.standing_out import NOISE_SPREADS, StandingOut, Thresh
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO, read_only
 
-#: A level at rest below this share of a contact's rise is ignored: it is noise, or the skin's response around a
-#: contact.
+#: If the level at rest is below this share of a contact's rise, the level is ignored, because it is noise or the skin's
+#: response around a contact.
 BASELINE_SHARE = 0.1
-LEAST_COUNTS = 3.0     #: Smallest rise of a contact in whole counts; idle readings differ by up to two counts.
-HIGHEST_VALUE = 1e150  #: Values of this magnitude or more are invalid, like infinity, because their squares overflow.
-#: Largest number of taxels of an array that one object may cover almost completely, so that too few taxels rest.
+LEAST_COUNTS = 3.0     #: Smallest rise of a contact in whole counts. Idle readings differ by up to two counts.
+HIGHEST_VALUE = 1e150  #: Values of this magnitude or more are as invalid as infinity, because their squares overflow.
+
+#: Largest number of taxels in an array that one object may cover so completely that too few taxels rest.
 SMALL_ARRAY = 64
-#: Smallest correlation of neighbouring taxels on a pad with a contact. In 20,000 frames without a contact, the
-#: correlation was 0.4 at most.
+#: Smallest correlation between neighbouring taxels on a pad with a contact. In 20,000 frames without a contact, the
+#: correlation was at most 0.4.
 ALIKE_CORRELATION = 0.45
-#: Smallest spread of the readings of an evenly pressed pad, as a share of their mean. The gains of the taxels differ by
-#: at least this much.
+#: Smallest spread of the readings on an evenly pressed pad, as a share of their mean. The gains of real taxels differ
+#: by at least this much.
 EVEN_SHARE = 0.05
-MOST_LABELS = 255  #: Largest number of contacts with a label of their own.
+MOST_LABELS = 255  #: Largest number of contacts that get a label.
 
 
 class ContactPattern(NamedTuple):
-    """The contacts that one frame shows. Arrays are read-only, of shape (rows, cols)."""
+    """The contacts in one frame. All arrays are read-only and have the shape (rows, cols)."""
 
-    mask: np.ndarray  #: bool, the taxels of the largest contact
-    #: float, the values of the frame; NaN where a taxel has no valid value or is left over. If the array has no unit,
-    #: the halo of the contacts and the level at rest (unless it is about 0) have been subtracted.
+    mask: np.ndarray  #: bool, True for the taxels of the largest contact
+
+    #: float, values of the frame; NaN where a taxel has no valid value or is left over. If the array has no unit, these
+    #: values do not include the halo of the contacts or a level at rest that differs clearly from 0.
     values: np.ndarray
     contacts: int  #: number of separate contacts on the pad; 0 if the pad is empty or not seen
-    #: uint8, number of the contact that a taxel belongs to; 1 is the largest contact, 2 the next, ...; 0 is none
+
+    #: uint8, number of the contact to which a taxel belongs: 1 for the largest contact, 2 for the next, ...; 0 for none
     labels: np.ndarray
-    sizes: tuple[int, ...]  #: number of taxels of each label, beginning with label 1
-    hidden: np.ndarray  #: bool, taxels of the pad without a valid value, and left-over taxels
-    saturated: np.ndarray  #: bool, taxels at the end of their range, whose value is a lower bound
-    #: bool, places without a taxel; like the places beyond the edge, they do not belong to the pad
+    sizes: tuple[int, ...]  #: number of taxels with each label, starting with label 1
+    hidden: np.ndarray  #: bool, left-over taxels and other taxels of the pad without a valid value
+    saturated: np.ndarray  #: bool, taxels at the end of their range; their values are lower bounds
+
+    #: bool, places without a taxel, which do not belong to the pad
     unmapped: np.ndarray
     noise: np.ndarray  #: float, standard deviation of each taxel at rest [unit of the values]; NaN if it is not known
-    #: True if an object may cover most of a small array, so that no contact stands out. This is assumed if neighbouring
-    #: taxels read alike. It is also assumed if all taxels read above 0 and no earlier frame shows what they read at
-    #: rest.
+
+    #: True if an object may cover most of a small array, so that no contact stands out. A covering object is assumed if
+    #: neighbouring taxels have similar readings. A covering object is also assumed if all taxels read above 0 and no
+    #: earlier frame shows their readings at rest.
     is_covered: bool = False
-    #: True if all pressed taxels are left over. Even if they are few, something may still press them.
+    #: True if all pressed taxels are left over. Something may still press these taxels, even if they are few.
     is_left_over: bool = False
 
     @property
     def may_hide_contact(self) -> bool:
-        """True if something may touch the pad although no contact is found."""
+        """True if something may touch the pad although no contact was found."""
         return self.is_left_over or self.is_covered
 
     @property
     def pad_seen(self) -> bool:
         """True if the frame shows enough of the pad for 0 contacts to mean an empty pad.
 
-        This requires that no group of hidden taxels has room for a contact of 4 taxels, and that nothing is left over.
+        The frame shows enough if no group of hidden taxels has room for a contact of 4 taxels, and if no taxel is left
+        over.
         """
         return not self.may_hide_contact and pad_seen(self.hidden, self.unmapped)
 
     @classmethod
     def of(cls, mask: np.ndarray, values: np.ndarray) -> 'ContactPattern':
-        """Return the pattern of a frame with one contact, or with none.
+        """Return the pattern of a frame that has one contact or none.
 
         Parameters
         ----------
         mask : np.ndarray
             Taxels of the contact, bool (rows, cols).
         values : np.ndarray
-            Taxel values, float (rows, cols). Taxels with a value that is not finite are hidden.
+            Taxel values, float (rows, cols). Taxels whose value is not finite are hidden.
 
         Examples
         --------
@@ -90,33 +99,34 @@ class ContactPattern(NamedTuple):
 
 
 class PatternExtractor:
-    """Extracts the contact pattern of successive frames of one pad.
+    """Extracts the contact pattern from successive frames of one pad.
 
-    By default a taxel is pressed if it stands out of the noise. A contact ends where its taxels read less than half of
-    the contact's own level (`standing_out`). With ``thresholds``, fixed values decide: a taxel becomes pressed at the
-    press threshold or above and is released below the release threshold. In a frame of bool, True marks a pressed
-    taxel.
+    By default, a taxel is pressed if it stands out from the noise. A contact ends where its taxels read less than half
+    of the contact's level (`standing_out`). With ``thresholds``, fixed limits decide which taxels are pressed. A taxel
+    becomes pressed at or above the press threshold and is released below the release threshold. In a bool frame, True
+    marks a pressed taxel.
 
     An array without a unit is on/off if its values are 0 and at most one other number.
 
-    If a taxel has no valid value (NaN, infinite), it is not in the pattern. It keeps its hysteresis state until it is
-    valid again. There is one exception: the contact also gets the invalid taxels that it fully encloses, because a dead
-    taxel under an object is not a hole in the object.
+    A taxel without a valid value (NaN, infinite) is not part of the pattern. Such a taxel keeps its hysteresis state
+    until its value is valid again. However, the contact also gets the invalid taxels that it fully encloses, because a
+    dead taxel under an object is not a hole in the object.
 
-    Taxels that stay pressed after their contact is gone are hidden (`LeftOver`). They are not reported as a contact,
-    although something may still press them.
+    Taxels that stay pressed after their contact is gone are hidden (`LeftOver`). Left-over taxels are not reported as a
+    contact, although something may still press them.
 
-    If pressed taxels face each other across hidden taxels, along a row or a column, they belong to one contact. A row
-    that was not seen does not tear a contact apart.
+    If pressed taxels face each other across hidden taxels along a row or a column, the pressed taxels belong to one
+    contact. A row without values therefore does not split a contact.
 
     Parameters
     ----------
     thresholds : PressThresholds or None
-        Fixed thresholds; None to compare with the noise.
+        Fixed thresholds; None to compare the values with the noise.
     unit : str or None
-        Unit of the values: 'Pa', 'N' or '1' (on/off, pressed from 0.5 on); None for any other.
+        Unit of the values: 'Pa', 'N' or '1' (on/off, pressed at 0.5 or above); None for any other unit.
     largest : bool
-        True if the mask of a pattern is its largest contact; False if it is all pressed taxels of the pad.
+        True if the mask of a pattern contains only the largest contact; False if it contains all pressed taxels of the
+        pad.
     """
 
     def __init__(self, thresholds: PressThresholds | None = None, *, unit: str | None = None, largest: bool = True):
@@ -129,7 +139,7 @@ class PatternExtractor:
         self.set_thresholds(thresholds)
 
     def set_thresholds(self, thresholds: PressThresholds | None) -> None:
-        """Apply new thresholds and forget the pressed taxels; the noise floor and the left-over taxels stay."""
+        """Apply new thresholds and forget the pressed taxels, but keep the noise floor and the left-over taxels."""
         if thresholds is None and self._is_on_off:
             press = PRESS_BY_UNIT[ON_OFF_UNIT]
             thresholds = PressThresholds(press, RELEASE_RATIO * press)
@@ -142,7 +152,7 @@ class PatternExtractor:
                 unmapped: ArrayLike | None = None) -> ContactPattern:
         """Return the contact pattern of a frame.
 
-        If the shape of the frame changes, the extractor starts again with no taxel pressed.
+        If the shape of the frame changes, the extractor starts again without pressed taxels.
 
         Parameters
         ----------
@@ -156,7 +166,7 @@ class PatternExtractor:
         Raises
         ------
         InputError
-            If an argument has the wrong type or shape.
+            Raised if an argument has the wrong type or shape.
         """
         frame = as_frame(values)
         numbers = frame.astype(float, copy=False)
@@ -174,7 +184,8 @@ class PatternExtractor:
         labels, contacts = number_contacts(pressed, hidden)
         is_one = contacts == 1 and not np.count_nonzero(hidden)
         left = np.zeros(frame.shape, bool)
-        if self._largest:  # hidden taxels that were pressed still count, so that a contact does not seem to shrink
+        # hidden taxels that were pressed before still count, so that a contact does not seem to shrink
+        if self._largest:
             left = self._left_over.update(pressed | self._before(frame.shape) & hidden, is_one) & valid
         is_left = bool(np.count_nonzero(left))
         if is_left:
@@ -213,12 +224,12 @@ class PatternExtractor:
         return _Found(pressed, noise if np.count_nonzero(noise) else unknown, level if self._is_free else 0.0, halo)
 
     def _above(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-        """Return the taxels that reach the thresholds; without thresholds, the taxels above 0."""
+        """Return the taxels that reach the thresholds. Without thresholds, return the taxels above 0."""
         press = release = float(np.finfo(float).tiny)
         if self._thresholds:
             press, release = self._thresholds.press, self._thresholds.release
         before = self._before(values.shape)
-        # A taxel without a valid value is neither pressed nor released; comparisons with NaN are false.
+        # A taxel without a valid value is neither pressed nor released, because comparisons with NaN are false.
         pressed = before & ~(valid & (values < release))
         pressed |= valid & (values >= press)
         self._pressed = pressed
@@ -239,18 +250,19 @@ class _Found(NamedTuple):
     """The pressed taxels of a frame before they are divided into contacts."""
 
     pressed: np.ndarray             #: bool (rows, cols)
-    noise: np.ndarray               #: float (rows, cols), NaN where it is not known
-    rest: float = 0.0               #: level at rest; 0 for an array with a unit, whose zero is known
+    noise: np.ndarray               #: float (rows, cols), NaN where the value is unknown
+    rest: float = 0.0               #: level at rest; 0 for an array with a unit, because its zero is known
     halo: np.ndarray | None = None  #: (rows, cols), halo of the pressed taxels
 
 
 def are_alike(values: np.ndarray) -> bool:
-    """Return True if neighbouring taxels read alike, as they do under a contact but not in noise."""
+    """Return True if neighbouring taxels have similar readings, as they do under a contact but not in noise."""
     pairs = np.hstack([(values[:, :-1].ravel(), values[:, 1:].ravel()), (values[:-1].ravel(), values[1:].ravel())])
     pairs = pairs[:, np.isfinite(pairs).all(0)]
     if not pairs.size:
         return False
-    pairs = pairs / max(np.abs(pairs).max(initial=0.0), np.finfo(float).tiny)  # so that their squares do not overflow
+    # the limit prevents the squares of the values from overflowing
+    pairs = pairs / max(np.abs(pairs).max(initial=0.0), np.finfo(float).tiny)
     one, other = pairs - pairs.mean(1, keepdims=True)
     return bool(one @ other > ALIKE_CORRELATION * np.sqrt(one @ one * (other @ other)))
 
@@ -258,7 +270,7 @@ def are_alike(values: np.ndarray) -> bool:
 def _are_raised(values: np.ndarray) -> bool:
     """Return True if all taxels read above 0 and their readings differ as much as under a load.
 
-    Readings at rest differ less.
+    Readings at rest vary less than readings under a load.
     """
     spread = values.std()
     return bool(values.min() > NOISE_SPREADS * spread and spread > EVEN_SHARE * values.mean())
@@ -270,14 +282,14 @@ def _are_counts(values: np.ndarray) -> bool:
 
 
 def of_contact(pattern: ContactPattern, number: int) -> ContactPattern:
-    """Return ``pattern`` with another contact as its mask.
+    """Return a copy of ``pattern`` whose mask is another contact.
 
     Parameters
     ----------
     pattern : ContactPattern
         Pattern of a frame.
     number : int
-        Label of the contact. The mask also gets the hidden taxels that this contact encloses.
+        Label of the contact. The mask also contains the hidden taxels that this contact encloses.
     """
     if number == 1:
         return pattern
@@ -288,8 +300,8 @@ def of_contact(pattern: ContactPattern, number: int) -> ContactPattern:
 def number_contacts(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, int]:
     """Number the contacts of a frame by size.
 
-    A contact is a group of 8-connected taxels. Hidden taxels connect the pressed taxels on both sides of them in a row
-    or column. Among equally large contacts, the first in row-major order comes first.
+    A contact is a group of 8-connected taxels. Hidden taxels connect the pressed taxels on either side of them in a row
+    or column. If contacts are equally large, the first one in row-major order comes first.
 
     Parameters
     ----------
@@ -301,9 +313,9 @@ def number_contacts(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray
     Returns
     -------
     labels : np.ndarray
-        Number of the contact that each taxel belongs to, uint8 (rows, cols): 1 for the largest, 0 for none.
+        Number of the contact to which each taxel belongs, uint8 (rows, cols): 1 for the largest contact, 0 for none.
     contacts : int
-        Number of contacts. Contacts after MOST_LABELS are counted but have no label.
+        Number of contacts. Contacts beyond MOST_LABELS are counted but have no label.
     """
     connected = pressed | between(pressed, hidden) if np.count_nonzero(hidden) else pressed
     found, contacts = ndimage.label(connected, EIGHT_CONNECTED)
@@ -318,16 +330,16 @@ def number_contacts(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray
 
 
 def between(pressed: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Return the ``hidden`` taxels that lie between two ``pressed`` ones in a row or column.
+    """Return the ``hidden`` taxels that lie between two ``pressed`` taxels in a row or column.
 
-    Only other hidden taxels may lie in between.
+    Only hidden taxels may lie in between.
     """
     left, right, below, above = in_line(pressed, hidden)
     return left & right | below & above
 
 
 def in_line(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the hidden taxels whose nearest visible taxel is pressed, for each of four directions.
+    """Return, for each of four directions, the hidden taxels whose nearest visible taxel is pressed.
 
     Parameters
     ----------
@@ -339,7 +351,7 @@ def in_line(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.nda
     Returns
     -------
     tuple of np.ndarray
-        Four arrays, bool (rows, cols), for looking towards lower columns, higher columns, lower rows and higher rows.
+        Four arrays, bool (rows, cols), for the directions of lower columns, higher columns, lower rows and higher rows.
     """
     below, above = _in_line_along_rows(pressed.T, hidden.T)
     return *_in_line_along_rows(pressed, hidden), below.T, above.T
@@ -355,7 +367,10 @@ def _in_line_along_rows(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.nda
 
 
 def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """Return ``mask`` with the groups of invalid taxels that it encloses; groups at the pad's edge are not enclosed."""
+    """Return ``mask`` together with the groups of invalid taxels that it encloses.
+
+    Groups at the pad's edge are not enclosed.
+    """
     if np.count_nonzero(valid) == valid.size:
         return mask
     labels, count = ndimage.label(np.pad(~valid, 1), EIGHT_CONNECTED)
@@ -367,12 +382,12 @@ def _with_enclosed(mask: np.ndarray, valid: np.ndarray) -> np.ndarray:
 
 
 def as_frame(values: ArrayLike) -> np.ndarray:
-    """Return ``values`` as a frame, bool or float (rows, cols); the masked taxels of a masked array become NaN.
+    """Return ``values`` as a frame, bool or float (rows, cols). The masked taxels of a masked array become NaN.
 
     Raises
     ------
     InputError
-        If ``values`` are not real numbers or bool, do not have two dimensions, or have no taxel.
+        Raised if ``values`` are neither real numbers nor bool, do not have two dimensions, or contain no taxel.
     """
     try:
         frame = np.ma.filled(np.ma.asarray(values, float), np.nan) if np.ma.is_masked(values) else np.asarray(values)
@@ -384,7 +399,7 @@ def as_frame(values: ArrayLike) -> np.ndarray:
 
 
 def _taxels(given: ArrayLike | None, shape: tuple[int, ...], name: str) -> np.ndarray:
-    """Return ``given`` as a new array; no taxel is set if ``given`` is None."""
+    """Return ``given`` as a new array. If ``given`` is None, no taxel is set in the array."""
     if given is None:
         return np.zeros(shape, bool)
     taxels = np.array(given)

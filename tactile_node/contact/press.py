@@ -1,4 +1,4 @@
-"""Press and release thresholds of taxels, and on/off taxels."""
+"""Define press and release thresholds of taxels, and recognise on/off taxels."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from tactile_node.errors import ConfigurationError
 
 
 def are_on_off(values: np.ndarray) -> bool:
-    """Return True if all ``values`` are 0 or one other number above 0; NaN (no valid value) does not count.
+    """Return True if all ``values`` are 0 or one other number above 0. NaN (no valid value) is ignored.
 
     >>> are_on_off(np.array([0.0, 5.0, np.nan])), are_on_off(np.array([0.0, 5.0, 2.0]))
     (True, False)
@@ -18,14 +18,14 @@ def are_on_off(values: np.ndarray) -> bool:
     return bool(count == values.size or count + np.count_nonzero(np.isnan(values)) == values.size)
 
 
-PRESS_FRACTION = 0.3    #: Press threshold of an array without a unit, as a fraction of the full scale.
-RELEASE_FRACTION = 0.2  #: Release threshold of an array without a unit, as a fraction of the full scale.
-SMALLEST_CONTACT = 4    #: Number of taxels of the smallest contact that is reported.
+PRESS_FRACTION = 0.3    #: Press threshold for an array without a unit, as a fraction of the full scale.
+RELEASE_FRACTION = 0.2  #: Release threshold for an array without a unit, as a fraction of the full scale.
+SMALLEST_CONTACT = 4    #: Number of taxels in the smallest contact that is reported.
 
 
 @dataclass(frozen=True)
 class PressThresholds:
-    """Fixed thresholds: a taxel becomes pressed at ``press`` or above and is released below ``release``.
+    """Fixed thresholds. A taxel becomes pressed at or above ``press`` and is released below ``release``.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class PressThresholds:
     Raises
     ------
     ConfigurationError
-        Unless 0 < release <= press < infinity.
+        Raised unless 0 < release <= press < infinity.
     """
 
     press: float
@@ -46,7 +46,7 @@ class PressThresholds:
     def __post_init__(self) -> None:
         try:
             is_usable = bool(0 < self.release <= self.press < np.inf)
-        except (TypeError, ValueError):  # press or release is not a number
+        except (TypeError, ValueError):  # ``press`` or ``release`` is not a number
             is_usable = False
         if not is_usable:
             raise ConfigurationError(
@@ -72,7 +72,7 @@ class PressThresholds:
         Raises
         ------
         ConfigurationError
-            Unless 0 < release <= press and both thresholds are finite.
+            Raised unless 0 < release <= press and both thresholds are finite.
 
         Examples
         --------

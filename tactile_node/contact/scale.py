@@ -1,4 +1,4 @@
-"""Check that readings are in their unit: counts and fractions of full scale are easily passed as pascal."""
+"""Check that readings are in their unit, because users easily pass counts or fractions of full scale as pascal."""
 
 import numpy as np
 
@@ -7,22 +7,22 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT
 
-#: A contact below this share of the smallest contact of its unit (LEAST_BY_UNIT) is suspect. No skin with steps of 1 Pa
+#: A contact below this share of its unit's smallest contact (LEAST_BY_UNIT) is suspect. No skin with steps of 1 Pa
 #: shows a contact that low.
 LOW_SHARE = 0.2
-#: Below this share of the smallest contact of its unit, no skin shows a contact, whatever its resolution.
+#: Below this share of its unit's smallest contact, no skin shows a contact, whatever its resolution.
 NO_SKIN_SHARE = 1e-3
 
 
 class UnitScale:
-    """Checks the readings of one pad until a reading is as high as the smallest contact of the unit (LEAST_BY_UNIT).
+    """Checks the readings of one pad until a reading reaches the smallest contact of the unit (LEAST_BY_UNIT).
 
     Parameters
     ----------
     unit : str or None
-        Unit of the readings. With None, nothing is checked.
+        Unit of the readings. If the unit is None, nothing is checked.
     most : float
-        Share of the smallest contact of the unit below which a contact is an error.
+        Share of the unit's smallest contact below which a contact is an error.
     """
 
     def __init__(self, unit: str | None, most: float = LOW_SHARE):
@@ -30,17 +30,17 @@ class UnitScale:
         self._least = LEAST_BY_UNIT.get(unit or '', 0.0)
 
     def doubt(self, frame: np.ndarray) -> InputError | None:
-        """Return the error if a frame shows a contact that is too low for the unit, or None.
+        """Return an error if a frame shows a contact that is too low for the unit, otherwise None.
 
         Parameters
         ----------
         frame : np.ndarray
-            Taxel values, bool or float (rows, cols). A frame of bool is never in doubt.
+            Taxel values, bool or float (rows, cols). A frame of bool values is never suspect.
 
         Returns
         -------
         InputError or None
-            The error, to be raised or reported. Contacts above NO_SKIN_SHARE are in doubt only if the readings are
+            Error to be raised or reported, or None. Contacts above NO_SKIN_SHARE are suspect only if the readings are
             whole numbers or on/off.
         """
         readings = frame[np.isfinite(frame)]
@@ -60,6 +60,6 @@ class UnitScale:
 
 
 def _have_step_1(readings: np.ndarray) -> bool:
-    """Return True if ``readings`` are on/off, or whole numbers whose only common step is 1."""
+    """Return True if ``readings`` are on/off, or are whole numbers whose only common step is 1."""
     whole = np.rint(readings).clip(-1e6, 1e6)
     return bool((whole == readings).all() and (np.gcd.reduce(whole.astype(int)) == 1 or are_on_off(readings)))

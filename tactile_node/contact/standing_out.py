@@ -1,12 +1,12 @@
-"""Find the taxels that stand out of the noise, and the outline of each contact.
+"""Find the taxels that stand out from the noise, and the outline of each contact.
 
-Grips are light, so a fixed fraction of the full scale misses most of them. This module compares a taxel with the noise
-and with the level of its own contact. Under a flat indenter, the normal stress in the skin at the indenter's edge is
-half of the indenter's pressure, at any depth (Boussinesq, a loaded half-plane). The outline of a contact is therefore
-where its taxels read half of what they read inside.
+Grips are light, so a fixed fraction of the full scale misses most of them. This module compares each taxel with the
+noise and with the level of its own contact. Under a flat indenter, the normal stress in the skin below the indenter's
+edge is half of the indenter's pressure at any depth (Boussinesq, loaded half-plane). The outline of a contact is
+therefore where the taxels read half as much as inside the contact.
 
-Taxels differ in gain, and real objects press unevenly. A taxel between pressed taxels therefore also counts as pressed
-if it reads less than half but more than the skin's response beside a contact.
+Taxels differ in gain, and real objects press unevenly. A taxel between pressed taxels therefore counts as pressed even
+if it reads less than half, provided that it reads more than the skin's response beside a contact.
 """
 
 from typing import NamedTuple
@@ -17,25 +17,29 @@ from scipy import ndimage
 from tactile_node.contact.halo import halo_of
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, enclosed, grown
 
-OUTLINE_SHARE = 0.5  #: Share of the local level of a contact at which its outline is.
+OUTLINE_SHARE = 0.5  #: Share of a contact's local level at which the outline of the contact lies.
+
 #: Smallest height of a contact's taxels above the level at rest [standard deviations of the noise].
 NOISE_SPREADS = 3.0
-KEPT_SHARE = 0.85  #: Hysteresis: a pressed taxel stays pressed down to this share of both limits.
-#: A group of fewer than GROUP_TAXELS taxels is pressed only if one of them rises by this many standard deviations,
-#: because noise forms small groups, too.
+KEPT_SHARE = 0.85  #: Hysteresis. A pressed taxel stays pressed down to this share of both limits.
+
+#: A group of fewer than GROUP_TAXELS taxels is pressed only if one of its taxels rises by this many standard
+#: deviations. A lower limit would accept the small groups that noise forms.
 ALONE_SPREADS = 6.0
-#: Number of connected taxels at NOISE_SPREADS that noise hardly ever forms (once in 20,000 frames of 256 taxels).
+#: Number of connected taxels at NOISE_SPREADS that noise rarely produces (once in 20,000 frames of 256 taxels).
 GROUP_TAXELS = 4
-#: A reading below this share of the highest reading within HALO_REACH taxels is the skin's response beside a contact.
+#: A reading below this share of the highest reading within HALO_REACH taxels is only the skin's response beside a
+#: contact.
 HALO_SHARE = 0.25
 HALO_REACH = 3  #: Distance over which readings are compared [rows and columns].
-#: Taxels between pressed taxels join them if they read at least this share of the highest level within HALO_REACH
+
+#: A taxel between pressed taxels joins them if it reads at least this share of the highest level within HALO_REACH
 #: taxels. Lower readings separate two contacts.
 BETWEEN_SHARE = 0.2
-#: Largest number of small groups (fewer than GROUP_TAXELS taxels) that may break off a contact whose taxels differ in
+#: Largest number of small groups (fewer than GROUP_TAXELS taxels) that may split off a contact whose taxels differ in
 #: gain.
 MOST_SPECKS = 2
-PLANE_TAXELS = 12    #: Smallest number of taxels that can show a tilt.
+PLANE_TAXELS = 12    #: Smallest number of taxels from which a tilt can be computed.
 STEEPEST_TILT = 0.5  #: Largest deviation of the tilted level from its mean, as a share of the mean.
 
 
@@ -45,6 +49,7 @@ class Threshold(NamedTuple):
     level: float       #: level of the taxels at rest
     noise: np.ndarray  #: (rows, cols), standard deviation of each taxel at rest
     least: float       #: smallest rise above the level at rest, whatever the noise
+
     #: Highest reading of a resting taxel, from this frame alone. A taxel of a contact must exceed this reading or
     #: HALO_SHARE of the frame's highest reading, whichever is lower. Otherwise a wide halo would count as pressed after
     #: quieter frames.
@@ -52,9 +57,10 @@ class Threshold(NamedTuple):
 
 
 class StandingOut(NamedTuple):
-    """The pressed taxels of a frame, and their halo."""
+    """Pressed taxels of a frame, and their halo."""
 
     pressed: np.ndarray      #: bool (rows, cols)
+
     #: (rows, cols), part of each value that the halo of the pressed taxels adds; None without a halo
     halo: np.ndarray | None
 
@@ -71,7 +77,8 @@ def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, be
     threshold : Threshold
         Limits for this frame.
     before : np.ndarray
-        Taxels pressed in the frame before, bool (rows, cols). They stay pressed down to KEPT_SHARE of the limits.
+        Taxels pressed in the previous frame, bool (rows, cols). Taxels pressed before stay pressed down to KEPT_SHARE
+        of the limits.
     """
     raised = np.where(valid, values - threshold.level, 0.0)
     ease = np.where(before, KEPT_SHARE, 1.0)
@@ -87,7 +94,8 @@ def _found(raised: np.ndarray, valid: np.ndarray, threshold: Threshold, ease: np
     pressed = np.zeros(raised.shape, bool)
     if np.count_nonzero(candidates):
         candidates &= raised >= min(threshold.highest_rest - threshold.level, HALO_SHARE * raised.max())
-        box = box_of(candidates, HALO_REACH)  # the time depends on the size of the contacts, not of the pad
+        # the computing time then depends on the size of the contacts, not on that of the pad
+        box = box_of(candidates, HALO_REACH)
         pressed[box] = _pressed(raised[box], candidates[box], ease[box], ALONE_SPREADS * threshold.noise[box])
     return pressed
 
@@ -96,7 +104,7 @@ def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, stron
     near = candidates & (raised >= HALO_SHARE * _highest_near(raised))
     level = _outlined(raised, near, ease)
     rest = near & ~grown(level > 0)
-    if np.count_nonzero(rest) >= GROUP_TAXELS:  # a weaker contact that the skin's response joins to a stronger one
+    if np.count_nonzero(rest) >= GROUP_TAXELS:  # the skin's response would join a weaker contact to a stronger one
         level = np.maximum(level, _outlined(raised, rest, ease))
     pressed = level > 0
     weak = candidates & ~pressed & enclosed(pressed)
@@ -107,16 +115,19 @@ def _pressed(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray, stron
 
 
 def _highest_near(values: np.ndarray) -> np.ndarray:
-    """Return for each taxel the highest value up to HALO_REACH rows and columns away; values beyond the edge are 0."""
+    """Return, for each taxel, the highest value up to HALO_REACH rows and columns away.
+
+    Values beyond the edge are 0.
+    """
     return ndimage.maximum_filter(values, 2 * HALO_REACH + 1, mode='constant')
 
 
 def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> np.ndarray:
-    """Return the local level of each candidate that reaches half of this level, and 0 for all other taxels."""
+    """Return the local level of each candidate taxel that reaches half of that level, and 0 for all other taxels."""
     groups, count = ndimage.label(candidates, EIGHT_CONNECTED)
     flat, weight = groups.reshape(-1), raised.reshape(-1)
     sums = np.bincount(flat, weight, count + 1)
-    sums[0] = 1.0  # taxels of no group may add up to 0
+    sums[0] = 1.0  # taxels outside any group may add up to 0
     levels = np.bincount(flat, weight * weight, count + 1) / sums
     local = levels[groups]
     inside = candidates & (raised >= OUTLINE_SHARE * local)
@@ -127,7 +138,7 @@ def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> n
 
 
 def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np.ndarray) -> None:
-    """Set ``local`` in the ``group`` to the plane through the readings of its ``inside`` taxels."""
+    """In the ``group``, set ``local`` to the plane through the readings of the ``inside`` taxels."""
     row, col = group.nonzero()
     y, x = (group & inside).nonzero()
     reading = raised[y, x]
@@ -136,7 +147,7 @@ def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np
     dy, dx = y - middle[0], x - middle[1]
     yy, xx, xy = dy @ dy, dx @ dx, dy @ dx
     determinant = yy * xx - xy * xy
-    if determinant <= 1e-9 * (yy + xx) ** 2:  # a line of taxels
+    if determinant <= 1e-9 * (yy + xx) ** 2:  # the group is only a line of taxels
         return
     vy, vx = dy @ reading, dx @ reading
     along_y, along_x = (vy * xx - vx * xy) / determinant, (vx * yy - vy * xy) / determinant
@@ -147,7 +158,7 @@ def _tilted(local: np.ndarray, raised: np.ndarray, group: np.ndarray, inside: np
 def _are_specks(pressed: np.ndarray, raised: np.ndarray) -> bool:
     """Return True if more than MOST_SPECKS small groups read as much as the largest group.
 
-    Such groups are noise and must not be joined to a contact.
+    In that case, the small groups are noise and must not be joined to a contact.
     """
     groups, count = ndimage.label(pressed, EIGHT_CONNECTED)
     groups = groups[pressed]
@@ -158,7 +169,7 @@ def _are_specks(pressed: np.ndarray, raised: np.ndarray) -> bool:
 
 
 def _significant(pressed: np.ndarray, strong: np.ndarray) -> np.ndarray:
-    """Return ``pressed`` without the small groups that noise forms."""
+    """Return ``pressed`` without the small groups that noise creates."""
     if not np.count_nonzero(pressed & ~strong):
         return pressed
     groups, count = ndimage.label(pressed, EIGHT_CONNECTED)

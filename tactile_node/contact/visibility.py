@@ -1,7 +1,7 @@
-"""How much a frame shows of a pad and of the surroundings of a contact.
+"""Measure how much a frame shows of a pad and of the surroundings of a contact.
 
-A hidden taxel belongs to the pad and has no valid value. Places beyond the pad's edge and places without a taxel do
-not belong to the pad.
+A hidden taxel belongs to the pad and has no valid value. Places beyond the pad's edge and places without a taxel do not
+belong to the pad.
 """
 
 from math import ceil
@@ -15,36 +15,43 @@ from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.taxel_frame import NO_SIDE, SkinSide
 
 #: Share of a contact's taxels. If this many connected taxels beside the contact are hidden, the size of the contact may
-#: be wrong by the same share.
+#: be wrong by this share.
 CONTACT_PART = 0.1
 
 
 class Visibility(NamedTuple):
     """Visibility of a pad and of its largest contact. Counts are numbers of taxels.
 
-    The ring of a contact is all taxels next to it, also by a corner. Without a contact, the counts of the contact and
-    of its ring are 0.
+    The ring of a contact consists of all taxels next to it, including those at its corners. Without a contact, the
+    counts of the contact and of its ring are 0.
     """
 
-    #: True if no group of hidden taxels has room for the smallest contact, and nothing may hide a contact
+    #: True if no group of hidden taxels has room for the smallest contact, and nothing else may hide a contact
     pad_seen: bool
     hidden: int             #: hidden taxels of the pad
     largest_hidden: int     #: size of the largest 8-connected group of hidden taxels
-    hidden_in_contact: int  #: hidden taxels that the contact encloses and that count as a part of it
+    hidden_in_contact: int  #: hidden taxels that the contact encloses and that count as part of it
     hidden_in_ring: int     #: hidden taxels of the ring
-    ring: int               #: all taxels of the ring, including the hidden ones
+    ring: int               #: all taxels of the ring, including hidden ones
     saturated_in_contact: int
     saturated_in_ring: int
     at_edge: bool  #: True if the contact reaches the pad's edge or a place without a taxel
-    goes_on: bool  #: True if the finger continues beyond the skin there, so that a part of the load may not be measured
-    #: True if the contact may continue in hidden taxels of the ring: a group of them has room for the smallest contact,
-    #: or for CONTACT_PART of this contact. Fewer hidden taxels (scattered dead ones) only make its outline uncertain.
+
+    #: True if the finger continues beyond the skin at the contact, so that a part of the load may not be measured
+    goes_on: bool
+    #: True if the contact may continue in hidden taxels of the ring, because a group of hidden taxels has room for the
+    #: smallest contact or for CONTACT_PART of this contact. Fewer hidden taxels, such as scattered dead ones, only make
+    #: the outline uncertain.
     outline_hidden: bool
-    inside_hidden: bool  #: True if the contact encloses a group of hidden taxels of that size, whose load is not known
+    #: True if the contact encloses a group of hidden taxels of at least that size, so that their load is unknown
+    inside_hidden: bool
 
     @property
     def is_part(self) -> bool:
-        """True if a part of the load lies under hidden or saturated taxels or beyond the skin and is not measured."""
+        """True if a part of the load is not measured.
+
+        Such a part lies under hidden or saturated taxels or beyond the skin.
+        """
         return self.outline_hidden or self.inside_hidden or self.goes_on or self.saturated_in_contact > 0
 
 
@@ -84,9 +91,10 @@ def visibility_of(pattern: ContactPattern, smallest_contact: int = SMALLEST_CONT
 
 
 def _around(pattern: ContactPattern, finger_ends: SkinSide) -> tuple[np.ndarray, bool, bool]:
-    """Return the ring of the contact, True if it reaches the end of the pad, and True if the finger continues there.
+    """Return the ring of the contact, and two flags.
 
-    A place without a taxel is an end of the pad at which the finger continues.
+    The flags are True if the contact reaches the end of the pad, and if the finger continues beyond that end. A place
+    without a taxel counts as an end of the pad beyond which the finger continues.
     """
     mask = pattern.mask
     around = grown(mask) & ~mask

@@ -1,4 +1,4 @@
-"""Banded matrices side by side, factorised and solved together by LAPACK."""
+"""Factorise and solve many banded matrices together with LAPACK."""
 
 from typing import NamedTuple
 
@@ -9,8 +9,8 @@ from scipy.linalg import lapack
 class Banded(NamedTuple):
     """Matrices side by side on one diagonal, in LAPACK's lower band storage, transposed.
 
-    ``band`` has the shape (total, bandwidth + 1): row j holds A(j, j), A(j+1, j), ... Matrix k has ``sizes[k]`` rows,
-    which are ``start[k]:start[k + 1]``. A Cholesky factor is stored in the same way.
+    The array ``band`` has the shape (total, bandwidth + 1). Row j holds A(j, j), A(j+1, j), ... Matrix k has
+    ``sizes[k]`` rows, which are ``start[k]:start[k + 1]``. A Cholesky factor is stored in the same way.
     """
 
     band: np.ndarray
@@ -35,8 +35,8 @@ class Banded(NamedTuple):
     def factorised(self, shift: np.ndarray, certain: np.ndarray) -> tuple['Banded', np.ndarray]:
         """Return the Cholesky factors of A - shift, and the shifts.
 
-        Each shift is certainly below the smallest eigenvalue of its matrix. If a given shift is not, it is replaced by
-        a value slightly below ``certain``, the known lower bound.
+        Each returned shift is guaranteed to be below the smallest eigenvalue of its matrix. A given shift that is too
+        high is halved or, if that is lower, set slightly below the known lower bound ``certain``.
         """
         while True:
             band = self.band.copy()
@@ -49,7 +49,7 @@ class Banded(NamedTuple):
             shift[wrong] = min(certain[wrong] * (1 - 1e-9), shift[wrong] / 2)
 
     def solved(self, right: np.ndarray) -> np.ndarray:
-        """Return the solution x of L Lᵀ x = right, where L are the factors in this object."""
+        """Return the solution x of L Lᵀ x = right. This object holds the factors L."""
         return lapack.dpbtrs(self.band.T, right, lower=1)[0]
 
     def norms(self, x: np.ndarray) -> np.ndarray:
@@ -65,11 +65,11 @@ class Banded(NamedTuple):
         return np.minimum.reduceat(x, self.start[:-1])
 
     def spread(self, each: np.ndarray) -> np.ndarray:
-        """Return one value per row from one value per matrix."""
+        """Return one value per row, repeated from one value per matrix."""
         return np.repeat(each, self.sizes)
 
     def dense(self, index: int) -> np.ndarray:
-        """Return matrix ``index`` in full; only its lower triangle is set."""
+        """Return matrix ``index`` as a dense array. Only the lower triangle of the dense array is set."""
         rows = self.band[self.start[index]:self.start[index + 1]]
         full = np.zeros((len(rows), len(rows)))
         for offset in range(min(rows.shape[1], len(rows))):

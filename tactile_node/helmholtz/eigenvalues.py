@@ -1,17 +1,19 @@
-"""Section 3 of the paper: Λ, the smallest eigenvalue of A, for many patterns at once.
+"""Compute Λ, the smallest eigenvalue of A (section 3 of the paper), for many patterns at once.
 
-The connected parts of all patterns are laid along the diagonal of one banded matrix. They are solved together by
-inverse iteration from a positive vector. In an M-matrix the vector stays positive, so the iteration finds the ground
+The connected parts of all patterns lie along the diagonal of one banded matrix. The module solves all parts together by
+inverse iteration from a positive vector. In an M-matrix, the vector stays positive, so the iteration finds the ground
 state. Each round gives certain bounds for every Λ:
 
 - The Rayleigh quotient θ of the iterate is an upper bound.
-- If (A - s) x = x' with x, x' > 0, then Λ >= s + min x'_i / x_i (Collatz-Wielandt). This is a lower bound, and so is
-  any s for which A - s has a Cholesky factor.
+
+- If (A - s) x = x' with x, x' > 0, then Λ >= s + min x'_i / x_i (Collatz-Wielandt). Any s for which A - s has a
+  Cholesky factor is also a lower bound.
 
 For an iterate x with ‖x‖ = 1, an eigenvalue lies within ‖A x - θ x‖ of θ. The iterate is accepted if this distance is
-at most 2e-10 θ. Otherwise the next round shifts to just below θ. If only the extremes over the rotations are requested,
-patterns that cannot be extreme by these bounds are left out, most of them after the first round. Parts that do not
-converge in time (with nearly equal eigenvalues of weakly joined pieces) are solved by a dense solver.
+at most 2e-10 θ. Otherwise, the next round uses a shift just below θ. If the caller requests only the extremes over the
+rotations, patterns that these bounds exclude as extremes are dropped, most of them after the first round. Parts that do
+not converge in time are solved by a dense solver. Such parts consist of weakly joined pieces with nearly equal
+eigenvalues.
 """
 
 from typing import NamedTuple
@@ -22,13 +24,16 @@ from scipy import ndimage
 from tactile_node.helmholtz.banded import Banded
 from tactile_node.helmholtz.taxel_list import WEIGHTS, Stencil, TaxelList
 
-RESIDUAL_TOLERANCE = 2e-10            #: Largest residual, relative to the eigenvalue.
+RESIDUAL_TOLERANCE = 2e-10            #: Largest accepted residual, relative to the eigenvalue.
 ROUND_SOLVES = (3, 4, 4, 3, 2, 2, 2)  #: Number of inverse iterations in each round.
 SHIFT_MARGIN = 1.2                    #: Distance of the shift below the Rayleigh quotient [residuals].
-#: First shift times area; a disc has the smallest eigenvalue of all shapes of the same area (Faber-Krahn).
+
+#: First shift times area. A disc has the smallest eigenvalue of all shapes with the same area (Faber-Krahn).
 FIRST_SHIFT = 0.7 * np.pi * 2.404825557695773 ** 2
-SHIFT_BELOW = 0.02     #: Distance of the first shift below the smallest row sum, which is a lower bound itself.
-CHUNK_COLUMNS = 5_000  #: Number of taxels treated together; chosen so that they fit into the processor's cache.
+SHIFT_BELOW = 0.02     #: Distance of the first shift below the smallest row sum, which itself is a lower bound.
+
+#: Number of taxels processed together. The data of this many taxels fit into the processor's cache.
+CHUNK_COLUMNS = 5_000
 
 _NEIGHBOURS = {Stencil.FIVE: ndimage.generate_binary_structure(2, 1),
                Stencil.NINE: ndimage.generate_binary_structure(2, 2)}
@@ -43,19 +48,19 @@ def smallest_eigenvalues(problems: list[tuple[TaxelList, Stencil]],
     problems : list of (TaxelList, Stencil)
         Lists of patterns, each with the stencil for its patterns.
     extremes_from : int or None
-        Index from which on only the patterns with the smallest and the greatest Λ are wanted; None if all are wanted.
+        Index from which only the patterns with the smallest and the greatest Λ are wanted; None if all are wanted.
 
     Returns
     -------
     list of np.ndarray
-        Λ of the patterns of each list, (K,). NaN for an empty pattern, and for a pattern from ``extremes_from`` on that
-        has neither the smallest nor the greatest Λ.
+        Λ of the patterns of each list, (K,). The value is NaN for an empty pattern, and for a pattern from
+        ``extremes_from`` onwards whose Λ is neither the smallest nor the greatest.
     """
     parts = [_connected(taxels, stencil) for taxels, stencil in problems]
     counts = [len(taxels.counts) for taxels, _ in problems]
     first = np.cumsum([0, *counts])
     owner = np.concatenate([part.pattern + offset for part, offset in zip(parts, first)])
-    # number of the contest for the extremes in which each pattern takes part; -1 for none
+    # number of the contest for extremes in which each pattern takes part; -1 for none
     contest = np.concatenate([np.where(np.arange(count) < (count if extremes_from is None else extremes_from), -1, i)
                               for i, count in enumerate(counts)])
     some, owner = np.unique(owner, return_inverse=True)
@@ -65,12 +70,12 @@ def smallest_eigenvalues(problems: list[tuple[TaxelList, Stencil]],
 
 
 class Parts(NamedTuple):
-    """The connected parts of all patterns of a list. A has one block for each part."""
+    """The connected parts of all patterns in a list. The matrix A has one block for each part."""
 
     sizes: np.ndarray     #: number of taxels of each part
-    pattern: np.ndarray   #: index of the pattern that each part belongs to, rising
-    least: np.ndarray     #: smallest row sum of each part, a lower bound of its Λ
-    column: np.ndarray    #: column of each entry of A below the diagonal; taxels are numbered part by part
+    pattern: np.ndarray   #: index of the pattern to which each part belongs, in ascending order
+    least: np.ndarray     #: smallest row sum of each part, which is a lower bound of its Λ
+    column: np.ndarray    #: column of each entry of A below the diagonal, with taxels numbered part by part
     distance: np.ndarray  #: distance of each entry from the diagonal
     values: np.ndarray    #: the entries
     diagonal: float
@@ -80,7 +85,7 @@ def _connected(taxels: TaxelList, stencil: Stencil) -> Parts:
     weights = WEIGHTS[stencil]
     active = np.zeros(taxels.shape, bool)
     active.reshape(-1)[taxels.site] = True
-    # The patterns are stacked one below the other; the ring around each keeps them apart.
+    # The patterns are stacked vertically, and the ring around each pattern keeps them apart.
     stacked = active.reshape(-1, taxels.shape[2])
     label = ndimage.label(stacked, _NEIGHBOURS[stencil])[0].reshape(-1)[taxels.site]
     order = np.argsort(label, kind='stable')
@@ -167,13 +172,13 @@ def _iterate(factor: Banded, shift: np.ndarray, x: np.ndarray, solves: int) -> t
     scale = factor.spread(1 / factor.norms(x))
     x *= scale
     previous *= scale
-    # Because (A - shift) x = previous, neither the quotient nor the residual needs a product with A.
+    # Because (A - shift) x = previous, the quotient and the residual need no product with A.
     excess = factor.sums(x * previous)
     return below, shift + excess, factor.norms(previous - factor.spread(excess) * x), x
 
 
 def _needed(low: np.ndarray, high: np.ndarray, owner: np.ndarray, contest: np.ndarray) -> np.ndarray:
-    """Return True for each matrix that may still decide a requested Λ; each Λ is in [low, high]."""
+    """Return True for each matrix that may still decide a requested Λ. Each Λ lies in [low, high]."""
     least, most = _of_patterns(low, high, owner, contest)
     return _may_win(least, most, contest)[owner] & (low <= most[owner])
 
@@ -188,7 +193,10 @@ def _of_patterns(low: np.ndarray, high: np.ndarray, owner: np.ndarray,
 
 
 def _may_win(least: np.ndarray, most: np.ndarray, contest: np.ndarray) -> np.ndarray:
-    """Return True for each pattern that may have the smallest or the greatest Λ in its contest, or is in no contest."""
+    """Return True for each pattern whose Λ may be extreme in its contest.
+
+    The result is also True for a pattern in no contest.
+    """
     may = contest < 0
     inside = contest[~may]
     smallest, greatest = np.full((2, contest.max(initial=0) + 1), np.inf)

@@ -1,10 +1,10 @@
-"""The groups of features by name, in a module of their own so that a command line loads quickly."""
+"""Name the groups of features. The module is separate so that a command line loads quickly."""
 
 from enum import Flag, auto
 
 
 class Group(Flag):
-    """Features to compute in addition to N, P05 and P09; eigenvalues take the most time."""
+    """Features to compute in addition to N, P05 and P09. The eigenvalues take the most time."""
 
     NONE = 0
     INFORMATION5 = auto()
@@ -12,9 +12,9 @@ class Group(Flag):
     GRAVITY5 = auto()
     GRAVITY9 = auto()
     EIGENVALUES = auto()
-    BORDER = auto()   #: the other groups also for the reduced matrices
-    ROTATED = auto()  #: minimum, maximum and difference over the rotations for all computed features
+    BORDER = auto()   #: also compute the other groups for the reduced matrices
+    ROTATED = auto()  #: minimum, maximum and difference of all computed features over the rotations
     INFORMATION = INFORMATION5 | INFORMATION9
     GRAVITY = GRAVITY5 | GRAVITY9
-    CLASSIFIER = INFORMATION5 | GRAVITY9 | ROTATED  #: the features for the planes of the paper
+    CLASSIFIER = INFORMATION5 | GRAVITY9 | ROTATED  #: features from which the planes of the paper compute the class
     ALL = INFORMATION | GRAVITY | EIGENVALUES | BORDER | ROTATED

@@ -1,9 +1,13 @@
-"""All features of a pattern (sections 3 to 6 of the paper), by the names that `tactile features` prints.
+"""Compute all features of a pattern (sections 3 to 6 of the paper), under the names that `tactile features` prints.
 
-- N, P05, P09;
-- for k = 5, 9: lambda{k}, info_sum{k}, info_sq{k}, info_norm{k}, x{k}, y{k}, V{k}, alpha{k} (degrees);
-- the same for the reduced matrices, with the suffix _border5 or _border9;
-- the minimum, maximum and difference of each feature over the 46 rotations.
+- The basic features are N, P05 and P09.
+
+- For k = 5 and k = 9, the features are lambda{k}, info_sum{k}, info_sq{k}, info_norm{k}, x{k}, y{k}, V{k} and alpha{k}
+  (degrees).
+
+- The features of the reduced matrices have the suffix _border5 or _border9.
+
+- The minimum, maximum and difference of each feature are taken over the 46 rotations.
 """
 
 from collections.abc import Mapping
@@ -27,18 +31,17 @@ def gravity(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
     taxels : TaxelList
         K patterns.
     stencil : Stencil
-        Stencil that decides which taxels are neighbours.
+        Stencil that determines which taxels are neighbours.
 
     Returns
     -------
-    dict of str to np.ndarray
-        (K,) each: x and y; V, the distance from the origin; alpha, arctan2(x, y) [degrees]. NaN for a pattern without
-        neighbouring taxels, because there is no pair to weigh.
+    dict of str to np.ndarray, each (K,): x and y; V, the distance from the origin; alpha, arctan2(x, y) [degrees]. The
+    values are NaN for a pattern without neighbouring taxels, because it has no pair of neighbours.
 
     Notes
     -----
-    A pair of neighbours i > j weighs A(i,j) at (i-1)/(N-1), (j-1)/(N-1). Summed over i, the weights are those of the
-    neighbours before each taxel. Summed over j, they are those of the neighbours after it.
+    A pair of neighbours i > j has the weight A(i,j) at the point ((i-1)/(N-1), (j-1)/(N-1)). Summed over j, the weights
+    belong to the neighbours before taxel i. Summed over i, the weights belong to the neighbours after taxel j.
     """
     weights = WEIGHTS[stencil]
     before = _weigh(taxels.earlier_edge, taxels.earlier_corner, weights)
@@ -63,7 +66,7 @@ def information(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
     taxels : TaxelList
         K patterns.
     stencil : Stencil
-        Stencil that decides which taxels are neighbours.
+        Stencil that determines which taxels are neighbours.
 
     Returns
     -------
@@ -79,37 +82,42 @@ def information(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
                 'info_norm': squared / taxels.counts}
 
 
-#: Number of taxels of rotated patterns that are processed together; it limits the memory for large contacts.
+#: Number of taxels of rotated patterns that are processed together. The number limits the memory needed for large
+#: contacts.
 CHUNK_TAXELS = 400_000
-MOST_TAXELS = 8_000  #: Largest number of taxels for which eigenvalues are computed; no pad on a CAN bus shows more.
+#: Largest number of taxels for which eigenvalues are computed. No pad on a CAN bus has more taxels.
+MOST_TAXELS = 8_000
 INFORMATION = {Stencil.FIVE: Group.INFORMATION5, Stencil.NINE: Group.INFORMATION9}
 GRAVITY = {Stencil.FIVE: Group.GRAVITY5, Stencil.NINE: Group.GRAVITY9}
 
 
 class Extremes(NamedTuple):
-    """Extremes of a feature over the 46 angles; NaN (angle None) if the feature is undefined at every angle."""
+    """Extremes of a feature over the 46 angles.
+
+    The extremes are NaN, with the angle None, if the feature is undefined at every angle.
+    """
 
     min: float
     max: float
     dif: float             #: max - min
-    min_angle: int | None  #: first angle with the minimum [degrees]
-    max_angle: int | None  #: first angle with the maximum [degrees]
+    min_angle: int | None  #: first angle at which the minimum occurs [degrees]
+    max_angle: int | None  #: first angle at which the maximum occurs [degrees]
 
 
 UNDEFINED = Extremes(min=np.nan, max=np.nan, dif=np.nan, min_angle=None, max_angle=None)
 
 
 class Features(NamedTuple):
-    """Features by name; NaN if a feature is undefined.
+    """Features by name. A feature is NaN if it is undefined.
 
-    The eigenvalues of patterns with more than MOST_TAXELS taxels are not computed and are NaN, too.
+    For a pattern with more than MOST_TAXELS taxels, the eigenvalues are not computed and are NaN.
     """
 
     values: Mapping[str, float]      #: features of the unrotated pattern
-    rotated: Mapping[str, Extremes]  #: extremes over the rotations; empty unless computed
+    rotated: Mapping[str, Extremes]  #: extremes over the rotations; empty if they were not computed
 
     def as_json(self) -> dict[str, Any]:
-        """Return one line of `tactile features` as a dictionary.
+        """Return one line of the output of `tactile features` as a dictionary.
 
         An undefined value is null, and counts are whole numbers.
         """
@@ -121,7 +129,7 @@ class Features(NamedTuple):
 def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     """Return the features of a pattern.
 
-    The result is identical to the bit when the pattern is shifted by whole taxels.
+    The result is bit-identical when the pattern is shifted by whole taxels.
 
     Parameters
     ----------
@@ -133,7 +141,7 @@ def compute_features(mask: np.ndarray, groups: Group = Group.ALL) -> Features:
     Raises
     ------
     InputError
-        If ``mask`` is not a bool array with two dimensions.
+        Raised if ``mask`` is not a bool array with two dimensions.
 
     Examples
     --------
@@ -174,10 +182,10 @@ def describe(taxels: TaxelList, groups: Group, is_solved: bool,
     groups : Group
         Features to compute.
     is_solved : bool
-        False to leave out the eigenvalues, which are then NaN.
+        False to skip the eigenvalues, which are then NaN.
     extremes_from : int or None
-        Index from which on only the patterns with the smallest and the greatest eigenvalue are wanted; the others are
-        NaN.
+        Index from which only the patterns with the smallest and the greatest eigenvalue are wanted; the eigenvalues of
+        the others are NaN.
 
     Returns
     -------
@@ -205,7 +213,7 @@ def describe(taxels: TaxelList, groups: Group, is_solved: bool,
 
 
 def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Extremes]:
-    """Return minimum, maximum and difference of each feature over the patterns from index ``first`` on."""
+    """Return the minimum, maximum and difference of each feature over the patterns from index ``first`` onwards."""
     values = np.array(list(over.values()), float)[:, first:]
     undefined = np.isnan(values)
     lowest = np.where(undefined, np.inf, values).argmin(1)
@@ -219,7 +227,7 @@ def _extremes(over: dict[str, np.ndarray], first: int) -> dict[str, Extremes]:
 
 
 def _number(value: float | None) -> float | int | None:
-    """Return a value for JSON: None if it is undefined, an int if it is a whole number."""
+    """Return a value for JSON: None if it is undefined, an int if it is a whole number, and otherwise a float."""
     if value is None or np.isnan(value):
         return None
     return int(value) if value == int(value) and abs(value) < 2 ** 53 else float(value)

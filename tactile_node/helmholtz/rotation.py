@@ -1,10 +1,10 @@
-"""Section 6 of the paper: the pattern rotated by 0, 4, ..., 180 degrees, using fictive points between the taxels.
+"""Rotate the pattern by 0, 4, ..., 180 degrees, using fictive points between the taxels (section 6 of the paper).
 
-Axes: x runs along a row (column index), y runs across rows (row index); positive angles rotate x towards y. Points are
-Points are rotated about the centre of gravity of the real points and rounded to the nearest fine point. A coordinate
-half-way between two fine points is rounded up. A coordinate within 1e-9 of half-way counts as half-way, so that
-rounding errors have no influence. All computations use the coordinates of the pattern's own bounding box. The result is
-therefore identical to the bit wherever the pattern lies on the pad.
+The x axis runs along a row (column index), and the y axis runs across rows (row index). Positive angles rotate x
+towards y. Points are rotated about the centre of gravity of the real points and rounded to the nearest fine point. A
+coordinate half-way between two fine points is rounded up. A coordinate within 1e-9 of half-way counts as half-way, so
+that rounding errors have no influence. All computations use the coordinates of the pattern's bounding box. The result
+is therefore bit-identical wherever the pattern lies on the pad.
 """
 
 import math
@@ -12,17 +12,19 @@ import math
 import numpy as np
 
 FINE = 5                       #: Number of fine steps per pitch.
-ANGLES = np.arange(0, 181, 4)  #: The 46 angles [degrees].
+ANGLES = np.arange(0, 181, 4)  #: The 46 rotation angles [degrees].
 ANGLES.flags.writeable = False
-TIE_TOLERANCE = 1e-9  #: Distance from a half-way point up to which a coordinate is rounded up [fine steps].
-#: Number of sites, over all angles, that are processed together; it limits the memory for large patterns.
+TIE_TOLERANCE = 1e-9  #: Distance below a half-way point within which a coordinate is still rounded up [fine steps].
+
+#: Number of sites, over all angles, that are processed together. The number limits the memory needed for large
+#: patterns.
 CHUNK_SITES = 200_000
 
 
 def with_rotated(mask: np.ndarray) -> np.ndarray:
-    """Return the pattern as it is, followed by the pattern at each of ANGLES.
+    """Return the original pattern, followed by the pattern at each of ANGLES.
 
-    The rotated patterns are decimated and have their holes filled.
+    The rotated patterns are decimated, and their holes are filled.
 
     Parameters
     ----------
@@ -42,7 +44,7 @@ def with_rotated(mask: np.ndarray) -> np.ndarray:
 
 
 def fine_lattice(mask: np.ndarray) -> np.ndarray:
-    """Return real and fictive points, bool (5 rows - 4, 5 cols - 4); taxel (r, c) is at (5r, 5c).
+    """Return real and fictive points, bool (5 rows - 4, 5 cols - 4). Taxel (r, c) is at (5r, 5c).
 
     In each 2×2 block, every triple of active taxels fills its right isosceles triangle, including the edges.
 
@@ -53,7 +55,7 @@ def fine_lattice(mask: np.ndarray) -> np.ndarray:
     block = np.zeros((rows + 1, cols + 1), np.uint8)
     for bit, (down, right) in enumerate(((0, 0), (0, 1), (1, 0), (1, 1))):
         block[1 - down:rows + 1 - down, 1 - right:cols + 1 - right] += mask.view(np.uint8) << np.uint8(bit)
-    cells = _BLOCK_POINTS[block[1:, 1:]]  # (rows, cols, 6, 6): the block's points, shared edges included
+    cells = _BLOCK_POINTS[block[1:, 1:]]  # (rows, cols, 6, 6): the points of each block, including shared edges
     fine = cells[:, :, :FINE, :FINE].transpose(0, 2, 1, 3).reshape(FINE * rows, FINE * cols)
     fine[:, FINE::FINE] |= cells[:, :-1, :FINE, FINE].transpose(0, 2, 1).reshape(FINE * rows, cols - 1)
     fine[FINE::FINE] |= cells[:-1, :, FINE, :FINE].reshape(rows - 1, FINE * cols)
@@ -61,10 +63,11 @@ def fine_lattice(mask: np.ndarray) -> np.ndarray:
 
 
 def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
-    """Return the decimated patterns at ANGLES before the hole rules.
+    """Return the decimated patterns at ANGLES, before the hole rules are applied.
 
-    The function does not rotate every point forward. It rotates each taxel site back. Only the four fine points around
-    the resulting place can be rounded to this site, and the function rotates each of them forward to check.
+    The function does not rotate every point forward. Instead, the function rotates each taxel site back. Only the four
+    fine points around the resulting place can be rounded to this site, so the function rotates only these four points
+    forward to check.
 
     Parameters
     ----------
@@ -74,13 +77,15 @@ def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     Returns
     -------
     stack : np.ndarray
-        bool (47, rows, cols), with a ring of inactive taxels around each pattern. The first pattern is left empty.
+        bool (47, rows, cols), with a ring of inactive taxels around each pattern. The first pattern in the stack is
+        left empty.
     place : tuple of int
         Row and column in the stack at which ``mask`` begins.
     """
     rows, cols = np.nonzero(mask)
     centre = FINE * np.array([cols.sum(), rows.sum()]) / len(rows)
-    # Fictive points lie between real points, so they are not farther away. Rounding moves a point by less than 1.
+    # Fictive points lie between real points, so they are never farther away than the real points. Rounding moves a
+    # point by less than 1.
     radius = FINE * math.sqrt(((cols - centre[0] / FINE) ** 2 + (rows - centre[1] / FINE) ** 2).max()) + 1.0
     sites, first = _sites_within(centre, radius)
     col, row = sites // FINE - first[:, np.newaxis] + 1
@@ -97,13 +102,13 @@ def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
 
 
 def fill_holes(stack: np.ndarray) -> None:
-    """Fill sensor-space-sensor along y, then along x, then along either diagonal, in place.
+    """Fill an inactive taxel between two active taxels along y, then along x, then along either diagonal, in place.
 
-    Each rule works on the result of the rule before it. ``stack`` is bool (K, rows, cols) and contiguous, with a ring
-    of inactive taxels around each pattern.
+    Each rule is applied to the result of the previous rule. ``stack`` is bool (K, rows, cols) and contiguous, with a
+    ring of inactive taxels around each pattern.
     """
-    # Because of the ring, a single shift of the flat array reaches each neighbour. One of the two sites beside a taxel
-    # of the ring is in the ring, too, so the ring stays inactive.
+    # Because of the ring, a single shift of the flat array reaches each neighbour. For a taxel of the ring, one of the
+    # two sites beside it is also in the ring, so the ring stays inactive.
     flat, wide = stack.reshape(-1), stack.shape[2]
     for steps in ((wide,), (1,), (wide + 1, wide - 1)):
         holes = [flat[:-2 * step] & flat[2 * step:] for step in steps]
@@ -114,7 +119,8 @@ def fill_holes(stack: np.ndarray) -> None:
 def _block_points() -> np.ndarray:
     """Return the fine points of a 2×2 block by its code.
 
-    Bits 1 and 2 of the code stand for the upper left and right taxel, bits 4 and 8 for the lower left and right taxel.
+    In the code, bits 1 and 2 denote the upper left and right taxels, and bits 4 and 8 denote the lower left and right
+    taxels.
     """
     row, col = np.indices((FINE + 1, FINE + 1))
     corners = {1: (0, 0), 2: (0, FINE), 4: (FINE, 0), 8: (FINE, FINE)}
@@ -133,14 +139,15 @@ _BLOCK_POINTS = _block_points()
 
 
 def _cosines_and_sines() -> tuple[np.ndarray, np.ndarray]:
-    """Return cos and sin of ANGLES, (46,); exact where they are rational, so that ties stay ties."""
+    """Return the cosine and sine of ANGLES, (46,). Rational values are exact, so that ties stay ties."""
     cos, sin = np.cos(np.radians(ANGLES)), np.sin(np.radians(ANGLES))
-    cos[[0, 15, 30, 45]], sin[[0, 45]] = (1, 0.5, -0.5, -1), 0  # 0, 60, 120, 180 degrees
+    cos[[0, 15, 30, 45]], sin[[0, 45]] = (1, 0.5, -0.5, -1), 0  # at 0, 60, 120 and 180 degrees
     return cos, sin
 
 
 _COS, _SIN = _cosines_and_sines()
-_BACK = np.array(((_COS, _SIN), (-_SIN, _COS))).swapaxes(1, 2)  # rotates (x, y) back by each angle: (x or y, 46, 2)
+# matrix that rotates (x, y) back by each angle: (x or y, 46, 2)
+_BACK = np.array(((_COS, _SIN), (-_SIN, _COS))).swapaxes(1, 2)
 
 
 def _cropped(mask: np.ndarray) -> np.ndarray:
@@ -159,10 +166,10 @@ def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.nda
 
 
 def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, angles: slice) -> np.ndarray:
-    """Return the angles and sites at which an active point arrives, as indices into a flattened (angles, n).
+    """Return the angles and sites at which an active point arrives, as indices into a flattened array (angles, n).
 
     ``offset``, (2, n), is the place of each site relative to the centre. ``fine`` comes from `_corner_bits`, and
-    ``centre`` is in its coordinates.
+    ``centre`` is given in the coordinates of ``fine``.
     """
     x, y = np.matmul(_BACK[:, angles], offset) + centre[:, np.newaxis, np.newaxis]
     col, row = np.floor(x), np.floor(y)
@@ -181,7 +188,7 @@ def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, angles: s
 def _corner_bits(fine: np.ndarray, centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the active corners of each fine cell as bits, and the place (x, y) of the first cell.
 
-    Bits 1, 2, 4 and 8 stand for the corners (x, y), (x+1, y), (x, y+1) and (x+1, y+1). The cells have room for all
+    Bits 1, 2, 4 and 8 denote the corners (x, y), (x+1, y), (x, y+1) and (x+1, y+1). The array of cells covers all
     points within ``radius`` of the ``centre``.
     """
     low, wide = np.floor(centre - radius) - 1, int(2 * radius) + 5
@@ -198,7 +205,7 @@ def _corner_bits(fine: np.ndarray, centre: np.ndarray, radius: float) -> tuple[n
 def _rounds_onto(bits: np.ndarray, x: np.ndarray, y: np.ndarray, cos: np.ndarray, sin: np.ndarray) -> np.ndarray:
     """Return True if an active corner of a fine cell, after rotation, rounds to the site at (x, y) in the cell.
 
-    ``bits`` say which corners of the cell are active.
+    ``bits`` tells which corners of the cell are active.
     """
     u = sin * y - cos * x + TIE_TOLERANCE  # place of the rotated corner (0, 0) relative to the site
     v = TIE_TOLERANCE - sin * x - cos * y

@@ -1,11 +1,11 @@
-"""Section 2 of the paper: the taxels of patterns as one list, with the Laplacian A = -h² Δ_h of each pattern.
+"""List the taxels of patterns, and build the Laplacian A = -h² Δ_h of each pattern (section 2 of the paper).
 
-The Laplacian has five or nine points. A pattern is a bool mask, (rows, cols). Its active taxels are numbered row by
-row, from left to right. Outside the pattern Φ = 0, so for N active taxels A is N×N, symmetric and positive definite.
-Every feature is a sum over the list.
+The Laplacian has five or nine points. A pattern is a bool mask, (rows, cols). The active taxels of a pattern are
+numbered row by row, from left to right. Outside the pattern, Φ = 0. For N active taxels, A is therefore N×N, symmetric
+and positive definite. Every feature is a sum over the taxel list.
 
-The 46 rotated patterns of one contact (section 6) are processed together. All numbers here are whole numbers, so sums
-are exact: they depend neither on the order of summation nor on the place of the pattern.
+The 46 rotated patterns of one contact (section 6) are processed together. The list contains only whole numbers, so sums
+are exact. The sums depend neither on the order of summation nor on the position of the pattern.
 """
 
 from enum import IntEnum
@@ -15,7 +15,7 @@ import numpy as np
 
 
 class Stencil(IntEnum):
-    """The discrete Laplacian, named by its number of points as in the indices of the paper."""
+    """The discrete Laplacian, named by its number of points, as in the indices of the paper."""
 
     FIVE = 5
     NINE = 9
@@ -36,14 +36,14 @@ WEIGHTS = {Stencil.FIVE: Weights(4, -1, 0, 1), Stencil.NINE: Weights(20, -4, -1,
 class TaxelList(NamedTuple):
     """The active taxels of K patterns, pattern by pattern and row by row.
 
-    Arrays have the shape (total,) unless another shape is given.
+    All arrays have the shape (total,) unless another shape is given.
     """
 
     shape: tuple[int, int, int]  #: K, padded rows, padded cols
-    site: np.ndarray             #: place of the taxel in the padded, flattened stack
+    site: np.ndarray             #: place of the taxel in the padded and flattened stack
     start: np.ndarray            #: number of taxels before each pattern, shape (K + 1,)
     counts: np.ndarray           #: N of each pattern, shape (K,)
-    number: np.ndarray           #: number of the taxel within its pattern, beginning with 0
+    number: np.ndarray           #: number of the taxel within its pattern, starting at 0
     earlier_edge: np.ndarray     #: number of edge neighbours before the taxel (above, left): 0-2
     earlier_corner: np.ndarray   #: number of diagonal neighbours before the taxel (above): 0-2
     later_edge: np.ndarray       #: number of edge neighbours after the taxel (right, below)
@@ -68,7 +68,7 @@ class TaxelList(NamedTuple):
         return sums
 
     def border(self, weights: Weights) -> np.ndarray:
-        """Return masks of the taxels whose row sum is not zero (the paper's C_hr5, C_hr9).
+        """Return masks of the taxels whose row sum is not zero (C_hr5 and C_hr9 in the paper).
 
         The masks are (K, rows, cols), without padding.
         """
@@ -79,8 +79,8 @@ class TaxelList(NamedTuple):
     def neighbour_pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return all pairs of neighbours.
 
-        The three arrays hold the index of the later taxel, the index of the earlier taxel, and True if both share an
-        edge.
+        The three arrays hold the index of the later taxel, the index of the earlier taxel, and True if both taxels
+        share an edge.
         """
         place = np.full(self.shape[0] * self.shape[1] * self.shape[2], -1, np.int32)
         place[self.site] = np.arange(self.total, dtype=np.int32)
@@ -99,7 +99,7 @@ def taxel_list(masks: np.ndarray) -> TaxelList:
 
 
 def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
-    """Return the list of the active taxels of ``masks``, each already surrounded by a ring of inactive taxels.
+    """Return the list of the active taxels of ``masks``, which already have a ring of inactive taxels.
 
     ``masks`` are contiguous. Because of the ring, a single shift of the flat array reaches each neighbour, and no row
     runs into the next.
@@ -119,7 +119,7 @@ def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
 
 
 def _neighbours(active: np.ndarray, near: int, far: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return, for each site, the number of active taxels ``near`` and ``far`` places before it, and after it."""
+    """Return the number of active taxels ``near`` and ``far`` places before each site, and the number after it."""
     before, after = np.zeros((2, len(active)), np.uint8)
     before[near:] = active[:-near]
     before[far:] += active[:-far]

@@ -1,4 +1,7 @@
-"""Ground truth about a contact, independent of any training: stress by contact mechanics, and overlap with each shape.
+"""Compute ground truth about a contact, independent of any training.
 
-Training and benchmarks share this package, so it imports nothing else from training (test/test_architecture.py).
+The ground truth is the stress by contact mechanics, and the overlap with each shape.
+
+Training and benchmarks share this package, so the package imports nothing else from training
+(test/test_architecture.py).
 """

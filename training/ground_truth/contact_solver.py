@@ -1,7 +1,7 @@
-"""Frictionless contact of a rigid indenter with an elastic half-space, under a given load.
+"""Solve the frictionless contact of a rigid indenter with an elastic half-space under a given load.
 
-The solver uses conjugate gradients on the non-negative pressures (Polonsky & Keer, Wear 231, 1999). Cells in which the
-pressure would pull leave the contact, and cells that would overlap join it.
+The solver uses conjugate gradients on the non-negative pressures (Polonsky & Keer, Wear 231, 1999). Cells with a
+tensile pressure leave the contact, and cells that would overlap join it.
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ MOST_STEPS = 1000
 class Pressed(NamedTuple):
     """A pressed indenter.
 
-    Arrays have the shape of its gap. Outside the indenter, the gap is infinite and the pressure is 0.
+    All arrays have the shape of the indenter's gap. Outside the indenter, the gap is infinite and the pressure is 0.
     """
 
     pressure: np.ndarray  #: [E*]
@@ -26,13 +26,13 @@ class Pressed(NamedTuple):
 
 
 def press(gap: np.ndarray, cell: float, load: float, tolerance: float = TOLERANCE) -> Pressed:
-    """Press an indenter to the surface.
+    """Press an indenter against the surface.
 
     Parameters
     ----------
     gap : np.ndarray
-        Undeformed gap, in the length unit of ``cell``, with any offset; infinite outside the indenter. The gap of a
-        tilted indenter is tilted.
+        Undeformed gap, in the length unit of ``cell``, with any offset; infinite outside the indenter. For a tilted
+        indenter, the gap is tilted.
     cell : float
         Side of a square cell.
     load : float
@@ -43,9 +43,9 @@ def press(gap: np.ndarray, cell: float, load: float, tolerance: float = TOLERANC
     Raises
     ------
     ValueError
-        If there is no indenter.
+        Raised if there is no indenter.
     RuntimeError
-        If the steps do not converge.
+        Raised if the iteration does not converge.
     """
     solid = np.isfinite(gap)
     if not solid.any():

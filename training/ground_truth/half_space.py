@@ -1,8 +1,8 @@
-"""Influence of uniformly loaded square cells on an elastic half-space, applied by FFT.
+"""Compute with FFT the response of an elastic half-space to uniformly loaded square cells.
 
 The sum over the cells is exact for pressures that are constant in each cell, because zero padding prevents the FFT from
 wrapping around. The model assumes small strains, no friction, and an infinitely thick homogeneous material. A thin
-layer on a stiff board is stiffer at short range and spreads the pressure less; this is not modelled.
+layer on a stiff board is stiffer at short range and spreads the pressure less. The model does not include that effect.
 """
 
 from collections.abc import Callable
@@ -18,18 +18,18 @@ Primitive = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Influence:
-    """A convolution of cell values, of shape ``shape``, with a response that is even in x and y.
+    """A convolution of cell values, with the array shape ``shape``, and a response that is even in x and y.
 
-    The result is the response at the centres of the cells and of ``margin`` more cells on each side.
+    The result is the response at the centres of the cells, and of ``margin`` more cells on each side.
     """
 
     shape: tuple[int, int]
     margin: int
     size: tuple[int, int]  #: size of the transform
-    spectrum: np.ndarray   #: real, because the response is even
+    spectrum: np.ndarray   #: the transform is real, because the response is even
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Return the sum of the responses to all cells; its shape is ``shape`` plus the margins."""
+        """Return the sum of the responses to all cells. The shape of the sum is ``shape`` plus the margins."""
         rows, cols = self.shape
         padded = np.zeros(self.size)
         padded[self.margin:self.margin + rows, self.margin:self.margin + cols] = values
@@ -42,7 +42,8 @@ def displacement_influence(shape: tuple[int, int], cell: float) -> Influence:
 
     The contact modulus E* is 1.
 
-    ``cell`` is the side of a cell. Displacements are in units of length, and pressures in units of E* = E / (1 - ν²).
+    The length ``cell`` is the side of a cell. Displacements are in units of length, and pressures in units of E* = E /
+    (1 - ν²).
     """
     return _influence(_love, shape, cell, margin=0)
 
@@ -52,8 +53,8 @@ def stress_influence(shape: tuple[int, int], cell: float, depth: float, margin: 
 
     Compression is positive.
 
-    The response to a point load is Boussinesq's 3 z³ / (2π (r² + z²)^(5/2)). It is integrated over a cell (Newmark
-    1935). No elastic constant enters.
+    The response to a point load is Boussinesq's 3 z³ / (2π (r² + z²)^(5/2)). This response is integrated over a cell
+    (Newmark 1935). The result depends on no elastic constant.
     """
     if not depth > 0:
         raise ValueError(f'depth {depth!r}: expected a positive depth')
@@ -63,8 +64,8 @@ def stress_influence(shape: tuple[int, int], cell: float, depth: float, margin: 
 def _influence(primitive: Primitive, shape: tuple[int, int], cell: float, margin: int) -> Influence:
     """Return the response to a cell at every offset.
 
-    ``primitive`` is the function whose derivative ∂²/∂x∂y is the response to a point load. The primitive is odd in x
-    and in y, so the offsets in one quadrant are sufficient.
+    The derivative ∂²/∂x∂y of the function ``primitive`` is the response to a point load. The primitive is odd in x and
+    in y, so the offsets in one quadrant are sufficient.
     """
     rows, cols = (count + margin for count in shape)
     y, x = ((np.arange(count + 1) - 0.5) * cell for count in (rows, cols))

@@ -1,8 +1,9 @@
-"""Rigid indenters as gap surfaces: flat punches with rounded edges, balls, lying cylinders and cones.
+"""Describe rigid indenters as gap surfaces: flat punches with rounded edges, balls, lying cylinders and cones.
 
 Lengths are in units of the square root of the nominal contact area, and pressures in units of the contact modulus E*. A
 half-space has no length scale, so one solution holds for every size. The ``compression`` of an indenter is its mean
-pressure over E*. At 0.1, a soft skin wraps around a rounded edge. At 0.01, a stiff skin touches only the flat part.
+pressure divided by E*. At a compression of 0.1, a soft skin wraps around a rounded edge. At a compression of 0.01, a
+stiff skin touches only the flat part.
 """
 
 from collections.abc import Callable
@@ -16,27 +17,28 @@ from tactile_node.simulator.world import Contact
 
 #: Size of the grid relative to the contact of the closed form, for indenters without a silhouette.
 ROOM = 1.2
-OUTLINE_POINTS = 64  #: Number of points of the outline of a circle.
+OUTLINE_POINTS = 64  #: Number of points on the outline of a circle.
 
 
 @dataclass(frozen=True)
 class Indenter:
-    """One indenter. Its load is the nominal area times ``compression``."""
+    """One indenter. The load is the nominal area times ``compression``."""
 
-    kind: str             #: flat_punch, ball, cylinder or cone
+    kind: str             #: 'flat_punch', 'ball', 'cylinder' or 'cone'
     label: str            #: shape of the contact, one of world.CLASSES
-    compression: float    #: mean pressure over the nominal area [E*]
-    #: function that returns the gap at x, y; infinite outside the silhouette
+    compression: float    #: mean pressure over the nominal area, in units of E*
+
+    #: function that returns the gap at x, y; the gap is infinite outside the silhouette
     gap: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    low: tuple[float, float]   #: lower corner (x, y) of the rectangle that holds the contact
+    low: tuple[float, float]   #: lower corner (x, y) of the rectangle that contains the contact
     high: tuple[float, float]
     outline: np.ndarray   #: nominal outline of the contact, (n, 2), about the origin
 
 
 def flat_punch(contact: Contact, compression: float, rounding: float = 0.0) -> Indenter:
-    """Return a prism whose face is ``contact`` (area 1, at the origin), with an edge rounded to a quarter of a circle.
+    """Return a prism whose face is ``contact`` (area 1, at the origin), with edges rounded to a quarter circle.
 
-    ``rounding`` is the radius of the edge as a fraction of the face's inscribed radius, from 0 (sharp) to 1.
+    The ratio ``rounding`` is the radius of the edges divided by the face's inscribed radius, from 0 (sharp) to 1.
     """
     radius, outline = rounding * inscribed_radius(contact), contact.outline(OUTLINE_POINTS)
 
@@ -49,17 +51,22 @@ def flat_punch(contact: Contact, compression: float, rounding: float = 0.0) -> I
 
 
 def ball(compression: float) -> Indenter:
-    """Return a ball, approximated by a paraboloid, with a contact of area 1 by Hertz: a³ = 3 P R / (4 E*)."""
+    """Return a ball, approximated by a paraboloid.
+
+    According to Hertz, the contact of the ball has the area 1: a³ = 3 P R / (4 E*).
+    """
     a = 1 / sqrt(pi)
     radius = 4 * a ** 3 / (3 * compression)
     return _round('ball', compression, lambda r: r ** 2 / (2 * radius), a)
 
 
 def cone(compression: float, tip: float = 0.0) -> Indenter:
-    """Return a cone pressed on its tip, with a contact of area 1 by Sneddon (1948): P = π a² E* slope / 2.
+    """Return a cone pressed on its tip.
 
-    ``tip`` is the radius of the parabola that replaces the tip [fraction of the contact's radius]. At this radius, the
-    parabola has the slope of the cone.
+    According to Sneddon (1948), the contact of the cone has the area 1: P = π a² E* slope / 2.
+
+    The length ``tip`` is the radius of the paraboloid that replaces the tip [fraction of the contact's radius]. At this
+    radius, the paraboloid has the slope of the cone.
     """
     a, slope = 1 / sqrt(pi), 2 * compression
 
@@ -70,10 +77,13 @@ def cone(compression: float, tip: float = 0.0) -> Indenter:
 
 
 def cylinder(compression: float, ratio: float, rounding: float = 0.0) -> Indenter:
-    """Return a cylinder with its axis along x, with a contact of area 1 that is ``ratio`` times as long as wide.
+    """Return a cylinder with its axis along x.
 
-    The radius follows from Hertz's line contact, b² = 4 P R / (π E* length). ``rounding`` is the radius of the edges at
-    the ends as a fraction of the contact's half-width. Sharp ends (0) widen the contact there.
+    The contact of the cylinder has the area 1 and is ``ratio`` times as long as wide.
+
+    The radius of the cylinder follows from Hertz's line contact, b² = 4 P R / (π E* length). The ratio ``rounding`` is
+    the radius of the edges at both ends divided by the contact's half-width. Sharp ends (0) make the contact wider at
+    both ends.
     """
     length, half_width = sqrt(ratio), 1 / sqrt(ratio) / 2
     radius, edge = pi * half_width / (8 * compression), rounding * half_width
@@ -88,7 +98,10 @@ def cylinder(compression: float, ratio: float, rounding: float = 0.0) -> Indente
 
 
 def inscribed_radius(contact: Contact) -> float:
-    """Return the radius of the largest circle inside ``contact``: half of the short side, or 2 area / perimeter."""
+    """Return the radius of the largest circle inside ``contact``.
+
+    The radius is half of the short side, or 2 area / perimeter.
+    """
     if contact.shape == 'circle':
         return contact.dimensions[0]
     if contact.shape in ('square', 'rectangle'):

@@ -1,7 +1,9 @@
-"""From the pressure on a skin's surface to taxel values: the normal stress at the depth of the taxels, for any pose.
+"""Compute taxel values from the pressure on a skin's surface.
 
-Lengths are in taxel pitches. The skin is modelled as a half-space. The stiff board under the skin, the higher stiffness
-of the taxels and the friction on the surface are not modelled.
+The values follow from the normal stress at the depth of the taxels, for any pose.
+
+Lengths are in taxel pitches. The skin is modelled as a half-space. The model ignores the stiff board under the skin,
+the higher stiffness of the taxels and the friction on the surface.
 """
 
 from dataclasses import dataclass
@@ -13,12 +15,15 @@ from tactile_node.taxel_frame import read_only
 from training.ground_truth.half_space import stress_influence
 from training.ground_truth.mechanics import Solution
 
-#: Distance around the indenter up to which its stress is computed [depths]; 0.2 % of the load lies beyond.
+#: Distance around the indenter up to which its stress is computed [depths]. Only 0.2 % of the load lies beyond this
+#: distance.
 REACH = 8.0
-#: Largest cell of a stress field [depths]. Linear interpolation is then wrong by at most 1 % at the peak.
+#: Largest cell of a stress field [depths]. With this cell, linear interpolation is wrong by at most 1 % at the peak.
 CELL_OF_DEPTH = 0.125
-FINEST = 0.1           #: Smallest cell of a stress field [pitches]; a taxel does not resolve smaller cells.
-POINTS = 4             #: The mean over a taxel is taken over POINTS x POINTS points.
+FINEST = 0.1           #: Smallest cell of a stress field [pitches]. A taxel does not resolve smaller cells.
+
+#: Number of points along each side of a taxel over which the mean is taken (POINTS x POINTS points).
+POINTS = 4
 
 
 @dataclass(frozen=True)
@@ -49,9 +54,9 @@ def sample(field: StressField, x: float, y: float, angle: float, rows: int, cols
            aperture: float = 1.0) -> np.ndarray:
     """Return the mean stress over each taxel, (rows, cols), for a mean pressure of 1.
 
-    The origin of the indenter is at ``x``, ``y`` [pitches], where taxel (row, col) is centred at x = col, y = row. The
-    indenter is rotated by ``angle`` (x towards y). ``aperture`` is the side of a taxel's sensitive square; 1 stands for
-    the whole pitch.
+    The origin of the indenter is at ``x``, ``y`` [pitches]. Taxel (row, col) is centred at x = col, y = row. The
+    indenter is rotated by ``angle`` from x towards y. The length ``aperture`` is the side of a taxel's sensitive
+    square, where 1 is the whole pitch.
     """
     step = ((np.arange(POINTS) + 0.5) / POINTS - 0.5) * aperture
     across = (np.arange(cols)[:, np.newaxis] + step).reshape(-1) - x
@@ -69,10 +74,10 @@ def measured(stress: np.ndarray, mean_pressure: float, rng: np.random.Generator,
              dead: float = 0.0) -> np.ndarray:
     """Return the values that a skin measures under ``stress``, as fractions of full scale.
 
-    A value is at most 1, and NaN for a dead taxel.
+    A value is at most 1. A dead taxel is NaN.
 
-    ``stress`` has a mean pressure of 1. ``mean_pressure`` and ``noise`` (standard deviation) are fractions of full
-    scale; ``dead`` is a fraction of the taxels.
+    The array ``stress`` has a mean pressure of 1. ``mean_pressure`` and ``noise`` (standard deviation) are fractions of
+    full scale, and ``dead`` is a fraction of the taxels.
     """
     values = np.minimum(mean_pressure * stress + noise * rng.standard_normal(stress.shape), 1.0)
     values[rng.random(values.shape) < dead] = np.nan
@@ -80,7 +85,7 @@ def measured(stress: np.ndarray, mean_pressure: float, rng: np.random.Generator,
 
 
 def _coarser(pressure: np.ndarray, times: int) -> np.ndarray:
-    """Return the means over ``times`` x ``times`` cells; zeros are added at the far ends."""
+    """Return the means over ``times`` x ``times`` cells. Zeros are added at the far ends."""
     if times == 1:
         return pressure
     rows, cols = (-(-count // times) for count in pressure.shape)

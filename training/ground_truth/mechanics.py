@@ -1,4 +1,7 @@
-"""Solutions of indenters on an elastic half-space, without a length scale: one solution serves all sizes and poses."""
+"""Solve the contact of indenters with an elastic half-space.
+
+The model has no length scale, so one solution serves all sizes and poses.
+"""
 
 from dataclasses import dataclass
 from math import ceil, pi, sqrt
@@ -14,11 +17,11 @@ CELLS = 48  #: Number of cells along the square root of the nominal contact area
 
 @dataclass(frozen=True)
 class Solution:
-    """The pressure under an indenter, in units of its mean over the contact.
+    """Pressure under an indenter, in units of its mean over the contact.
 
     The unit of length is the square root of the contact's area.
 
-    The origin is that of the indenter: the centre of area of its nominal outline. `solve` explains ``tilt``.
+    The origin is the centre of area of the indenter's nominal outline. `solve` explains ``tilt``.
     """
 
     kind: str
@@ -27,23 +30,23 @@ class Solution:
     cell: float                  #: side of a cell
     origin: tuple[float, float]  #: x, y of the centre of cell [0, 0]
     outline: np.ndarray          #: nominal outline, (n, 2), read-only
-    filled: float                #: area in contact over nominal area; small if a tilted indenter has lifted off
+    filled: float                #: area in contact divided by nominal area; small if a tilted indenter has lifted off
     compression: float
     tilt: tuple[float, float]
 
     @property
     def contact(self) -> np.ndarray:
-        """Cells in contact, bool, of the shape of ``pressure``; their total area is 1."""
+        """Cells in contact, bool, with the shape of ``pressure``. The total area of these cells is 1."""
         return self.pressure > 0
 
 
 def solve(indenter: Indenter, tilt: tuple[float, float] = (0.0, 0.0), cells: int = CELLS,
           tolerance: float = TOLERANCE) -> Solution:
-    """Press ``indenter``; ``cells`` is the number of cells along the square root of its nominal area.
+    """Press ``indenter``. A length equal to the square root of the nominal area has ``cells`` cells.
 
-    ``tilt`` is given along x and y. Its magnitude is a fraction of the rotation at which the rim of a flat punch begins
-    to lift off. This is exact for a sharp circle (θ = P / (4 E* radius²)), whose pressure rises by this fraction from
-    the middle to the rim.
+    The ``tilt`` is given along x and y. The magnitude of the tilt is a fraction of the rotation at which the rim of a
+    flat punch begins to lift off. For a sharp circle, this rotation is exact (θ = P / (4 E* radius²)), and the pressure
+    rises by the tilt from the middle to the rim.
     """
     cell = 1 / cells
     (x, left), (y, low) = (_centres(indenter.low[k], indenter.high[k], cell) for k in (0, 1))
@@ -51,7 +54,7 @@ def solve(indenter: Indenter, tilt: tuple[float, float] = (0.0, 0.0), cells: int
     gap = indenter.gap(x[np.newaxis], y[:, np.newaxis]) - rotation[0] * x - rotation[1] * y[:, np.newaxis]
     pressure = press(gap, cell, load=indenter.compression, tolerance=tolerance).pressure
     touching = pressure > 0
-    unit = cell * sqrt(touching.sum())  # the square root of the contact's area
+    unit = cell * sqrt(touching.sum())  # the unit of length is the square root of the contact's area
     return Solution(indenter.kind, indenter.label, read_only(pressure / pressure[touching].mean()), cell=cell / unit,
                     origin=(left / unit, low / unit), outline=read_only(indenter.outline / unit),
                     filled=float(unit ** 2), compression=indenter.compression, tilt=tilt)
@@ -60,7 +63,7 @@ def solve(indenter: Indenter, tilt: tuple[float, float] = (0.0, 0.0), cells: int
 def _rotation(indenter: Indenter, tilt: tuple[float, float]) -> np.ndarray:
     """Return the rotations about y and x [rad].
 
-    They depend on how far the outline extends on the side that would lift off.
+    The rotations depend on how far the outline extends on the side that would lift off.
     """
     size = float(np.hypot(*tilt))
     if not size:

@@ -1,7 +1,7 @@
-"""How familiar a plane figure is: its best intersection over union with any of the five shapes.
+"""Measure how familiar a plane figure is: its best intersection over union with any of the five shapes.
 
-Each shape is laid over the figure at many angles and ratios of its sides, on a coarse raster. The simplex method
-improves the best of these starts, all at once. The candidates for the best overlap are then improved on a fine raster.
+Each shape is laid over the figure at many angles and side ratios, on a coarse raster. The simplex method improves the
+best of these starts, all at once. The candidates for the best overlap are then improved on a fine raster.
 """
 
 from typing import NamedTuple
@@ -17,16 +17,18 @@ from training.ground_truth.simplex import maximised
 SHAPES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle')
 FACTOR = 4        #: Number of cells of the fine raster along one cell of the coarse raster.
 STARTS = 3        #: Number of starts from which each shape is improved.
-COARSE_STEPS = 50, 30   #: Number of steps on the coarse raster: for all starts, and for the best start of each shape.
+COARSE_STEPS = 50, 30   #: Number of steps on the coarse raster, for all starts, and for the best start of each shape.
 FINE_STEPS = 70
-MARGIN = 0.03     #: Upper bound of the error of a coarse overlap.
-TIE = 0.005       #: If the overlaps of two shapes differ by less, the shape with fewer dimensions names the figure.
-#: Number of angles, over the period of a shape, and of ratios, over its limits, that are tried first.
+MARGIN = 0.03     #: Upper bound of the error of an overlap on the coarse raster.
+TIE = 0.005       #: If the overlaps of two shapes differ by less than this, the shape with fewer dimensions is chosen.
+
+#: Number of angles over the period of a shape, and of ratios within its limits, that are tried first.
 ANGLES, RATIOS = 24, 5
-WIDEST_FIRST = 1.2           #: Largest logarithm of a ratio that is tried first.
-#: Logarithms of the sizes that are tried first, relative to the size of the figure [roots of area].
+WIDEST_FIRST = 1.2           #: Largest logarithm of a side ratio that is tried first.
+
+#: Logarithms of the sizes that are tried first, relative to the square root of the figure's area.
 SIZES = (-0.05, 0.12)
-#: Extent of a first simplex: x, y, angle, log size, log ratio.
+#: Extent of the first simplex: x, y, angle, log size, log ratio.
 SPREAD = read_only(np.array((0.06, 0.06, 0.1, 0.05, 0.1)))
 
 
@@ -38,12 +40,12 @@ class Limits(NamedTuple):
     apex: tuple[float, float]   #: angle at the apex of an isosceles triangle [degrees]
 
 
-#: Limits that include every rectangle, right triangle and isosceles triangle; thinner figures do not occur.
+#: Limits that include every rectangle, right triangle and isosceles triangle. Thinner figures do not occur.
 ANY = Limits(ratio=(1, 16), legs=(1, 16), apex=(5, 160))
 
 
 class Overlap(NamedTuple):
-    """The shape that is most similar to a figure, and the intersection over union of the two, 0...1."""
+    """Shape that is most similar to a figure, and the intersection over union of the two, 0...1."""
 
     shape: str
     iou: float
@@ -56,13 +58,13 @@ class _Families(NamedTuple):
     is_round: np.ndarray   #: bool, (n,)
     corners: np.ndarray    #: (n, 4, 2, 2), like the template of an Outline; the first corner of a triangle is repeated
     root: np.ndarray       #: (n,)
-    period: np.ndarray     #: (n,), a rotation by this angle changes nothing [rad]
-    low: np.ndarray        #: (n,), smallest logarithm of the first dimension / the second
-    high: np.ndarray       #: (n,), largest logarithm of this ratio
+    period: np.ndarray     #: (n,), angle by which a rotation changes nothing [rad]
+    low: np.ndarray        #: (n,), smallest logarithm of the first dimension divided by the second
+    high: np.ndarray       #: (n,), largest logarithm of the first dimension divided by the second
 
 
 class _Cells(NamedTuple):
-    """A figure of area 1 about its centre of area."""
+    """A figure of area 1, with its centre of area at the origin."""
 
     filled: np.ndarray  #: float32 (rows, cols), covered fraction of each cell
     x: np.ndarray       #: float32 (cols,), x of the centres of the cells
@@ -71,11 +73,12 @@ class _Cells(NamedTuple):
 
 
 def best_overlap(figure: ArrayLike, limits: Limits = ANY) -> Overlap:
-    """Return the shape that overlaps best with ``figure``, and its intersection over union, to about 0.005.
+    """Return the shape that overlaps best with ``figure``, and its intersection over union, accurate to about 0.005.
 
-    ``figure`` holds the corners of one polygon without crossings, (n, 2), x and y. It can also be a raster of any
-    number of pieces, (rows, cols) with more than two columns: bool, or the covered fraction of each cell. ``limits``
-    say which figures are rectangles, right and isosceles triangles. Raises ValueError for a figure without area.
+    The array ``figure`` contains the corners of one polygon without crossings, (n, 2), x and y. The array can also be a
+    raster with any number of pieces, (rows, cols) with more than two columns: bool, or the covered fraction of each
+    cell. The ``limits`` define which figures are rectangles, right triangles and isosceles triangles. Raises ValueError
+    if the figure has no area.
 
     >>> best_overlap(np.array([[0, 0], [6, 0], [6, 3], [0, 3]])).shape
     'rectangle'
@@ -87,7 +90,10 @@ def best_overlap(figure: ArrayLike, limits: Limits = ANY) -> Overlap:
 
 
 def overlaps(figure: ArrayLike, limits: Limits = ANY) -> dict[str, float]:
-    """Return the best overlap with each of the five shapes; it is a lower bound for shapes far from the best one."""
+    """Return the best overlap with each of the five shapes.
+
+    For shapes far from the best one, the result is a lower bound.
+    """
     raster, families = as_raster(figure), _families(limits)
     fine, coarse = _cells(raster), _cells(coarser(raster, FACTOR))
     kinds, poses = _first(coarse, families)
@@ -105,7 +111,7 @@ def overlaps(figure: ArrayLike, limits: Limits = ANY) -> dict[str, float]:
 
 
 def _families(limits: Limits) -> _Families:
-    """Return the outlines within ``limits``; the right triangle is included twice, the second time mirrored."""
+    """Return the outlines within ``limits``. The right triangle is included twice, the second time mirrored."""
     turn, root = 2 * np.pi, 2 ** 0.5
     apex = 2 * np.tan(np.radians(limits.apex) / 2)
     rows = [('circle', np.zeros((4, 2, 2)), 1.0, turn, (1, 1)),
@@ -146,7 +152,10 @@ def _first(cells: _Cells, families: _Families) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _peaks(found: np.ndarray) -> list[int]:
-    """Return the indices of the STARTS best of (angles, ratios, sizes); no two are adjacent in angle and ratio."""
+    """Return the indices of the STARTS best of (angles, ratios, sizes).
+
+    No two of these starts are adjacent in angle and ratio.
+    """
     left = found.copy()
     chosen: list[int] = []
     angles, ratios, sizes = found.shape
@@ -196,8 +205,8 @@ def _corners(families: _Families, kinds: np.ndarray, poses: np.ndarray) -> np.nd
 def _common_with_polygons(cells: _Cells, families: _Families, kinds: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Return the area that each polygon shares with the figure.
 
-    A cell counts by its depth [cells] + 1/2, limited to the range from 0 to its covered fraction. Edges are therefore
-    softened over one cell.
+    Each cell is weighted with its depth [cells] + 1/2, limited to the range from 0 to its covered fraction. Edges are
+    therefore softened over the width of one cell.
     """
     corners = _corners(families, kinds, poses)
     is_triangle = (corners[:, 3] == corners[:, 0]).all(1)

@@ -1,4 +1,4 @@
-"""Rasters of plane figures: the covered fraction of square cells."""
+"""Make rasters of plane figures, with the covered fraction of each square cell."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,9 +11,9 @@ CELLS = 96  #: Number of cells along the longer side of the figure.
 def as_raster(figure: ArrayLike, cells: int = CELLS) -> np.ndarray:
     """Return the covered fraction of each square cell in the box of a figure, float (rows, cols).
 
-    ``figure`` holds the corners of one polygon without crossings, (n, 2), x and y. It can also be a raster, (rows,
-    cols) with more than two columns: bool, or the covered fraction of each cell. Raises ValueError for a figure without
-    area.
+    The array ``figure`` contains the corners of one polygon without crossings, (n, 2), x and y. The array can also be a
+    raster, (rows, cols) with more than two columns: bool, or the covered fraction of each cell. Raises ValueError if
+    the figure has no area.
 
     >>> as_raster(np.array([[0, 0], [2, 0], [2, 1], [0, 1]]), cells=4)
     array([[1., 1., 1., 1.],
@@ -26,7 +26,7 @@ def as_raster(figure: ArrayLike, cells: int = CELLS) -> np.ndarray:
 
 
 def coarser(raster: np.ndarray, factor: int) -> np.ndarray:
-    """Return the means over blocks of ``factor`` x ``factor`` cells; cells beyond the raster count as empty."""
+    """Return the means over blocks of ``factor`` x ``factor`` cells. Cells beyond the raster count as empty."""
     rows, cols = (-(-size // factor) for size in raster.shape)
     wide = np.zeros((rows * factor, cols * factor))
     wide[:raster.shape[0], :raster.shape[1]] = raster
@@ -39,7 +39,7 @@ def coverage(corners: np.ndarray, motions: np.ndarray, window: Window) -> tuple[
 
     The results have the shapes (rows, cols) and (p, rows, cols).
 
-    ``corners``, (n, 2), are in the sense from x to y; ``motions``, (p, n, 2), are d corners / d parameter.
+    The ``corners``, (n, 2), run in the sense from x to y. The ``motions``, (p, n, 2), are d corners / d parameter.
     """
     once = np.ones((1, 1))
     covered, changes = coverages(corners[np.newaxis], motions[:, np.newaxis], window, once, once[0])
@@ -72,7 +72,10 @@ def _of_mask(mask: np.ndarray, cells: int) -> np.ndarray:
 
 
 def _shares(size: int, width: float) -> np.ndarray:
-    """Return the share of each new cell, ``width`` old cells wide, that each of ``size`` old cells covers."""
+    """Return how much of each new cell each old cell covers.
+
+    There are ``size`` old cells, and a new cell is ``width`` old cells wide.
+    """
     low = width * np.arange(np.ceil(size / width - 1e-9))[:, None]
     old = np.arange(size)
     overlap = np.minimum(low + width, old + 1) - np.maximum(low, old)

@@ -1,4 +1,4 @@
-"""Independent random streams for training and benchmarks, and random patterns."""
+"""Provide independent random streams for training and benchmarks, and random patterns."""
 
 from enum import IntEnum
 
@@ -8,7 +8,10 @@ from tactile_node.simulator.world import PAD, random_contact
 
 
 class Purpose(IntEnum):
-    """Purpose of a random stream. Each purpose has its own stream for every seed; the numbers must never change."""
+    """Purpose of a random stream.
+
+    Each purpose has a separate stream for every seed, so the numbers must never change.
+    """
 
     TRAINING = 1
     VALIDATION = 2
@@ -18,7 +21,7 @@ class Purpose(IntEnum):
 
 
 def generator(purpose: Purpose, seed: int) -> np.random.Generator:
-    """Return the generator for a purpose and a seed; two different pairs never share a stream."""
+    """Return the generator for a purpose and a seed. Two different pairs never share a stream."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(purpose),)))
 
 
