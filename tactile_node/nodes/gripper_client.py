@@ -133,8 +133,7 @@ class GripperClient:
 
     @property
     def is_stopped(self) -> bool:
-        """True if all commands that an answering server knows have ended, except for an accepted hold.
-        """
+        """True if all commands that an answering server knows have ended, except for an accepted hold."""
         moving = [each for each in self._open if not (each.is_given_up if each is self._latest else self._doubts(each))]
         return not moving or (len(moving) == 1 and moving[0].holds and moving[0].is_accepted)
 

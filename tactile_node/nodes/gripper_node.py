@@ -227,8 +227,7 @@ class GripperNode(Node):
         return opening >= present and not may_be_wider and not self._client.is_doubtful
 
     def _opens_fully(self, run: _Run) -> bool:
-        """Return True for a goal that opens the gripper fully. The node always forwards such a goal.
-        """
+        """Return True for a goal that opens the gripper fully. The node always forwards such a goal."""
         return run.opens and self._is_widest(run.opening)
 
     def _is_widest(self, opening: float) -> bool:
@@ -357,8 +356,7 @@ class GripperNode(Node):
         return Outcome.GRIPPER_FAILED if result.state.reached_goal else Outcome.STALLED
 
     def _drives(self, run: _Run) -> bool:
-        """Command the gripper at the start and at each change of speed. Returns True if the gripper should move.
-        """
+        """Command the gripper at the start and at each change of speed. Returns True if the gripper should move."""
         if isinstance(run.task, Holding):
             run.opening = run.task.target
         speed = run.task.speed if run.task else 0.0

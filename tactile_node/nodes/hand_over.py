@@ -256,8 +256,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._hand_over.wake()
 
     def end_feeding(self) -> None:
-        """Record that the previous stage is gone, so that every publisher of the topic counts as another source.
-        """
+        """Record that the previous stage is gone, so that every publisher of the topic counts as another source."""
         self._is_fed = False
         self._own.clear()
 

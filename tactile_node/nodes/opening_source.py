@@ -62,7 +62,9 @@ class OpeningSource(Protocol):
 
 
 class ParameterOpening:
-    """Opening from the live parameter ``gap``. A negative value means not known.
+    """Opening from the live parameter ``gap``.
+
+    A value stays valid until the next one is set. A negative value means that the opening is not known.
     """
 
     def __init__(self, node: Node, steady: Callable[[], float]):
@@ -264,8 +266,8 @@ def _check(settings: GraspNodeSettings) -> None:
             raise ConfigurationError(f'parameter {row.name}', expected=f'no value with gap_source {source}',
                                      got=str(value), remedy=f'Remove it, or set gap_source to {" or ".join(readers)}.')
     if source == JOINT_STATES and (not all(joints) or not joints or len(set(joints)) < len(joints)):
-        raise ConfigurationError('parameter gap_joints', expected='names of joints, each once', got=f'{list(joints)}',
-                                 remedy='Take them from the URDF. For a mimic joint, omit it and double gap_scale.')
+        raise ConfigurationError('parameter gap_joints', expected='different names of joints', got=f'{list(joints)}',
+                                 remedy='Take the names from the URDF. Omit a mimic joint, and double gap_scale.')
     if source == TF and (len(frames) != 2 or not all(frames) or len(set(map(frame_name, frames))) < 2):
         raise ConfigurationError('parameter gap_frames', expected='a frame on the left and one on the right finger',
-                                 got=f'{list(frames)}', remedy='Take both from the URDF.')
+                                 got=f'{list(frames)}', remedy='Take both names from the URDF.')

@@ -100,9 +100,9 @@ def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper
     if not settings.publish_pad_frames:
         return
     if len(settings.pad_frames) != 2:
-        raise ConfigurationError('parameter pad_frames', expected='a frame of the left and one of the right pad',
+        raise ConfigurationError('parameter pad_frames', expected='a frame of the left pad and one of the right pad',
                                  got=f'{list(settings.pad_frames)}',
-                                 remedy="Name both. An empty name '' stands for <name>_pad.")
+                                 remedy="Name both frames. An empty name '' selects <name>_pad.")
     frames = {frame_name(name) for name in (*settings.frames_of_pads, settings.frame)}
     if len(frames) < 3 or frames & set(settings.fingers) - {settings.frame}:
         raise ConfigurationError(

@@ -131,7 +131,7 @@ def feature_groups(names: Sequence[str]) -> Group:
     for name in names:
         if name.upper() not in Group.__members__:
             raise ConfigurationError('parameter features', expected='names of ' + ', '.join(Group.__members__).lower(),
-                                     got=repr(name), remedy='See `tactile features --help` for what each computes.')
+                                     got=repr(name), remedy='`tactile features --help` explains each group.')
         groups |= Group[name.upper()]
     return groups
 

@@ -14,8 +14,7 @@ CLOCK_STEP = 0.01  #: Time that passes in the log between two messages on /clock
 
 
 class ClockOutput:
-    """Publishes the time of a log during its replay, for nodes with use_sim_time. The time never goes backwards.
-    """
+    """Publishes the time of a log during its replay, for nodes with use_sim_time. The time never goes backwards."""
 
     def __init__(self, node: Node):
         self._node = node

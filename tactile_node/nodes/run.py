@@ -109,13 +109,13 @@ def translate_rclpy_errors() -> Iterator[None]:
         raise ConfigurationError('namespace or pad name', expected='letters, digits and underscores',
                                  got=' '.join(str(error).split()), remedy='Rename it.') from None
     except ParameterException as error:  # raised for parameters that rclpy itself declares, such as use_sim_time
-        raise ConfigurationError('parameter file or argument', expected='values of the type of each parameter',
+        raise ConfigurationError('parameter file or argument', expected='values of the right types',
                                  got=str(error), remedy='Correct the value.') from None
     except rclpy_implementation.RCLError as error:
         if 'params file' not in str(error):
             raise
         raise ConfigurationError('parameter file', expected='a ROS 2 parameter file (YAML)',
-                                 got=str(error).split(', at /')[0], remedy='Check path and indentation.') from None
+                                 got=str(error).split(', at /')[0], remedy='Check its path and indentation.') from None
 
 
 @contextmanager

@@ -55,8 +55,7 @@ class FrameExecutor(SingleThreadedExecutor):
         super().__init__(**options)  # called last, because the end of the context calls wake from now on
 
     def get_nodes(self) -> list[Node]:
-        """Return views of the nodes with the entities to wait for. This method is called before each wait.
-        """
+        """Return views of the nodes with the entities to wait for. This method is called before each wait."""
         nodes = super().get_nodes()
         now = time.monotonic()
         with_events = now - self._looked >= EVENTS_PERIOD
@@ -127,8 +126,7 @@ class FrameExecutor(SingleThreadedExecutor):
             work.result()  # raises the exception of the callback, if there was one
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """End the waiting thread, then shut down as rclpy does. Returns True if the shutdown was complete.
-        """
+        """End the waiting thread, then shut down as rclpy does. Returns True if the shutdown was complete."""
         self._ended.set()
         self._has_run.release()
         self.wake()
@@ -162,8 +160,7 @@ class FrameExecutor(SingleThreadedExecutor):
                 self._has_run.acquire()
 
     def _take_waitable(self, waitable: Waitable) -> Any:
-        """Take nothing from a waitable that was destroyed after it was found. In rclpy, this check is missing.
-        """
+        """Take nothing from a waitable that was destroyed after it was found. In rclpy, this check is missing."""
         try:
             return super()._take_waitable(waitable)
         except InvalidHandle:

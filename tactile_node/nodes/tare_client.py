@@ -59,15 +59,15 @@ class TareClient:
         end = time.monotonic() + ANSWER_TIMEOUT
         while not future.done():
             if time.monotonic() > end:
-                raise self._refusal(f'one that has not answered for {ANSWER_TIMEOUT:g} s')
+                raise self._refusal(f'a driver that has not answered for {ANSWER_TIMEOUT:g} s')
             rclpy.spin_once(self._node, timeout_sec=0.1)  # a short timeout, so that Ctrl-C takes effect soon
         return future.result()
 
     def _refusal(self, got: str) -> ConfigurationError:
         return ConfigurationError(
             f'tare by {self._client.service_name.rpartition("/")[0]}', expected='a running driver', got=got,
-            remedy='Start it (`tactile bringup`, or the launch file), or give its --namespace. Use the same '
-                   'ROS_DOMAIN_ID as the driver.')
+            remedy='Start the driver (`tactile bringup`, or the launch file), or give its namespace with --namespace. '
+                   'Use the same ROS_DOMAIN_ID as the driver.')
 
 
 @contextmanager
