@@ -1,4 +1,4 @@
-"""Parameters of the gripper node; see settings.py. Most of them are the limits of closing, with the same defaults."""
+"""Parameters of the gripper node; see settings.py. Most parameters set the limits of `TouchLimits` and `HoldLimits`."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -63,5 +63,5 @@ class GripperSettings(ReceiverSettings):
 
 
 def limits_of(kind: type[Limits], settings: GripperSettings) -> Limits:
-    """Return limits of the given kind, with the values of the parameters of the same names."""
+    """Return limits of the given kind, filled with the values of the parameters that have the same names."""
     return kind(**{name: getattr(settings, name) for name in kind.__dataclass_fields__})

@@ -1,6 +1,6 @@
-"""Every parameter of every node in one place, with name, type, default, range and meaning.
+"""All parameters of all nodes, with name, type, default, range and meaning.
 
-This module imports no ROS, because the launch file, `tactile bringup` and the documentation read the tables too.
+This module does not import ROS, because the launch file, `tactile bringup` and the documentation also read the tables.
 """
 
 import math
@@ -17,8 +17,9 @@ from tactile_node.taxel_frame import LEAST_BY_UNIT, PRESS_BY_UNIT, RELEASE_RATIO
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
-METADATA = 'parameter'  #: key in the metadata of a field
-#: number of frames that may wait; ten frames at 50 Hz are 0.2 s, and a gripper does not close on data older than 0.15 s
+METADATA = 'parameter'  #: key under which the metadata of a field stores the properties
+#: Maximum number of frames that wait for a stage. Ten waiting frames at 50 Hz would delay data by 0.2 s, but a gripper
+#: does not close on data older than 0.15 s.
 MOST_WAITING = 2
 
 Value = bool | int | float | str | tuple[str, ...] | tuple[int, ...] | tuple[float, ...]
@@ -29,16 +30,16 @@ FULL_SCALE = 'reading with the brightest colour of {} [unit of the taxels]; 0: t
 
 
 class Properties(NamedTuple):
-    """Properties of a parameter besides its name and default; ``low`` and ``high`` limit a number."""
+    """Properties of a parameter besides its name and default. ``low`` and ``high`` limit a numerical value."""
 
     description: str
     low: float = -math.inf
     high: float = math.inf
-    live: bool = False  #: True if a change takes effect at once; otherwise the parameter is read-only
+    live: bool = False  #: True if a change takes effect immediately, False if the parameter is read-only
 
 
 class Parameter(NamedTuple):
-    """One row in a node's table of parameters."""
+    """One row in the parameter table of a node."""
 
     name: str
     default: object
@@ -47,13 +48,13 @@ class Parameter(NamedTuple):
 
 def parameter(default: Default, description: str, low: float = -math.inf, high: float = math.inf, *,
               live: bool = False) -> Default:
-    """Return a dataclass field that is a ROS parameter."""
+    """Return a dataclass field that defines a ROS parameter."""
     return field(default=default, metadata={METADATA: Properties(description, low, high, live)})
 
 
 @dataclass(frozen=True)
 class NodeSettings:
-    """Parameters that every node has. They define the queues of the topics with one message per frame."""
+    """Parameters of every node, which configure the queues of the topics that carry one message per frame."""
 
     queue_depth: int = parameter(10, 'number of messages that a publisher or subscription keeps; the oldest is '
                                  'discarded first. At most 2 frames wait for a stage, except in a lossless replay', 1,
@@ -70,7 +71,7 @@ class NodeSettings:
 
 @dataclass(frozen=True)
 class ReceiverSettings(NodeSettings):
-    """Parameters of a node that receives messages of the chain."""
+    """Parameters of a node that receives messages of the processing chain."""
 
     best_effort: bool = parameter(False, 'true: messages lost on the way to this node are counted as skipped and not '
                                   'sent again, so that later messages need not wait; for a link that loses packets')
@@ -81,18 +82,18 @@ class ReceiverSettings(NodeSettings):
 
     @property
     def input_qos(self) -> 'QoSProfile':
-        """QoS of the subscriptions. A lossless replay loses nothing, whatever ``best_effort`` says."""
+        """QoS of the subscriptions. In a lossless replay, ``best_effort`` has no effect."""
         from tactile_node.ros.qos import frames_qos
         return frames_qos(self.queue_depth, self.lossless, self.best_effort)
 
     @property
     def most_waiting(self) -> int:
-        """Number of frames that may wait for a stage. A stage that is too slow lags by all the waiting frames."""
+        """Maximum number of frames that wait for a stage. A slow stage lags behind by all waiting frames."""
         return self.queue_depth if self.lossless else min(self.queue_depth, MOST_WAITING)
 
 
 def table(settings: type[NodeSettings]) -> tuple[Parameter, ...]:
-    """Return the parameters of a node, one row for each field of its settings."""
+    """Return the parameter table of a node, with one row for each field of its settings."""
     return tuple(Parameter(each.name, each.default, each.metadata[METADATA]) for each in fields(settings))
 
 
@@ -238,11 +239,11 @@ class GraspNodeSettings(ReceiverSettings):
 
     @property
     def fingers(self) -> tuple[str, ...]:
-        """Frames on the left and on the right finger."""
+        """tf frames on the left and on the right finger, with the prefix."""
         return tuple(self.frame_prefix + name.lstrip('/') for name in self.gap_frames)
 
     @property
     def frames_of_pads(self) -> tuple[str, ...]:
-        """Frames of the left and the right pad: the given ones, or else the defaults of the driver."""
+        """Frames of the left and the right pad. A frame that is not given has the default name that the driver uses."""
         return tuple(self.frame_prefix + (name or f'{pad.rsplit("/", 1)[-1]}_pad')
                      for name, pad in zip(self.pad_frames, (self.left_pad, self.right_pad)))
