@@ -24,7 +24,8 @@ from tactile_node.errors import ConfigurationError
 
 FILE = os.path.basename(__file__)
 RESPAWN_DELAY = 2.0  #: delay before launch restarts a process [s]
-#: lowest similarity at which a name counts as misspelt; 'ros_namespace', which launch_ros sets, has 0.82
+
+#: lowest similarity at which a name counts as misspelt; 'ros_namespace', which launch_ros sets, reaches 0.82
 SIMILAR = 0.85
 DECLARED = {*ARGUMENTS, *OTHER_SPELLINGS.values()}
 
@@ -52,7 +53,8 @@ def start(context: LaunchContext) -> list[Action]:
     if given['gripper_action']:
         words = [f'--end-with={os.getpid()}', '--ros-args']
         words += ['--params-file', given['params_file']] if given['params_file'] else []
-        for name in ('gripper_action', 'use_sim_time'):  # after the parameter file, because rcl uses the last value
+        # added after the parameter file, because rcl uses the last value
+        for name in ('gripper_action', 'use_sim_time'):
             words += ['-p', f'{name}:={given[name]}'] if given[name] else []
         processes.append(process('gripper_node', words, given))
     return [*warnings_of_misspelt(context.launch_configurations), *processes]
@@ -82,7 +84,7 @@ def refuse_undeclared(words: Sequence[str]) -> None:
 def warnings_of_misspelt(names: Collection[str]) -> list[Action]:
     """Return a warning for each name that resembles one of this file's arguments.
 
-    A name that resembles none of them is no mistake, because launch also passes on the arguments of an including file.
+    Other names are not reported, because launch also passes the arguments of an including file to this file.
     """
     found = {name: get_close_matches(name, ARGUMENTS, 1, SIMILAR) for name in sorted({*names} - DECLARED)}
     return [LogInfo(msg=f'[WARN] {name!r} is not an argument of {FILE}. Did you mean {similar[0]!r}?')
@@ -90,7 +92,7 @@ def warnings_of_misspelt(names: Collection[str]) -> list[Action]:
 
 
 def end_launch(event: ProcessExited, context: LaunchContext) -> list[Action]:
-    """End the launch when its process has ended. If the process failed, launch exits with code 1, for systemd."""
+    """End the launch when its process has ended, with exit code 1 for systemd if the process failed."""
 
     if event.returncode and not context.is_shutdown:
         raise RuntimeError(f'{event.process_name} has failed, code {event.returncode}')

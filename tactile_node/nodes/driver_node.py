@@ -40,7 +40,7 @@ logger = logging.getLogger(__name__)
 
 #: Errors after which the driver tries to configure again, if the parameter wait_at_start is true.
 WAITED_FOR = (BusError, DeviceAbsentError)
-#: Time before the process ends after the transition `shutdown`, so that rclpy can still send the response [s].
+#: Delay between the transition `shutdown` and the end of the process, in which rclpy sends the response [s].
 LAST_ANSWER = 0.3
 RETRY_PERIOD = 0.5  #: Time between two attempts to configure while the driver waits for a bus or device at start [s].
 

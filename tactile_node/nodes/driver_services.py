@@ -27,7 +27,8 @@ LONGEST = 60.0
 class Zeroing(NamedTuple):
     """The pads to tare and the source of their frames."""
 
-    pads: Mapping[str, TaredPad]  #: by name of the pad
+    pads: Mapping[str, TaredPad]  #: pads to tare, by name of the pad
+
     #: Returns the highest reading at which a taxel of the named pad counts as not pressed, in the unit of the pad.
     #: Raises ConfigurationError if the pad has no zero.
     limit: Callable[[str], float]
@@ -63,7 +64,7 @@ class TareService:
             pad.expect()
 
     def give_up(self, why: str) -> None:
-        """Refuse tare requests from now on, including a running one. The refusal describes the driver with ``why``."""
+        """Refuse tare requests from now on, including a running one. ``why`` describes the driver in the refusal."""
         for pad in self._pads():
             pad.give_up(why)
 
@@ -135,7 +136,7 @@ def _tared(zeroing: Zeroing, name: str, count: int, request: Tare.Request, respo
                                  remedy='Leave pads empty to tare all pads.')
     pad, frames = zeroing.pads[name], request.frames or FRAMES
     given = frames, zeroing.limit(name), 1 + 2 * frames * zeroing.frame_period
-    # the zero is measured before, between and after the steps on the device
+    # on_device takes frames three times, each with the same timeout
     measurements = 3 if request.on_device else 1
     if measurements * count * given[2] > LONGEST:
         raise TareRefusedError('tare', TareRefusal.TOO_MANY_FRAMES,

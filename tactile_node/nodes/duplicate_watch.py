@@ -1,6 +1,7 @@
 """Detect, by their heartbeats, other processes that command the same gripper or have the same name.
 
-The ROS graph cannot detect them reliably: it shows a killed process for another 20 s, and a hung process for ever.
+The ROS graph is no substitute for heartbeats, because it shows a killed process for another 20 s, and a hung process
+for ever.
 """
 
 import logging

@@ -29,7 +29,7 @@ RESULT_TIMEOUT = 2
 
 
 class CurrentGrasp(NamedTuple):
-    """The grasp at one moment, and the means to evaluate it."""
+    """The grasp at one moment, with functions to evaluate and publish it."""
 
     state: GraspState
     sides: Sequence[ContactShape]  #: latest shapes of the left and the right pad
@@ -51,8 +51,9 @@ class _Goal:
 
 
 class GraspRequests:
-    """Serves the action and the service. Each reply describes the grasp at the time of the reply, never an earlier
-    grasp.
+    """Serves the action `~/wait_for_grasp` and the service `~/check_grasp`.
+
+    Each reply describes the grasp at the time of the reply, never an earlier grasp.
 
     A waiting goal is not executed, because rclpy would poll the goal's coroutine without a pause. A waiting goal
     therefore has the status ACCEPTED (in Lyrical EXECUTING, see `allow_feedback`). Once the outcome of the goal is

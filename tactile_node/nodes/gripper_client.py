@@ -43,9 +43,11 @@ class _Sent:
         self.failure: Outcome | None = None
         self.result: GripperResult | None = None
         self.is_cancelled = False  # True if the command must be cancelled as soon as it is accepted
+
         # True if the gripper confirmed the latest cancel, False if it refused; None before its response
         self.is_ending: bool | None = None
         self.cancels: deque[Any] = deque()  # futures of the cancel requests, which are repeated until answered
+
         # True if the answering server does not know the command, because the server that accepted it is gone or
         # suspended.
         self.is_unknown = False
@@ -152,7 +154,7 @@ class GripperClient:
 
     @property
     def is_there(self) -> bool:
-        """False if the ROS graph shows no action server. True does not prove that a server exists."""
+        """False if the ROS graph shows no action server. A value of True does not prove that a server exists."""
         return self._client.server_is_ready()
 
     @property
@@ -193,8 +195,8 @@ class GripperClient:
         Returns
         -------
         tuple of two bool
-            The first is True if the gripper has answered the cancel of every open command. The second is True if the
-            gripper has confirmed every cancel.
+            First, True if the gripper has answered the cancel of every open command. Second, True if the gripper has
+            confirmed every cancel.
         """
         endings = [each.is_ending for each in self._open if self._doubts(each) or not each.holds]
         return None not in endings, all(endings)
@@ -208,7 +210,7 @@ class GripperClient:
         sent = self._latest
         if sent is None or sent.result is not None:
             return None
-        if self.is_there:  # False also for a moment while another server starts
+        if self.is_there:  # is_there is also False for a moment while another server starts
             sent.served = self._steady()
         if sent.failure is None and self._steady() - sent.served > self._timeout:
             sent.failure = Outcome.NO_GRIPPER

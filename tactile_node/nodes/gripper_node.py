@@ -74,13 +74,15 @@ class _Run:
 
     handle: ServerGoalHandle
     opening: float = math.nan  #: commanded opening [m]
-    #: task of the goal, which is `Holding` once the result of the goal was sent, and None for a refused goal
+
+    #: task of the goal; `Holding` after the result of the goal was sent, None for a refused goal
     task: Widening | Closing | Holding | None = None
     #: True while the goal waits, because the node is listening for duplicates or an earlier command has not ended
     waits: bool = True
-    clearing: Clearing | None = None  #: supervision of the end of earlier commands, while the goal waits for it
+    clearing: Clearing | None = None  #: monitors the end of earlier commands while the goal waits for that end
     speed: float = 0.0  #: commanded speed [m/s]; 0 before the first command and after a stop
-    #: detects that a gripper is at rest which reports the commanded opening, but is measured at another opening
+
+    #: detects the rest of a gripper that reports the commanded opening but is measured at another opening
     rest: Rest | None = None
     outcome: Outcome | None = None  #: outcome of the goal, or None while the goal is running
     reason: str = ''  #: text that explains the outcome to the client
@@ -383,7 +385,7 @@ class GripperNode(Node):
     def _state(self, outcome: Outcome | None = None) -> GripperState:
         """Return the gripper state for feedback or a result, in the units of the gripper.
 
-        The effort is the force on the pad with the larger force.
+        The effort field contains the force on the more strongly pressed pad.
         """
         force = self._touch.strongest if self._is_current() else math.nan
         return GripperState(self._law.reading(self._opening()), force,

@@ -1,4 +1,4 @@
-"""A subscription that no message can crash, and functions that find the publishers of a topic."""
+"""A subscription that survives any message, and functions that find the publishers of a topic."""
 
 import logging
 import math
@@ -48,9 +48,9 @@ class GuardedSubscription(Generic[Message]):
     PROCESSING_FAILED. An uncaught exception would end the executor, and with it every node of the process.
 
     Messages of the processing chain have a stamp, an age and a sequence number. The subscription counts gaps in the
-    sequence. Except in a lossless replay, it drops a message whose stamp is ahead of the other stamps. A topic of the
-    chain must have a single source. While two sources send, or while a publisher uses another version of the message
-    type, all messages on the topic are dropped.
+    sequence. Except in a lossless replay, the subscription drops a message whose stamp is ahead of the other stamps. A
+    topic of the chain must have a single source. While two sources send, or while a publisher uses another version of
+    the message type, all messages on the topic are dropped.
 
     Parameters
     ----------

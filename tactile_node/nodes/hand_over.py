@@ -54,7 +54,7 @@ Waiting: TypeAlias = list[tuple[Any, float]]  #: Waiting results, each with the 
 
 
 class HandOver:
-    """Knows the stages of one process, and decides in which order the executor processes their results.
+    """Holds the stages of one process, and decides in which order the executor processes their results.
 
     Use the hand-over with `FrameExecutor`, because rclpy's own executors wait for all entities before each turn.
     """

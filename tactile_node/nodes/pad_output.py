@@ -85,7 +85,7 @@ class PadOutput:
             self._looked = now
             names = publisher_names(self._node, self._output.topic)
             own = self._node.get_fully_qualified_name()
-            if names:  # one of the names belongs to this node, even if its own name was not discovered yet
+            if names:  # one of the names belongs to this node, even if ROS has not discovered the node's own name yet
                 names.remove(own if own in names else names[0])
             self._others = tuple(names)
         return self._others

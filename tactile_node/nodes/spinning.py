@@ -55,7 +55,7 @@ class FrameExecutor(SingleThreadedExecutor):
         super().__init__(**options)  # called last, because the end of the context calls wake from now on
 
     def get_nodes(self) -> list[Node]:
-        """Return views of the nodes with the entities to wait for. This method is called before each wait."""
+        """Return views of the nodes with the entities to wait for; called by rclpy before each wait."""
         nodes = super().get_nodes()
         now = time.monotonic()
         with_events = now - self._looked >= EVENTS_PERIOD
@@ -134,7 +134,7 @@ class FrameExecutor(SingleThreadedExecutor):
             self._watcher.join()
         if self._found is not None and not self._found.executing():
             self._found.cancel()
-            if self._found_entity is not None:  # None for example for a response to an action client
+            if self._found_entity is not None:  # the entity is None, for example, for a response to an action client
                 self._found_entity._executor_event = False  # lets another executor take the entity
         return bool(super().shutdown(timeout_sec))
 
@@ -160,7 +160,7 @@ class FrameExecutor(SingleThreadedExecutor):
                 self._has_run.acquire()
 
     def _take_waitable(self, waitable: Waitable) -> Any:
-        """Take nothing from a waitable that was destroyed after it was found. In rclpy, this check is missing."""
+        """Take nothing from a waitable that was destroyed after it was found, a check that rclpy lacks."""
         try:
             return super()._take_waitable(waitable)
         except InvalidHandle:

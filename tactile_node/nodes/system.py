@@ -69,7 +69,7 @@ class System:
                 node.destroy_node()
 
     def _make(self, role: Role, options: dict[str, Any]) -> Node:
-        """Create a node. Its module is imported here, so that a process loads only the modules of its own nodes."""
+        """Create a node, and import its module only now, so that a process loads only the modules of its own nodes."""
         if role is Role.DRIVER:
             from tactile_node.nodes.driver_node import DriverNode
             self._driver = DriverNode(self._hand_over, **options)

@@ -79,7 +79,7 @@ def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], setting
     Raises
     ------
     ConfigurationError
-        Raised if a setting is wrong. In this case, no setting changes.
+        Raised if a setting is wrong. If the error is raised, no setting has changed.
     """
     masks = masks_faulty(settings.faulty_taxels)
     rest = {name: rest_limit(settings.tare_limit, units[name]) for name in pads}

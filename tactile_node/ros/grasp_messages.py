@@ -115,8 +115,8 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
                   ages: Sequence[float], gripper: Gripper) -> Grasp:
     """Return the grasp as a message.
 
-    Stamp and age come from the older of the two pad results. From both, a receiver measures how long messages were
-    delayed.
+    Stamp and age come from the older of the two pad results. A receiver computes from stamp and age how long the
+    message was delayed.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Measure the field `age` of the chain's messages: the time since acquisition, summed over all stages.
 
-Each stage uses its own steady clock. It adds the time for which a message was held back on its way, and its own
-processing time. The stamp of a message stays the stamp of the taxels. The hosts need no synchronised clocks. `InputAge`
+Each stage measures with its own steady clock, and adds the time for which a message was held back and the time for its
+own processing. The stamp of a message stays the stamp of the taxels. The hosts need no synchronised clocks. `InputAge`
 records when each message of a subscription arrives. Results that are handed over within one process carry their
 acquisition time.
 
@@ -9,9 +9,9 @@ A blocked node reads its queue late, and therefore also calls `arrived` late. Th
 for which the message was held back. The time stamps of DDS are not used, because they come from the wall clock and
 cover only the last sender.
 
-An age is *not known* (`math.inf`, in a message the longest Duration) until the smallest delay has settled. This takes
-about 0.5 s from a stage's first messages. The stages settle one after another, because no stage can measure a delay
-while the age of its input is not known. An unknown age exceeds every limit.
+An age is *not known* (`math.inf`, in a message the longest Duration) until the smallest delay has settled. The smallest
+delay of a stage settles about 0.5 s after its first messages. The stages settle one after another, because no stage can
+measure a delay while the age of its input is not known. An unknown age exceeds every limit.
 """
 
 import math
@@ -31,10 +31,12 @@ from tactile_node.ros.time_messages import duration_message, seconds
 #: Time for which the smallest difference is kept [s]. Afterwards, a slower path or a changed clock counts as normal.
 WINDOW = 30.0
 BUCKETS = 30  #: number of parts of WINDOW, each of which is forgotten as a whole
+
 #: Time for which messages must arrive without a decrease of the smallest difference before that difference is settled
 #: [s].
 SETTLING_TIME = 0.5
 SETTLING_TOLERANCE = 0.02  #: largest decrease that counts as jitter of the path while settling [s]
+
 #: Largest decrease, once settled, that is attributed to a message that was faster than all earlier messages [s]. The
 #: earlier messages were older than measured by this decrease; later messages are measured correctly.
 SETTLED_ERROR = 0.05
@@ -71,9 +73,9 @@ class DelayEstimator:
         self._restart()
 
     def _restart(self) -> None:
-        # (bucket, smallest difference since the bucket), both ascending
+        # pairs of a bucket and the smallest difference since that bucket, both ascending
         self._least: deque[tuple[int, float]] = deque()
-        self._reference = inf  # smallest difference to which a decrease is compared
+        self._reference = inf  # value with which the next smallest difference is compared
         self._covered = 0.0  # time with messages since the last decrease that restarted settling
 
     def update(self, arrival: float, sent: float) -> Delay:
@@ -181,7 +183,7 @@ class Arrival(NamedTuple):
     """Arrival time of a message, and its age on arrival."""
 
     steady: float          #: arrival time on this host's steady clock [s]
-    age_on_arrival: float  #: of the message on arrival [s]; inf if not known
+    age_on_arrival: float  #: age of the message on arrival [s]; inf if not known
 
     @property
     def acquired(self) -> float:

@@ -147,7 +147,7 @@ def _confidence(message: ContactShape) -> RejectReason | None:
 
 
 def _counts(message: ContactShape) -> RejectReason | None:
-    """Check that an empty pad was seen, and that no contact has more hidden or saturated taxels than taxels."""
+    """Check that an empty pad was seen, and that no count of hidden or saturated taxels exceeds its total."""
     fits = (message.others_present == (message.contacts > 1)
             and (message.shape != ContactShape.NONE or message.pad_seen and not message.contacts)
             and max(message.hidden_taxels, message.saturated_taxels) <= message.taxels

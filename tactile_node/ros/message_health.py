@@ -21,11 +21,11 @@ class StreamFault(IntEnum):
     NOT_KNOWN = 0
     NONE = 1
     DROPPED = 2             #: messages were dropped for the reasons in RejectReason
-    SKIPPED = 3             #: frames never reached the node, because their sequence numbers are missing
+    SKIPPED = 3             #: frames never reached the node, as missing sequence numbers show
     OLD = 4                 #: messages arrive, but their data is older than OLD
     SEVERAL_PUBLISHERS = 5  #: several nodes publish the same topic
     SILENT = 6              #: no message was received on a topic since the last status
-    OVERLOADED = 7          #: the node is too slow, because more messages than MOST_OVERTAKEN were overtaken
+    OVERLOADED = 7          #: the node is too slow, as a fraction of overtaken messages above MOST_OVERTAKEN shows
     CLOCKS_APART = 8        #: stamps are ahead of the clock of this host, or seem to lag behind it
     OTHER_TYPE = 9          #: a publisher uses another version of the message type, so no message on the topic is used
 
@@ -55,9 +55,11 @@ class StreamHealth(NamedTuple):
 
     counts: MessageCounts
     age: float = math.inf  #: age of the data in the newest message [s]; inf if not known
+
     #: full names of the nodes that publish the topic; empty unless the topic belongs to the chain
     publishers: tuple[str, ...] = ()
     other_types: tuple[str, ...] = ()  #: publishers that use another version of the message type
+
     #: stamp plus age of the newest message, minus the clock of this host [s]; NaN if not known
     stamps_offset: float = math.nan
 

@@ -128,7 +128,7 @@ def opening_status(node: str, opening: Opening, counts: MessageCounts, before: M
                    remedy: str) -> DiagnosticStatus:
     """Return the diagnostic status of the opening.
 
-    The level is STALE if the opening is not known. Otherwise, it is WARN if messages were dropped since the last
+    The level is STALE if the opening is not known. Otherwise, the level is WARN if messages were dropped since the last
     status, and OK if not.
 
     Parameters

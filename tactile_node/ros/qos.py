@@ -1,4 +1,4 @@
-"""QoS profiles of this package's topics. All publishers are reliable, because any subscriber can read from them.
+"""QoS profiles of this package's topics, which are reliable so that RViz and any other subscriber can read them.
 """
 
 from rclpy.publisher import Publisher

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
 METADATA = 'parameter'  #: key under which the metadata of a field stores the properties
+
 #: Maximum number of frames that wait for a stage. Ten waiting frames at 50 Hz would delay data by 0.2 s, but a gripper
 #: does not close on data older than 0.15 s.
 MOST_WAITING = 2

@@ -80,6 +80,7 @@ class SourceGuard:
 
 
 STAMP_TOLERANCE = 1.0  #: time by which a stamp may be ahead of the earlier stamps [s]
+
 #: number of consecutive consistent messages that confirm a new time, after a clock was set or another source began
 CONFIRMING_STAMPS = 3
 #: time constant with which the limit from earlier stamps decays [s], because a clock may also be set back
@@ -91,8 +92,8 @@ class StampGuard:
     """Rejects messages on one topic whose stamps are ahead of the time that has passed since the earlier messages.
 
     A stamp, which comes from the sender's clock, may advance by the time that has passed on this host's steady clock
-    plus STAMP_TOLERANCE. Late messages are the task of `DelayEstimator`. A replay at a different pace advances in small
-    steps, so its messages are accepted.
+    plus STAMP_TOLERANCE. The class `DelayEstimator` handles late messages. A replay at a different pace advances in
+    small steps, so its messages are accepted.
 
     Examples
     --------

@@ -17,7 +17,7 @@ from tactile_node.ros.gripper_messages import PARALLEL, Command, GripperState, g
 from tactile_skin.msg import GripperOutcome
 
 OUTCOME_WAIT = 1.0  #: time after the result for which the client waits for the outcome before it counts as lost [s]
-LOOK_PERIOD = 0.005  #: time between two checks if a goal has ended [s]
+LOOK_PERIOD = 0.005  #: time between two checks for the end of a goal [s]
 
 
 class TouchEnding(NamedTuple):

@@ -1,9 +1,9 @@
 """Messages for viewers: markers for a contact and its shape, images of the taxels, and a wrench for the pressures.
 
 Every marker message contains the same set of markers, each in a separate namespace and with the ID 0. Each message adds
-a marker, or deletes the marker if there is nothing to draw. A viewer therefore never keeps a marker of an earlier
-message, even if the viewer has missed messages. All markers of a message are in the pad frame and come from one taxel
-frame, so an outline is never drawn over newer taxels.
+a marker that has something to draw, and deletes a marker that has not. A viewer therefore never keeps a marker of an
+earlier message, even if the viewer has missed messages. All markers of a message are in the pad frame and come from one
+taxel frame, so an outline is never drawn over newer taxels.
 
 Row 0 of an image is row 0 of the pad. A viewer draws row 0 at the top, so the pad's y axis points down and its z axis
 points away from the user. The image therefore shows the pad from behind, as seen from inside the finger.
@@ -32,6 +32,7 @@ from tactile_node.taxel_frame import ON_OFF_UNIT, SkinSide, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
 WHOLE_COLOUR = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan, for a fitted contact that is completely visible
+
 #: orange, for the visible part of a contact that may extend further (*_is_bound)
 BOUND_COLOUR = ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)
 TEXT = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
