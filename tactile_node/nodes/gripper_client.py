@@ -112,8 +112,9 @@ class GripperClient:
         self._client.destroy()
 
     def opening(self, max_age: float) -> float:
-        """Return the opening that the gripper last reported in feedback [m]. Results are ignored, because they may be
-        empty.
+        """Return the opening that the gripper last reported in feedback [m].
+
+        Results are ignored, because they may be empty.
 
         Parameters
         ----------

@@ -41,8 +41,9 @@ class ChainMessage(AgedMessage, Protocol):
 
 
 class GuardedSubscription(Generic[Message]):
-    """Calls a callback with each message that passes a check. All other messages are dropped, counted by reason and
-    logged.
+    """Calls a callback with each message that passes a check.
+
+    All other messages are dropped, counted by reason and logged.
 
     If the callback raises an exception, the subscription logs the traceback and counts the message as
     PROCESSING_FAILED. An uncaught exception would end the executor, and with it every node of the process.

@@ -38,8 +38,9 @@ Message = TypeVar('Message')
 
 
 class OnDemandPublisher(Generic[Message]):
-    """Publishes messages on a topic only while the topic has subscribers. A late subscriber receives no earlier
-    messages.
+    """Publishes messages on a topic only while the topic has subscribers.
+
+    A late subscriber receives no earlier messages.
 
     Even in a lossless replay, earlier messages are not kept, because a viewer shows any image or marker as the present
     state.

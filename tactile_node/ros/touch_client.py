@@ -117,8 +117,9 @@ class TouchClient:
         return sent
 
     def wait(self, goal: TouchGoal, timeout: float) -> TouchEnding:
-        """Wait until a goal ends, and return how it ended. The method spins the node unless an executor already spins
-        it.
+        """Wait until a goal ends, and return how it ended.
+
+        The method spins the node unless an executor already spins it.
 
         Do not call this method from a callback of the node; in a callback, read `TouchGoal.ending`. A goal whose server
         has died never ends.
