@@ -1,5 +1,8 @@
-"""`pip install .`: with the facts of package.xml, the version among them, which bloom bumps, and config/,
-msg/, srv/ and action/."""
+"""Build the package for `pip install .`.
+
+The metadata comes from package.xml, because bloom bumps the version there. The package data is in config/, msg/, srv/
+and action/.
+"""
 
 import shutil
 from pathlib import Path
@@ -10,12 +13,12 @@ from setuptools.command.build_py import build_py
 
 PACKAGE = ElementTree.parse('package.xml')
 AUTHOR = PACKAGE.find('author')
-#: folder of package data, as a package inside tactile_node -> where it lies here
+#: name of a data package inside tactile_node -> its folder in this repository
 DATA = {f'tactile_node.{folder}': folder for folder in ('config', 'msg', 'srv', 'action')}
 
 
 class FreshBuild(build_py):
-    """Begins with an empty folder: pip keeps build/lib, and a module that was renamed would be installed for ever."""
+    """Empties the build folder first, because pip keeps it and would also install modules under old names."""
 
     def run(self):
         shutil.rmtree(self.build_lib, ignore_errors=True)

@@ -1,9 +1,9 @@
-"""Start the nodes of one CAN bus, or of one side of it, in one process: `tactile bringup` with launch arguments.
+"""Start `tactile bringup` from launch: one process with the nodes of one CAN bus, or of one side of that bus.
 
-With `gripper_action`, the gripper node is started as a second process.
+If the argument `gripper_action` is given, the launch file also starts the gripper node, as a second process.
 
-Each process checks the values of its arguments. A wrong value is therefore an error of one process, and the other nodes
-of the robot keep running. This file checks only the names, because launch accepts any name without a message.
+Each process checks the values of its own arguments, so a wrong value ends only that process, and the other nodes of the
+robot keep running. The launch file checks only the names of the arguments, because launch silently accepts any name.
 """
 
 import os
@@ -23,8 +23,10 @@ from tactile_node.cli.bringup import ARGUMENTS, OPTIONS, OTHER_SPELLINGS
 from tactile_node.errors import ConfigurationError
 
 FILE = os.path.basename(__file__)
-RESPAWN_DELAY = 2.0  #: time before a process is started again [s]
-SIMILAR = 0.85  #: similarity from which a name may be misspelt; 'ros_namespace', which launch_ros sets, is at 0.82
+RESPAWN_DELAY = 2.0  #: delay before launch restarts a process [s]
+
+#: lowest similarity at which a name counts as misspelt; 'ros_namespace', which launch_ros sets, reaches 0.82
+SIMILAR = 0.85
 DECLARED = {*ARGUMENTS, *OTHER_SPELLINGS.values()}
 
 
@@ -38,10 +40,10 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def start(context: LaunchContext) -> list[Action]:
-    """Start the processes.
+    """Return the processes to start.
 
-    Bringup itself names its nodes and puts them into namespaces, so only the namespace of the launch is passed. Only
-    the given arguments become options; the parameter file and the nodes' defaults decide about the others.
+    `tactile bringup` chooses the names and namespaces of its nodes, so launch passes only its own namespace. Only
+    arguments that the user gave become options; the parameter file and the nodes' defaults set all other values.
     """
     refuse_undeclared(sys.argv)
     given = {name: LaunchConfiguration(name).perform(context) for name in DECLARED}
@@ -51,14 +53,15 @@ def start(context: LaunchContext) -> list[Action]:
     if given['gripper_action']:
         words = [f'--end-with={os.getpid()}', '--ros-args']
         words += ['--params-file', given['params_file']] if given['params_file'] else []
-        for name in ('gripper_action', 'use_sim_time'):  # after the file, because rcl uses the last value
+        # added after the parameter file, because rcl uses the last value
+        for name in ('gripper_action', 'use_sim_time'):
             words += ['-p', f'{name}:={given[name]}'] if given[name] else []
         processes.append(process('gripper_node', words, given))
     return [*warnings_of_misspelt(context.launch_configurations), *processes]
 
 
 def process(executable: str, arguments: Sequence[str], given: Mapping[str, str]) -> Node:
-    """Return the process of an executable; ``given`` has the launch arguments."""
+    """Return the process that runs ``executable``; ``given`` contains the launch arguments."""
     return Node(package='tactile_skin', executable=executable, exec_name=executable,
                 namespace=given['namespace'] or None, output='screen', arguments=list(arguments),
                 respawn=given['on_exit'] == 'respawn', respawn_delay=RESPAWN_DELAY,
@@ -66,7 +69,7 @@ def process(executable: str, arguments: Sequence[str], given: Mapping[str, str])
 
 
 def refuse_undeclared(words: Sequence[str]) -> None:
-    """Raise ConfigurationError for an unknown argument, which `ros2 launch`, called with ``words``, would ignore."""
+    """Raise ConfigurationError if ``words``, the command line, contains an argument that `ros2 launch` would ignore."""
     paths = [word for word in words if os.path.basename(word) == FILE]
     is_this = ('tactile_skin', FILE) in zip(words, words[1:]) or any(
         os.path.exists(path) and os.path.samefile(path, __file__) for path in paths)
@@ -81,7 +84,7 @@ def refuse_undeclared(words: Sequence[str]) -> None:
 def warnings_of_misspelt(names: Collection[str]) -> list[Action]:
     """Return a warning for each name that resembles one of this file's arguments.
 
-    Launch also passes the arguments of an including file to this file, so any other name is not a mistake.
+    Other names are not reported, because launch also passes the arguments of an including file to this file.
     """
     found = {name: get_close_matches(name, ARGUMENTS, 1, SIMILAR) for name in sorted({*names} - DECLARED)}
     return [LogInfo(msg=f'[WARN] {name!r} is not an argument of {FILE}. Did you mean {similar[0]!r}?')
@@ -89,7 +92,7 @@ def warnings_of_misspelt(names: Collection[str]) -> list[Action]:
 
 
 def end_launch(event: ProcessExited, context: LaunchContext) -> list[Action]:
-    """End the launch when its process has ended. If the process failed, the exit code is 1, for systemd."""
+    """End the launch when its process has ended, with exit code 1 for systemd if the process failed."""
 
     if event.returncode and not context.is_shutdown:
         raise RuntimeError(f'{event.process_name} has failed, code {event.returncode}')

@@ -170,7 +170,7 @@ def test_a_duplicate_is_an_error_and_its_end_is_information(make_bench, caplog):
     bench.wait(2 * HEARTBEAT_PERIOD)
     told = [(each.levelno, each.message.split(',')[0]) for each in caplog.records
             if each.name == duplicate_watch.__name__ and each.node == bench.node.get_logger().name]
-    assert told == [(logging.ERROR, 'nothing closes'), (logging.INFO, 'the other touch_gripper has ended')]
+    assert told == [(logging.ERROR, 'closing is disabled'), (logging.INFO, 'the other touch_gripper has ended')]
 
 
 def test_a_goal_to_close_waits_after_a_start_and_one_to_open_does_not(make_bench):

@@ -1,1 +1,1 @@
-"""The ROS 2 nodes: thin shells around the processing stages."""
+"""The ROS 2 nodes, which are thin shells around the processing stages."""

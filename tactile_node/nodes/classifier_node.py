@@ -1,4 +1,4 @@
-"""The classifier node: it recognises the shape of each contact, fuses it over time and fits its pose and size."""
+"""The classifier node recognises the shape of each contact, fuses the shape over time, and fits pose and size."""
 
 import sys
 import time
@@ -25,27 +25,27 @@ from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Contact, ContactEvent, ContactShape, ContactShapes
 
-EVENT_DEPTH = 10  #: Depth of the queue for events [messages].
+EVENT_DEPTH = 10  #: Queue depth of the publisher of events [messages].
 
 
 class ClassifierNode(StageNode):
-    """Publishes `shape` for the newest usable message on `contact`, `pose` if the shape was fitted, and `events`.
+    """Publishes `shape` for the newest usable message on `contact`, `pose` if a shape was fitted, and `events`.
 
-    While there are subscribers, the node also publishes `shapes`, with the shapes of the largest contacts of a pad, and
-    `markers`. A lossless classifier answers every contact. It always publishes `shapes`, because it keeps messages for
-    late subscribers.
+    While these topics have subscribers, the node also publishes `markers` and `shapes`, which lists the shapes of the
+    largest contacts of a pad. With the parameter `lossless`, the node processes every contact, and publishes `shapes`
+    even without a subscriber, because late subscribers also receive the messages.
 
     Parameters
     ----------
     hand_over : HandOver or None
-        Hand-over from and to the nodes of this process; None if the node runs alone in its process.
+        Hand-over between the nodes of this process, or None if the node runs alone in its process.
     **options
-        Options for rclpy's ``Node``.
+        Keyword arguments for rclpy's ``Node``.
 
     Raises
     ------
     ConfigurationError
-        If a parameter is wrong.
+        Raised if a parameter is wrong.
     """
 
     def __init__(self, hand_over: HandOver | None = None, **options: Any):
@@ -70,7 +70,7 @@ class ClassifierNode(StageNode):
         MessageHealth(self, [self._contacts], self._settings)
 
     def accept(self, contact: PadContact) -> None:
-        """Recognise the shape of ``contact`` and send it on."""
+        """Recognise the shape of ``contact`` and publish the result."""
         result = self._pipeline.recognise(contact.found, seconds(contact.header.stamp))
         arrival = self._contacts.arrival
         shape = self._shape(contact, result, arrival)
@@ -85,7 +85,7 @@ class ClassifierNode(StageNode):
             self._contacts.postpone(lambda: self._publish_more(contact, result, shape.bare, arrival))
 
     def _publish_more(self, contact: PadContact, result: StreamedContact, bare: ContactShape, arrival: Arrival) -> None:
-        """Publish the messages that no other stage waits for."""
+        """Publish `shapes` and `markers`, for which no other stage waits."""
         if is_wanted(self._all_shapes, self._settings.lossless):
             self._publish_all(contact, result, arrival)
         self._view.publish(contact, bare)
@@ -104,12 +104,12 @@ class ClassifierNode(StageNode):
 
 
 def _age(arrival: Arrival) -> Duration:
-    """Return the present age of a result that was made from the contact of ``arrival``."""
+    """Return the present age of a result that was computed from the contact of ``arrival``."""
     return age_message(arrival.age(time.monotonic()))
 
 
 def main() -> int:
-    """Run the node; returns the exit code."""
+    """Run the node and return the exit code."""
     return run_node(ClassifierNode)
 
 

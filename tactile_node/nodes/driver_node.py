@@ -1,9 +1,8 @@
-"""The skin driver: a lifecycle node for one CAN bus, or for a recorded log in its place.
+"""The skin driver is a lifecycle node that reads one CAN bus, or replays a recorded log in place of a bus.
 
-configure   open the bus, check the identity of the devices and configure them
-activate    send NMT start to the devices, and send SYNC
-deactivate  set the devices to PRE-OPERATIONAL
-cleanup     close the bus
+The transition configure opens the bus, checks the identity of the devices and configures them. The transition activate
+sends NMT start to the devices and begins to send SYNC. The transition deactivate sets the devices to PRE-OPERATIONAL.
+The transition cleanup closes the bus.
 """
 
 import logging
@@ -34,40 +33,44 @@ from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import PrimaryState
 
-#: Parameters read by configure: all that are not live, except autostart and wait_at_start, which are read at start.
+#: Parameters that configure reads: all that are not live, except autostart and wait_at_start, which are read at start.
 READ_AT_CONFIGURE = frozenset(each.name for each in table(DriverSettings) if not each.properties.live
                               and each.name not in ('autostart', 'wait_at_start'))
 logger = logging.getLogger(__name__)
 
-WAITED_FOR = (BusError, DeviceAbsentError)  #: Errors after which a driver that waits at start tries again.
-LAST_ANSWER = 0.3  #: Time allowed for sending the answer to the transition `shutdown` before the process ends [s].
-RETRY_PERIOD = 0.5  #: Time between two attempts to configure while the driver waits at start [s].
+#: Errors after which the driver tries to configure again, if the parameter wait_at_start is true.
+WAITED_FOR = (BusError, DeviceAbsentError)
+#: Delay between the transition `shutdown` and the end of the process, in which rclpy sends the response [s].
+LAST_ANSWER = 0.3
+RETRY_PERIOD = 0.5  #: Time between two attempts to configure while the driver waits for a bus or device at start [s].
 
 
 class DriverNode(LifecycleNode):
-    """Publishes `<pad>/taxels` for each pad while active. It publishes /diagnostics and `~/status` in every state.
+    """Publishes `<pad>/taxels` for each pad while active, and /diagnostics and `~/status` in every lifecycle state.
 
     Parameters
     ----------
     hand_over : HandOver or None
-        Hand-over to the nodes of this process; None if the node runs alone in its process.
+        Hand-over to the other nodes of this process, or None if the node runs alone in its process.
     **options
-        Options for rclpy's ``LifecycleNode``.
+        Keyword arguments for rclpy's ``LifecycleNode``.
     """
 
-    _is_made = False  # True after the constructor
+    _is_made = False  # True once the constructor has finished
 
     def __init__(self, hand_over: HandOver | None = None, **options: Any):
         super().__init__(NODE_NAMES[Role.DRIVER], **options)
         reject_invalid_transitions(self)
         declare(self, DriverSettings, READ_AT_CONFIGURE)
         follow_changes(self, DriverSettings, self._check, self._apply)
-        self.add_on_set_parameters_callback(self._refuse_fixed)  # rclpy calls the last added callback first
-        self._settings: DriverSettings | None = None  # as read by configure
-        self.source: FrameSource | None = None  #: the bus or the log; None while unconfigured
+        # added last, because rclpy calls the last added callback first
+        self.add_on_set_parameters_callback(self._refuse_fixed)
+        self._settings: DriverSettings | None = None  # None unless configured
+        self.source: FrameSource | None = None  #: the bus or the log, or None while the driver is unconfigured
         self._pads: dict[str, PadOutput] = {}
         self._hand_over = hand_over or HandOver()
-        self._owned: list[Callable[[], object]] = []  # releases what configure has made; called in reverse order
+        # functions that release the resources of configure, called in reverse order
+        self._owned: list[Callable[[], object]] = []
         self._steps = LifecycleSteps(self)
         self._stop_requested: threading.Event | None = None
         self._tare = TareService(self)
@@ -85,12 +88,12 @@ class DriverNode(LifecycleNode):
         ----------
         stop_requested : threading.Event or None
             Event that ends the process. The node itself sets the event when it is finalized, because a finalized node
-            cannot be used any more.
+            can never be used again.
 
         Raises
         ------
         TactileError
-            If a transition fails.
+            Raised if a transition fails.
         """
         self._stop_requested = stop_requested
         if not self.get_parameter('autostart').value:
@@ -103,17 +106,18 @@ class DriverNode(LifecycleNode):
     def _is_configured_at_start(self, stop: threading.Event | None) -> bool:
         """Configure the node. With ``stop``, repeat the attempt until it succeeds or ``stop`` is set.
 
-        Returns False if ``stop`` was set, or if a lifecycle manager has configured the node in the meantime.
+        Returns False if ``stop`` was set, or if a lifecycle manager configured the node in the meantime.
         """
         try:
             while self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-                if self._lifecycle != PrimaryState.UNCONFIGURED:  # configured by a manager; Kilted raises no error
+                # a lifecycle manager has configured the node; on Kilted, rclpy raises no error for it
+                if self._lifecycle != PrimaryState.UNCONFIGURED:
                     return False
                 if stop is None or not isinstance(self._steps.error, WAITED_FOR):
                     raise self._steps.failure('configure')
                 if stop.wait(RETRY_PERIOD):
                     return False
-        except RuntimeError:  # configured by a manager; Jazzy raises RCLError
+        except RuntimeError:  # a lifecycle manager has configured the node; on Jazzy, rclpy raises RCLError for it
             return False
         return True
 
@@ -143,7 +147,7 @@ class DriverNode(LifecycleNode):
         """Close the bus or the log, and end the process."""
         self._release()
         if self._stop_requested is not None:
-            self.get_logger().info('The driver is finalized: its process ends.')
+            self.get_logger().info('The driver is finalized, so its process ends now.')
             threading.Timer(LAST_ANSWER, self._stop_requested.set).start()
         return self._publish_after(TransitionCallbackReturn.SUCCESS, PrimaryState.FINALIZED)
 
@@ -153,8 +157,8 @@ class DriverNode(LifecycleNode):
         return self._publish_after(TransitionCallbackReturn.SUCCESS, PrimaryState.UNCONFIGURED)
 
     def destroy_node(self) -> None:
-        """Close the bus or the log, and publish the last state."""
-        if self._is_made:  # since Kilted, the context also destroys a node whose constructor has failed
+        """Close the bus or the log, and publish the state of the driver one last time."""
+        if self._is_made:  # since Kilted, the context also destroys a node whose constructor failed
             self._release()
             if self.context.ok():
                 self._state.update(is_last=True)
@@ -178,7 +182,7 @@ class DriverNode(LifecycleNode):
             self._owned.append(output.destroy)
             if settings.replay and settings.lossless and not output.is_answered:
                 raise _not_answered(pad.name)
-        self._pads = outputs  # in one assignment, because the executor may publish the state at any time
+        self._pads = outputs  # replaced in one assignment, because the executor may publish the state at any time
         saving = serve_faults(self, settings.faulty_taxels_file,
                               lambda: {name: pad.conditioned.faults for name, pad in self._pads.items()})
         units = {pad.name: pad.layout.value.unit for pad in pads}
@@ -188,7 +192,7 @@ class DriverNode(LifecycleNode):
         self._owned += [lambda: self.destroy_service(saving), self._tare.end, source.close, self._hand_over.release]
         source.open()
         self.source = source
-        self._apply(read(self, DriverSettings))  # live parameters may have been set since they were read above
+        self._apply(read(self, DriverSettings))  # a live parameter may have been set after the settings were read above
         source.configure()
 
     def _start(self) -> None:
@@ -202,21 +206,21 @@ class DriverNode(LifecycleNode):
         return self.source
 
     def _make_clock(self, settings: DriverSettings) -> Callable[[float], None] | None:
-        """Return the function that publishes the time of a log on /clock; None without publish_clock.
+        """Return the function that publishes the time of a log on /clock, or None if publish_clock is false.
 
-        Raises ConfigurationError for a live bus.
+        Raises ConfigurationError if publish_clock is set for a live bus.
         """
         if not settings.publish_clock:
             return None
         if not settings.replay:
-            raise ConfigurationError('parameter publish_clock', expected='a log whose time is published (replay)',
+            raise ConfigurationError('parameter publish_clock', expected='a replayed log whose time can be published',
                                      got='a live bus', remedy='Set publish_clock to false, or replay a log.')
         clock = ClockOutput(self)
         self._owned.append(clock.destroy)
         return clock.show
 
     def _refuse_fixed(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Refuse to change parameters that configure has read, because they apply until cleanup."""
+        """Refuse changes to parameters that configure has read, because the driver uses them until cleanup."""
         fixed = [each.name for each in parameters if each.name in READ_AT_CONFIGURE]
         if self._settings is not None and fixed:
             return SetParametersResult(successful=False, reason=f'{", ".join(fixed)}: read at configure. Clean up the '
@@ -224,9 +228,9 @@ class DriverNode(LifecycleNode):
         return SetParametersResult(successful=True)
 
     def _check(self, settings: DriverSettings) -> None:
-        """Raise ConfigurationError for live settings that cannot be applied."""
+        """Raise ConfigurationError if live settings cannot be applied."""
         masks_faulty(settings.faulty_taxels)
-        if self._settings is not None:  # before configure, heartbeat_period may still change
+        if self._settings is not None:  # heartbeat_period may still change before configure
             check_heartbeat(settings)
 
     def _apply(self, settings: DriverSettings) -> None:
@@ -241,13 +245,14 @@ class DriverNode(LifecycleNode):
                            {name: pad.condition for name, pad in self._pads.items()})
 
     def _publish_after(self, result: TransitionCallbackReturn, goal: PrimaryState) -> TransitionCallbackReturn:
-        """Publish the state after a transition to ``goal``, and return the ``result`` of the transition."""
+        """Publish the driver's state after a transition to ``goal``, and return the ``result`` of the transition."""
         if result == TransitionCallbackReturn.SUCCESS:
             self.get_logger().info(f'Lifecycle: {self._lifecycle.name.lower()} -> {goal.name.lower()}.')
             self._lifecycle = goal
         try:
             self._state.update()
-        except Exception:  # a failed report must not make the transition fail, because the driver itself works
+        # the driver itself works, so a state that cannot be published must not make the transition fail
+        except Exception:
             logger.exception('The state of the driver could not be published.')
         return result
 
@@ -262,13 +267,13 @@ class DriverNode(LifecycleNode):
 def _not_answered(pad: str) -> ConfigurationError:
     return ConfigurationError(
         'parameters replay and lossless', expected='the processor and the classifier of each pad in the process of the '
-        'driver, because the log waits for their answers',
+        'driver, because a lossless replay waits for their results',
         got=f'none for pad {pad!r}, or a remapped topic between them',
         remedy='Start all nodes with `tactile bringup --replay`, or set lossless to false.')
 
 
 def main() -> int:
-    """Run the node; returns the exit code."""
+    """Run the node and return the exit code."""
     return run_node(DriverNode, DriverNode.autostart)
 
 

@@ -19,53 +19,57 @@ from tactile_node.errors import ConfigurationError, TactileError, TareRefusal, T
 from tactile_node.threads import ReportedThread
 from tactile_skin.srv import Tare
 
-FRAMES = 50  #: Number of frames averaged by default.
-LONGEST = 60.0  #: Longest duration of a request for all its pads [s]. A longer request is refused as a mistake.
+FRAMES = 50  #: Number of taxel frames averaged if a request does not give a number.
+#: Longest duration of a tare request, for all its pads together [s]. A longer request is probably a mistake.
+LONGEST = 60.0
 
 
 class Zeroing(NamedTuple):
-    """The pads and the source that a tare works on."""
+    """The pads to tare and the source of their frames."""
 
-    pads: Mapping[str, TaredPad]  #: by name of the pad
-    #: Returns, for the name of a pad, the highest reading at which a taxel counts as not pressed, in the unit of the
-    #: pad. It raises ConfigurationError if the pad has no zero.
+    pads: Mapping[str, TaredPad]  #: pads to tare, by name of the pad
+
+    #: Returns the highest reading at which a taxel of the named pad counts as not pressed, in the unit of the pad.
+    #: Raises ConfigurationError if the pad has no zero.
     limit: Callable[[str], float]
-    frame_period: float  #: time between two frames [s]
-    source: FrameSource  #: gives access to devices that zero themselves
+    frame_period: float  #: time between two taxel frames [s]
+    source: FrameSource  #: source of the frames, through which a device can be told to zero itself
 
 
 class TareService:
-    """The service `~/tare`. It measures the zero of pads from their frames.
+    """Serves `~/tare`, which measures the zero of the pads from their taxel frames.
 
-    A thread does the work, so the executor is not blocked.
-    The service exists as long as its node, because rclpy cannot answer a request after the service was destroyed.
+    A separate thread measures the zero, so that the executor is not blocked. The service lives as long as its node,
+    because rclpy cannot answer a request after its service was destroyed.
     """
 
     def __init__(self, node: Node):
         self._node = node
         self._zeroing: Zeroing | None = None
         self._thread: threading.Thread | None = None
-        group = ReentrantCallbackGroup()  # in the default group, a running request would block all other callbacks
-        self._answered = node.create_guard_condition(lambda: None, group)  # wakes the executor to send an answer
+        # in the default callback group, a running request would block all other callbacks
+        group = ReentrantCallbackGroup()
+        # wakes the executor, so that it sends the response
+        self._answered = node.create_guard_condition(lambda: None, group)
         node.create_service(Tare, '~/tare', self._answer, callback_group=group)
 
     def begin(self, zeroing: Zeroing) -> None:
-        """Prepare for a newly configured driver. Requests are refused until ``expect`` is called."""
+        """Prepare for a newly configured driver. The service refuses requests until ``expect`` is called."""
         self._zeroing = zeroing
         self.give_up('a configured one')
 
     def expect(self) -> None:
-        """Serve requests from now on."""
+        """Accept tare requests from now on."""
         for pad in self._pads():
             pad.expect()
 
     def give_up(self, why: str) -> None:
-        """Refuse requests from now on, including a running one. ``why`` describes the driver in the refusal."""
+        """Refuse tare requests from now on, including a running one. ``why`` describes the driver in the refusal."""
         for pad in self._pads():
             pad.give_up(why)
 
     def end(self) -> None:
-        """Refuse requests, because the driver is no longer configured, and wait until a running request has ended."""
+        """Refuse tare requests after the driver was cleaned up, and wait until a running request has ended."""
         if self._zeroing is not None:
             self.give_up('one that is cleaned up')
             self._zeroing = None
@@ -76,7 +80,7 @@ class TareService:
         return () if self._zeroing is None else tuple(self._zeroing.pads.values())
 
     async def _answer(self, request: Tare.Request, response: Tare.Response) -> Tare.Response:
-        """Answer a request, without blocking the executor."""
+        """Answer a tare request without blocking the executor."""
         try:
             zeroing = self._ready()
         except TareRefusedError as error:
@@ -90,10 +94,10 @@ class TareService:
     def _ready(self) -> Zeroing:
         if self._zeroing is None:
             raise TareRefusedError('tare', TareRefusal.DRIVER_NOT_ACTIVE, expected='a configured driver',
-                                   got='one that is not', remedy='Configure and activate it first.')
+                                   got='one that is not configured', remedy='Configure and activate the driver first.')
         if self._thread is not None and self._thread.is_alive():
             raise TareRefusedError('tare', TareRefusal.BUSY, expected='one request at a time',
-                                   got='a second one', remedy='Wait for the answer to the first request.')
+                                   got='a second request', remedy='Wait for the answer to the first request.')
         return self._zeroing
 
     def _work(self, zeroing: Zeroing, request: Tare.Request, response: Tare.Response, done: Future) -> None:
@@ -108,14 +112,14 @@ class TareService:
                 if isinstance(error, TareRefusedError):
                     response.refusal = response.refusal or error.refusal.value
                 reports.append(f'{name}: {error}')
-            except Exception:  # it would end the thread, and the client would get no answer
+            except Exception:  # an uncaught exception would end the thread, and the client would never get a response
                 is_done = False
                 reports.append(f'{name}: {traceback.format_exc()}')
         done.set_result(self._logged(response, is_done, ' '.join(reports)))
         self._answered.trigger()
 
     def _logged(self, response: Tare.Response, is_done: bool, message: str) -> Tare.Response:
-        """Fill in the response, log its message and return it."""
+        """Fill in the response, log its message and return the response."""
         response.success = is_done
         response.message = message
         logger = self._node.get_logger()
@@ -129,10 +133,11 @@ class TareService:
 def _tared(zeroing: Zeroing, name: str, count: int, request: Tare.Request, response: Tare.Response) -> str:
     if name not in zeroing.pads:
         raise ConfigurationError('tare', expected=f'one of the pads {", ".join(zeroing.pads)}', got=repr(name),
-                                 remedy='Leave pads empty to tare all of them.')
+                                 remedy='Leave pads empty to tare all pads.')
     pad, frames = zeroing.pads[name], request.frames or FRAMES
     given = frames, zeroing.limit(name), 1 + 2 * frames * zeroing.frame_period
-    measurements = 3 if request.on_device else 1  # the device is measured before, between and after
+    # on_device takes frames three times, each with the same timeout
+    measurements = 3 if request.on_device else 1
     if measurements * count * given[2] > LONGEST:
         raise TareRefusedError('tare', TareRefusal.TOO_MANY_FRAMES,
                                expected=f'a request that takes at most {LONGEST:g} s',
@@ -160,11 +165,11 @@ def serve_faults(node: Node, path: str, faults: Callable[[], Mapping[str, Faulty
     Parameters
     ----------
     node : Node
-        Node that serves requests.
+        Node that provides the service.
     path : str
-        File to write; '' if the user gave none, and requests are then refused.
+        File to write. If the path is '', the service refuses every request.
     faults : callable
-        Returns the faulty taxels by name of the pad.
+        Function that returns the faulty taxels by name of the pad.
     """
     def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:

@@ -1,4 +1,4 @@
-"""Make the source of the driver's frames from its settings: a live bus, or a recorded log in its place."""
+"""Create the source of the driver's taxel frames from its settings: a live bus or a recorded log."""
 
 from collections.abc import Callable, Sequence
 
@@ -11,23 +11,24 @@ from tactile_node.skin.pads import PadSettings, live_pads, make_pads, one_for_ea
 from tactile_node.sources.log_source import LogSource
 from tactile_node.sources.supervisor import Supervisor
 
-#: Smallest number of missing heartbeats after which a node may count as lost. A single heartbeat may only be late.
+#: Smallest number of missing heartbeats after which a node may count as lost. A single missing heartbeat may just be
+#: late.
 HEARTBEATS_LOST = 2
 
 
 def driver_pads(settings: DriverSettings) -> tuple[PadSettings, ...]:
-    """Return the pads of the driver, with the object dictionaries of their EDS for a live bus.
+    """Return the pads of the driver. For a live bus, the pads include the object dictionaries from their EDS files.
 
     Raises ConfigurationError if the parameters, a layout or an EDS cannot be used.
     """
     if not settings.pads:
         raise ConfigurationError('parameter pads', expected='a name for each pad', got='none', remedy='Name a pad.')
     pads = make_pads(settings.layouts, settings.node_ids, settings.pads)
-    return pads if settings.replay else with_dictionaries(pads, settings.eds)  # a log needs no EDS
+    return pads if settings.replay else with_dictionaries(pads, settings.eds)  # the pads of a log need no EDS
 
 
 def pad_frames(settings: DriverSettings, pads: Sequence[PadSettings]) -> list[str]:
-    """Return the coordinate frame of each pad. Raises ConfigurationError if the number of frames is wrong."""
+    """Return the coordinate frame of each pad. Raises ConfigurationError if the number of frame_ids is wrong."""
     frame_ids = one_for_each('frame_ids', settings.frame_ids, pads)
     return [settings.frame_prefix + (frame_id or f'{pad.name}_pad') for pad, frame_id in zip(pads, frame_ids)]
 
@@ -35,7 +36,7 @@ def pad_frames(settings: DriverSettings, pads: Sequence[PadSettings]) -> list[st
 def check_heartbeat(settings: DriverSettings) -> None:
     """Raise ConfigurationError if heartbeat_timeout is shorter than HEARTBEATS_LOST heartbeat periods.
 
-    A log is not checked, because its heartbeats were recorded.
+    The check is skipped for a log, because a replay does not configure the heartbeat periods of devices.
     """
     if not settings.replay and settings.heartbeat_timeout < HEARTBEATS_LOST * settings.heartbeat_period:
         raise ConfigurationError('parameters heartbeat_period and heartbeat_timeout',
@@ -46,7 +47,7 @@ def check_heartbeat(settings: DriverSettings) -> None:
 
 def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
                 on_time: Callable[[float], None] | None = None) -> FrameSource:
-    """Return the supervised bus, or the log of a replay. The source is not open yet.
+    """Return the supervised bus, or the log to replay, without opening it.
 
     Parameters
     ----------
@@ -55,19 +56,19 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
     pads : tuple of PadSettings
         Pads of the driver.
     on_frame : callable
-        Called with the name of the pad and each taxel frame.
+        Function that the source calls with the name of the pad for each taxel frame.
     on_time : callable or None
-        For a log, called with the time that the replay has reached [s].
+        Function that a log calls with the time that the replay has reached [s].
 
     Raises
     ------
     ConfigurationError
-        If both replay and record are set, or if heartbeat_timeout is too short.
+        Raised if both replay and record are set, or if heartbeat_timeout is too short.
     """
     if settings.replay and settings.record:
-        raise ConfigurationError('parameters replay and record', expected='only one of them, because a replay cannot '
-                                 'be recorded', got=f'{settings.replay!r} and {settings.record!r}',
-                                 remedy='Remove one of them; to duplicate a log, copy its file.')
+        raise ConfigurationError('parameters replay and record', expected='only one of the two, because a replay '
+                                 'cannot be recorded', got=f'{settings.replay!r} and {settings.record!r}',
+                                 remedy='Unset one of the two. To duplicate a log, copy its file.')
     if settings.replay:
         return LogSource(settings.replay, pads, on_frame, pace=settings.replay_pace or None,
                          loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,

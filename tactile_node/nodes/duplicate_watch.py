@@ -1,6 +1,7 @@
-"""Detect other processes that command the same gripper or have the same name, by their heartbeats.
+"""Detect, by their heartbeats, other processes that command the same gripper or have the same name.
 
-The ROS graph is not used for this, because it still shows a killed process for 20 s, and a silent process for ever.
+The ROS graph is no substitute for heartbeats, because it shows a killed process for another 20 s, and a hung process
+for ever.
 """
 
 import logging
@@ -16,24 +17,25 @@ from unique_identifier_msgs.msg import UUID
 
 from tactile_node.ros.rosout_handler import of_node
 
-HEARTBEAT_PERIOD = 0.2  #: Time between two heartbeats [s].
-#: Time without a heartbeat after which another process counts as ended [s]. It is the time of five heartbeats.
+HEARTBEAT_PERIOD = 0.2  #: Time between two heartbeats of this process [s].
+#: Time without a heartbeat after which another process counts as ended [s]. The limit allows for five lost heartbeats.
 HOLD_TIME = 1.0
-#: Time for which a process listens before it may close the gripper [s]. Discovery takes up to 2.8 s (docs/closing.md).
+#: Time for which a process must listen before it may close the gripper [s]. ROS discovery takes up to 2.8 s
+#: (docs/closing.md).
 LISTEN_TIME = 5.0
 
 logger = logging.getLogger(__name__)
 
 
 class DuplicateWatch:
-    """Sends the identity of this process as a heartbeat, and listens to the heartbeats of others.
+    """Sends the identity of this process as a heartbeat, and listens for the heartbeats of other processes.
 
     Parameters
     ----------
     node : Node
         Node of this process.
     topics : sequence of str
-        Topics to send and listen on.
+        Topics on which heartbeats are sent and received.
     steady : callable
         Steady clock [s].
     """
@@ -41,7 +43,7 @@ class DuplicateWatch:
     def __init__(self, node: Node, topics: Sequence[str], *, steady: Callable[[], float]):
         self._node, self._steady = node, steady
         self._identity = UUID(uuid=list(uuid4().bytes))
-        self._heard: dict[str, float] = {}  # by topic, time at which another identity was last heard [s]
+        self._heard: dict[str, float] = {}  # topic -> time at which another identity was last heard [s]
         self._ran = -math.inf  # time of the last heartbeat of this process [s]
         self._listens_since = math.inf  # time since which this process has listened without a pause [s]
         self._logged: tuple[str, ...] = ()
@@ -58,7 +60,7 @@ class DuplicateWatch:
 
     @property
     def has_listened(self) -> bool:
-        """True if this process has listened for LISTEN_TIME since its start or its last pause."""
+        """True if this process has listened without a pause for at least LISTEN_TIME."""
         now = self._steady()
         return now - self._ran <= HOLD_TIME and now - self._listens_since >= LISTEN_TIME
 
@@ -80,7 +82,7 @@ class DuplicateWatch:
 
 
 def duplicate_text(topics: Sequence[str]) -> str:
-    """Return the text for a duplicate that is heard on ``topics``; '' if there are no topics."""
+    """Return the error text for a duplicate heard on ``topics``, or '' if there are no topics."""
     return '' if not topics else (
-        f'nothing closes, because another touch_gripper is heard on {", ".join(topics)}: stop one of them '
+        f'closing is disabled, because another touch_gripper is heard on {", ".join(topics)}: stop one of them '
         f'(`ros2 topic info -v {topics[0]}` lists them)')

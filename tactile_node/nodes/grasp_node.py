@@ -1,4 +1,4 @@
-"""The grasp node: it combines the shapes under two opposing pads into one grasp."""
+"""The grasp node combines the shapes on two opposing pads into one grasp."""
 
 import math
 import sys
@@ -30,34 +30,36 @@ from tactile_node.ros.shape_messages import PadShape
 from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
-#: If stamps go back by more than this, another log is being replayed [s]. The pads of one log differ by less.
+#: If a stamp goes back by more than this time, another log is being replayed [s]. The pads of one log differ by less.
 ANOTHER_LOG = 60.0
 
 
 class GraspNode(StageNode):
-    """Publishes `grasp` and `grasp_sides` for every usable message on `<pad>/shape` of its two pads.
+    """Publishes `grasp` and `grasp_sides` for every usable message on `<pad>/shape` from its two pads.
 
-    When the shapes of a pad stop, the node publishes both once more, so that the last grasp does not seem current. The
-    action `~/wait_for_grasp` and the service `~/check_grasp` tell a client whether the grasp meets its requirement.
+    When a pad stops publishing shapes, the node publishes both topics once more, so that the last grasp does not look
+    current. With the action `~/wait_for_grasp` or the service `~/check_grasp`, a client learns whether the grasp meets
+    its requirement.
 
     Parameters
     ----------
     hand_over : HandOver or None
-        Hand-over from the nodes of this process; None if the node runs alone in its process.
+        Hand-over from the other nodes of this process, or None if the node runs alone in its process.
     steady : callable
         Steady clock for ages and timeouts [s].
     **options
-        Options for rclpy's ``Node``.
+        Keyword arguments for rclpy's ``Node``.
 
     Raises
     ------
     ConfigurationError
-        If a parameter is wrong.
+        Raised if a parameter is wrong.
     """
 
     def __init__(self, hand_over: HandOver | None = None, *, steady: Callable[[], float] = time.monotonic,
                  **options: Any):
-        # Set before rclpy's constructor, because Kilted also calls destroy_node after a failed constructor.
+        # These attributes are set before rclpy's constructor, because Kilted calls destroy_node even after a failed
+        # constructor.
         self._steady = steady
         self._arrivals: dict[str, Arrival] = {}
         self._requests: GraspRequests | None = None
@@ -72,11 +74,11 @@ class GraspNode(StageNode):
         self._opening = make_opening_source(self, settings, gripper.closing, steady)
         publish_pad_frames(self, settings, gripper, self._opening)
         self._latest = {side: PadShape(ContactShape()) for side in SIDES}
-        self._stamp = 0.0  # latest stamp [s]; it serves as the clock of a lossless replay
+        self._stamp = 0.0  # latest stamp, which serves as the clock of a lossless replay [s]
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
         self._sides_publisher = self.create_publisher(GraspSides, 'grasp_sides', settings.qos)
         self._requests = GraspRequests(self, self._current, steady)
-        # On the steady clock, because the clock of the node stands still with use_sim_time and no /clock.
+        # The timers use the steady clock, because the node's clock stands still with use_sim_time and no /clock.
         self._silences = {side: self.create_timer(self._tracker.silence_limit(side), self._on_silence,
                                                   clock=Clock(clock_type=ClockType.STEADY_TIME)) for side in SIDES}
         for silence in self._silences.values():
@@ -90,14 +92,14 @@ class GraspNode(StageNode):
         MessageHealth(self, tuple(self._shapes.values()), settings)
 
     def accept(self, side: str, shape: PadShape) -> None:
-        """Take a new shape from one pad and publish the grasp.
+        """Update the grasp with a new shape from one pad, and publish the grasp.
 
         Parameters
         ----------
         side : str
             Side of the pad, one of SIDES.
         shape : PadShape
-            Shape on this pad.
+            Shape on the pad of this side.
         """
         arrival = self._shapes[side].arrival
         self._arrivals[side] = arrival
@@ -116,7 +118,7 @@ class GraspNode(StageNode):
         return self._stamp if self._settings.lossless else self._steady()
 
     def _await_next(self, side: str) -> None:
-        """Publish again if no shape of ``side`` follows in time, because the last grasp must not stay fresh."""
+        """Restart the timer that publishes a stale grasp if no further shape of ``side`` arrives in time."""
         silence, limit = self._silences[side], round(self._tracker.silence_limit(side) * 1e9)
         if silence.timer_period_ns != limit:
             silence.timer_period_ns = limit
@@ -126,7 +128,7 @@ class GraspNode(StageNode):
         self._publish_without_result(self._now())
 
     def destroy_node(self) -> None:
-        """Publish a grasp without a result first, because the last grasp would otherwise stay valid."""
+        """First publish a grasp without results, because the last grasp would otherwise look valid."""
         if self.context.ok() and self._arrivals:
             self._publish_without_result(math.inf)
         if self._requests is not None:
@@ -134,7 +136,7 @@ class GraspNode(StageNode):
         super().destroy_node()
 
     def _publish_without_result(self, now: float) -> None:
-        """Publish the grasp at the time ``now`` [s] from the shapes received so far."""
+        """Publish the grasp as of the time ``now`` [s], from the shapes received so far."""
         opening = self._opening.current()
         self._publish(self._tracker.state(now, opening.gap), opening)
 
@@ -151,7 +153,8 @@ class GraspNode(StageNode):
     def _current(self) -> CurrentGrasp:
         """Return the present grasp from the shapes received so far.
 
-        After the end of a lossless replay its stamps stand still. After max_age, all shapes then count as too old.
+        The stamps stand still after a lossless replay has ended. All shapes therefore count as too old once no shape
+        has arrived for max_age.
         """
         steady = self._steady()
         received = max((arrival.steady for arrival in self._arrivals.values()), default=-math.inf)
@@ -165,13 +168,13 @@ class GraspNode(StageNode):
                                                                 self._ages(), self._gripper))
 
     def _ages(self) -> list[float]:
-        """Return the age of the latest shape of each side [s]; inf if there is none."""
+        """Return the age of each side's latest shape [s], or inf if the side has none."""
         now = self._steady()
         return [self._arrivals[side].age(now) if side in self._arrivals else math.inf for side in SIDES]
 
 
 def main() -> int:
-    """Run the node; returns the exit code."""
+    """Run the node and return the exit code."""
     return run_node(GraspNode)
 
 

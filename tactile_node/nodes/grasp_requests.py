@@ -1,4 +1,4 @@
-"""The action `~/wait_for_grasp` and the service `~/check_grasp` of a grasp node."""
+"""The action `~/wait_for_grasp` and the service `~/check_grasp` of the grasp node."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -19,24 +19,24 @@ from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import ContactShape, Grasp
 from tactile_skin.srv import CheckGrasp
 
-#: Time between two checks of the waiting goals [s]. Goals are also checked at each published grasp.
+#: Time between two checks of the waiting goals [s]. The goals are also checked at each published grasp.
 GOAL_LOOK_PERIOD = 0.05
-FEEDBACK_PERIOD = 0.5  #: Time after which an unchanged feedback is published again [s].
-#: Largest number of waiting goals. One grasp may answer all of them, and a service of the rmw queues 10 replies.
+FEEDBACK_PERIOD = 0.5  #: Time after which unchanged feedback is published again [s].
+#: Maximum number of waiting goals. One grasp may complete all waiting goals, and an rmw service queues only 10 replies.
 MOST_GOALS = 10
-#: Time for which the server keeps a result that the client has not requested [s]. After that it is too old.
+#: Time for which the server keeps a result that the client has not yet requested [s]. An older result is out of date.
 RESULT_TIMEOUT = 2
 
 
 class CurrentGrasp(NamedTuple):
-    """The grasp at one moment."""
+    """The grasp at one moment, with functions to evaluate and publish it."""
 
     state: GraspState
     sides: Sequence[ContactShape]  #: latest shapes of the left and the right pad
-    message: Callable[[], Grasp]  #: makes the message of this grasp
+    message: Callable[[], Grasp]  #: creates the message for this grasp
 
     def missing(self, requirement: Requirement) -> tuple[Missing, ...]:
-        """Return the parts of ``requirement`` that the grasp does not meet."""
+        """Return the conditions of ``requirement`` that the grasp does not meet."""
         left, right = (SideShape(side.class_name, side.confidence) for side in self.sides)
         return missing(requirement, self.state, (left, right))
 
@@ -45,24 +45,26 @@ class CurrentGrasp(NamedTuple):
 class _Goal:
     handle: ServerGoalHandle
     requirement: Requirement
-    deadline: float  #: on the steady clock [s]
-    reported: tuple[Missing, ...] | None = None  #: unmet parts in the last feedback
+    deadline: float  #: time on the steady clock at which the goal times out [s]
+    reported: tuple[Missing, ...] | None = None  #: unmet conditions in the last feedback
     reported_at: float = 0.0  #: time of the last feedback [s]
 
 
 class GraspRequests:
-    """Serves the action and the service. Each answer uses the grasp at the time of the answer, never an earlier one.
+    """Serves the action `~/wait_for_grasp` and the service `~/check_grasp`.
 
-    A waiting goal is not executed, because rclpy would poll its coroutine without a pause. Its status is therefore
-    ACCEPTED (in Lyrical EXECUTING, see `allow_feedback`) until its answer is known. Then the goal is executed, and its
-    callback evaluates the grasp again.
+    Each reply describes the grasp at the time of the reply, never an earlier grasp.
+
+    A waiting goal is not executed, because rclpy would poll the goal's coroutine without a pause. A waiting goal
+    therefore has the status ACCEPTED (in Lyrical EXECUTING, see `allow_feedback`). Once the outcome of the goal is
+    known, the goal is executed, and its callback evaluates the grasp again.
 
     Parameters
     ----------
     node : Node
-        Node that serves both.
+        Node that offers the action and the service.
     current : callable
-        Returns the present grasp.
+        Function that returns the present grasp.
     steady : callable
         Steady clock for timeouts [s].
     """
@@ -77,12 +79,12 @@ class GraspRequests:
             handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda handle: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
         self._service = node.create_service(CheckGrasp, '~/check_grasp', self._on_check)
-        # On the steady clock, because a goal would wait for ever with use_sim_time and no /clock.
+        # The timer uses the steady clock, because a goal would wait for ever with use_sim_time and no /clock.
         self._timer = node.create_timer(GOAL_LOOK_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
 
     def look(self, current: CurrentGrasp) -> None:
-        """Check the waiting goals against a grasp. Called with each published grasp.
+        """Check the waiting goals against a grasp that was just published.
 
         Parameters
         ----------
@@ -103,7 +105,7 @@ class GraspRequests:
             self._timer.cancel()
 
     def destroy(self) -> None:
-        """Stop serving, and answer no waiting goal. A client must have its own timeout for a silent server."""
+        """Stop the server without replying to waiting goals. A client therefore needs its own timeout."""
         self._goals.clear()
         self._timer.cancel()
         self._server.destroy()
@@ -116,7 +118,7 @@ class GraspRequests:
             requirement, timeout = self._requirement(handle.request.requirement), timeout_of(handle.request.timeout)
             self._check_room()
         except RefusedRequirementError as error:
-            # A rejected goal gets no result, and could therefore not be given a reason.
+            # The goal is accepted first, because a rejected goal has no result that could tell the client the reason.
             handle.execute(lambda handle, error=error: self._refuse(handle, error))
             return
         allow_feedback(handle)
@@ -132,7 +134,7 @@ class GraspRequests:
         return result
 
     def _finish(self, goal: _Goal) -> WaitForGrasp.Result:
-        """Answer with the present grasp, because the executor may have been busy since ``look``."""
+        """Reply with the present grasp, because the grasp may have changed since ``look`` if the executor was busy."""
         current, handle, result = self._current(), goal.handle, WaitForGrasp.Result()
         found = current.missing(goal.requirement)
         if handle.is_cancel_requested:
@@ -173,14 +175,14 @@ class GraspRequests:
 
 
 def allow_feedback(handle: ServerGoalHandle) -> None:
-    """Make rclpy send the feedback of a goal. Since Lyrical, rclpy sends none for a goal that is only accepted."""
+    """Make rclpy send feedback for a goal. Since Lyrical, a goal that is only accepted gets no feedback."""
     if hasattr(handle, 'executing'):
         handle.executing()
 
 
 def _fill(answer: WaitForGrasp.Result | CheckGrasp.Response, outcome: int, found: Sequence[Missing] = (),
           refused: RefusedRequirementError | None = None) -> None:
-    """Set the outcome of ``answer`` and its reason: the unmet parts, or why the requirement was refused."""
+    """Set the outcome of ``answer`` and its reason, which is the unmet conditions or the refusal of the requirement."""
     answer.outcome, answer.refusal = outcome, int(refused.refusal if refused else RequirementRefusal.NOT_REFUSED)
     if not refused:
         answer.state = state_message(found)

@@ -1,8 +1,8 @@
 """Command the gripper through its own action, one command at a time, and read its state.
 
-The client does not rely on the number of servers in the ROS graph, because a killed server stays there for 20 s, even
-next to a new one. It relies on answers only. The client gives up a command that gets no answer. Later goals do not wait
-for this command, but it remains unknown whether the gripper is still carrying it out.
+The client trusts only the gripper's responses, not the number of servers in the ROS graph, because the graph lists a
+killed server for another 20 s, even next to a new server. The client gives up a command that gets no response. Later
+goals do not wait for such a command, but the client cannot know if the gripper is still carrying it out.
 """
 
 import math
@@ -22,11 +22,11 @@ from tactile_node.grasp.closing import Outcome
 from tactile_node.grasp.opening import LinearGap
 from tactile_node.ros.gripper_messages import Command, GripperInterface, GripperState
 
-SILENCES = Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT  #: Outcomes of a command without an answer.
+SILENCES = Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT  #: Outcomes of a command that got no response.
 CANCEL_PERIOD = 0.2  #: Time after which an unanswered cancel request is sent again [s].
-#: Largest number of unanswered cancel requests for one command. The middleware queues no more than this.
+#: Maximum number of unanswered cancel requests for one command. The middleware does not queue more requests.
 MOST_CANCELS = 10
-#: Largest number of unanswered commands that are remembered and cancelled before a goal closes.
+#: Maximum number of unanswered commands that the client remembers and cancels before a goal closes the gripper.
 MOST_GIVEN_UP = 10
 
 
@@ -34,33 +34,37 @@ class _Sent:
     """A command that was sent to the gripper."""
 
     def __init__(self, handle: ClientGoalHandle, opening: float, holds: bool, at: float):
-        self.handle = handle  # can cancel the command even before it is accepted
+        self.handle = handle  # handle that can cancel the command even before the gripper accepts it
         self.opening = opening  # commanded opening [m]
-        self.holds = holds  # True if the command holds the gripper where it is
-        self.at = at  # time when it was sent [s]
-        self.served = at  # time when the graph last showed a complete server [s]
+        self.holds = holds  # True if the command holds the gripper at its present opening
+        self.at = at  # time when the command was sent [s]
+        self.served = at  # time when the ROS graph last showed a complete action server [s]
         self.is_accepted = False
         self.failure: Outcome | None = None
         self.result: GripperResult | None = None
-        self.is_cancelled = False  # True if it is to be cancelled as soon as it is accepted
-        self.is_ending: bool | None = None  # False if the gripper refused the latest cancel; None without an answer
-        self.cancels: deque[Any] = deque()  # futures of the repeated requests of this cancel
-        # True if the answering server does not know the command: the server that accepted it is gone or stopped.
+        self.is_cancelled = False  # True if the command must be cancelled as soon as it is accepted
+
+        # True if the gripper confirmed the latest cancel, False if it refused; None before its response
+        self.is_ending: bool | None = None
+        self.cancels: deque[Any] = deque()  # futures of the cancel requests, which are repeated until answered
+
+        # True if the answering server does not know the command, because the server that accepted it is gone or
+        # suspended.
         self.is_unknown = False
-        self.is_given_up = False  # True if no answer came in time
+        self.is_given_up = False  # True if the client no longer waits for the command
 
 
 class GripperResult(NamedTuple):
-    """The result of a command."""
+    """The result that the gripper sent for a command."""
 
     state: GripperState
-    succeeded: bool  #: True if the action succeeded
+    succeeded: bool  #: True if the action ended with the status SUCCEEDED
 
     @property
     def says_reached(self) -> bool:
         """True if the gripper reports that it is at the commanded opening.
 
-        Not every gripper sets ``reached_goal``, so a success without a stall counts, too.
+        Not every gripper sets ``reached_goal``, so success without a stall counts as well.
         """
         return self.state.reached_goal or (self.succeeded and not self.state.stalled)
 
@@ -68,7 +72,7 @@ class GripperResult(NamedTuple):
 class GripperClient:
     """Client of the gripper's own action.
 
-    Each command carries an effort limit, so the gripper stays within this limit even if this process ends.
+    Each command carries an effort limit, so the gripper stays within that limit even if this process ends.
 
     Parameters
     ----------
@@ -79,16 +83,16 @@ class GripperClient:
     action : str
         Name of the gripper's action.
     law : LinearGap
-        Relation between the position of the gripper and its opening.
+        Relation between the position that the gripper reports and its opening.
     effort : float
-        Effort limit in each command, in the unit of the gripper.
+        Effort limit sent with each command, in the unit of the gripper.
     timeout : float
-        Time allowed for the answer to a command [s].
+        Time allowed for the response to a command [s].
     steady : callable
         Steady clock [s].
     stay : callable
-        Returns the opening at which a goal is to hold a gripper that continues after a cancel [m]. It returns NaN if a
-        cancel stops the gripper.
+        Function that returns the opening at which to hold a gripper that a cancel does not stop [m], or NaN for a
+        gripper that stops on a cancel.
     """
 
     def __init__(self, node: Node, interface: GripperInterface, action: str, law: LinearGap, *, effort: float,
@@ -99,49 +103,51 @@ class GripperClient:
         self._repeats = node.create_timer(CANCEL_PERIOD, self._repeat_cancels,
                                           clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._latest: _Sent | None = None
-        self._open: list[_Sent] = []  # neither rejected nor ended, so they may still move the gripper
+        self._open: list[_Sent] = []  # commands neither rejected nor ended, so they may still move the gripper
         self._state, self._stated = GripperState(), -math.inf
 
     def destroy(self) -> None:
-        """Destroy the action client. Commands that were sent continue."""
+        """Destroy the action client. Commands that were already sent continue."""
         self._repeats.cancel()
         self._client.destroy()
 
     def opening(self, max_age: float) -> float:
-        """Return the opening that the gripper last reported in feedback [m]. Results are not used; they may be empty.
+        """Return the opening that the gripper last reported in feedback [m].
+
+        Results are ignored, because they may be empty.
 
         Parameters
         ----------
         max_age : float
-            Age above which the report counts as too old [s].
+            Age above which the reported opening counts as too old [s].
 
         Returns
         -------
         float
-            Opening [m]; NaN if there is no report or it is too old.
+            Opening [m]; NaN if the gripper has not reported an opening, or if the report is too old.
         """
         is_current = self._steady() - self._stated <= max_age
         return self._law.gap(self._state.position) if is_current else math.nan
 
     @property
     def result(self) -> GripperResult | None:
-        """Result of the latest command; None if it has not ended."""
+        """Result of the latest command, or None if that command has not ended."""
         return self._latest.result if self._latest else None
 
     @property
     def is_stopped(self) -> bool:
-        """True if every command known to an answering server has ended, or if only a confirmed hold remains."""
+        """True if all commands that an answering server knows have ended, except for an accepted hold."""
         moving = [each for each in self._open if not (each.is_given_up if each is self._latest else self._doubts(each))]
         return not moving or (len(moving) == 1 and moving[0].holds and moving[0].is_accepted)
 
     @property
     def farthest(self) -> float:
-        """Widest opening commanded by a command that has not ended [m]; -inf if all have ended."""
+        """Widest opening among the commands that have not ended [m]; -inf if all commands have ended."""
         return max((each.opening for each in self._open), default=-math.inf)
 
     @property
     def is_doubtful(self) -> bool:
-        """True if the gripper may still carry out a command whose server is gone, or is stopped and may continue."""
+        """True if the gripper may still carry out a command whose server is gone, or is suspended and may resume."""
         return any(map(self._doubts, self._open))
 
     def _doubts(self, sent: _Sent) -> bool:
@@ -149,36 +155,37 @@ class GripperClient:
 
     @property
     def is_there(self) -> bool:
-        """False if the ROS graph shows no server. True does not prove that there is one."""
+        """False if the ROS graph shows no action server. A value of True does not prove that a server exists."""
         return self._client.server_is_ready()
 
     @property
     def is_silent(self) -> bool:
-        """True if the latest command was not answered. A goal to hold would then not be answered either."""
+        """True if the latest command got no response. A command to hold would then get no response either."""
         return self._latest is not None and not self._latest.is_accepted and self._latest.failure in SILENCES
 
     def is_stop_vain(self, by_cancel: bool) -> bool:
         """Return True if an attempt to stop the gripper has failed.
 
-        A cancel fails if the gripper refuses it or does not know the command. A goal to hold fails if it is rejected.
+        A cancel fails if the gripper refuses the cancel or does not know the command. A command to hold fails if the
+        gripper rejects it.
 
         Parameters
         ----------
         by_cancel : bool
-            True for a cancel, False for a goal to hold.
+            True if the attempt was a cancel, False if it was a command to hold.
         """
         sent = self._latest
         return sent is not None and (sent.is_unknown or sent.is_ending is False if by_cancel else
                                      sent.holds and sent.failure is Outcome.GRIPPER_REFUSED)
 
     def give_up(self) -> None:
-        """Stop waiting for all open commands. They are cancelled if they are accepted later."""
+        """Stop waiting for all open commands. An open command that is accepted later is cancelled."""
         for sent in self._open:
             sent.is_given_up = sent.is_cancelled = True
         del self._open[:-MOST_GIVEN_UP]  # a deleted command is still cancelled if it is accepted later
 
     def clear(self) -> None:
-        """Cancel each open command by its id, whether it is accepted or not."""
+        """Cancel each open command by its goal ID, even if it has not been accepted yet."""
         for sent in self._open:
             sent.is_cancelled = True
             self._cancel(sent)
@@ -189,13 +196,14 @@ class GripperClient:
         Returns
         -------
         tuple of two bool
-            True if the gripper has answered the cancel of every open command; True if it has confirmed every cancel.
+            First, True if the gripper has answered the cancel of every open command. Second, True if the gripper has
+            confirmed every cancel.
         """
         endings = [each.is_ending for each in self._open if self._doubts(each) or not each.holds]
         return None not in endings, all(endings)
 
     def forget(self) -> None:
-        """Forget the doubtful commands. A forgotten command is still cancelled if it is accepted later."""
+        """Forget all doubtful commands. A forgotten command is still cancelled if the gripper accepts it later."""
         self._open = [each for each in self._open if not self._doubts(each)]
 
     def failure(self) -> Outcome | None:
@@ -203,11 +211,11 @@ class GripperClient:
         sent = self._latest
         if sent is None or sent.result is not None:
             return None
-        if self.is_there:  # it is also False for a moment while another server starts
+        if self.is_there:  # is_there is also False for a moment while another server starts
             sent.served = self._steady()
         if sent.failure is None and self._steady() - sent.served > self._timeout:
             sent.failure = Outcome.NO_GRIPPER
-            if not sent.is_accepted and sent.served == sent.at:  # no server has received it
+            if not sent.is_accepted and sent.served == sent.at:  # no server can have received the command
                 sent.is_cancelled = True
                 self._end(sent)
         elif sent.failure is None and self._is_overdue(sent):
@@ -218,16 +226,16 @@ class GripperClient:
         return not sent.is_accepted and self._steady() - sent.at > self._timeout
 
     def drive(self, opening: float, speed: float, *, holds: bool = False) -> None:
-        """Send the gripper to an opening.
+        """Command the gripper to an opening.
 
         Parameters
         ----------
         opening : float
             Commanded opening [m].
         speed : float
-            Commanded speed [m/s]; 0 for the gripper's own speed.
+            Commanded speed [m/s]; 0 selects the gripper's own speed.
         holds : bool
-            True if the command holds the gripper where it is.
+            True if the command holds the gripper at its present opening.
         """
         goal_id = UUID(uuid=list(uuid4().bytes))
         sent = self._latest = _Sent(ClientGoalHandle(self._client, goal_id, None), opening, holds, self._steady())
@@ -240,19 +248,19 @@ class GripperClient:
     def stop(self, opening: float = math.nan) -> None:
         """Stop the gripper.
 
-        A cancel is sent for every open command, because not every gripper ends a command when it accepts the next.
+        The client cancels every open command, because not every gripper ends a command when it accepts the next one.
 
         Parameters
         ----------
         opening : float
-            Present opening, at which a goal is to hold the gripper [m]; NaN to stop the gripper by a cancel.
+            Present opening at which a command holds the gripper [m], or NaN to stop the gripper by a cancel.
         """
         if math.isfinite(opening):
             self.drive(opening, 0.0, holds=True)
             return
         for sent in self._open:
             sent.is_cancelled = True
-            if sent.is_accepted:  # cancelled by its ID, so a later goal continues
+            if sent.is_accepted:  # cancelled by goal ID, so that a later goal continues
                 self._cancel(sent)
 
     def _cancel(self, sent: _Sent) -> None:
@@ -264,8 +272,8 @@ class GripperClient:
     def _repeat_cancels(self) -> None:
         """Send each unanswered cancel request again.
 
-        Fast DDS sends nothing to a stopped process. After the process continues, it receives the missed requests
-        together with the next request, or otherwise within 3 s. In that time a closing gripper would continue to close.
+        Fast DDS sends nothing to a suspended process. A process that resumes receives the missed requests with the next
+        request, or otherwise only after up to 3 s, in which a closing gripper would continue to close.
         """
         for sent in self._open if self.is_there else ():
             if sent.cancels:
@@ -279,7 +287,7 @@ class GripperClient:
         future.add_done_callback(lambda done: self._on_cancelled(sent, done))
 
     def _on_cancelled(self, sent: _Sent, future: Any) -> None:
-        if future.cancelled() or future not in sent.cancels:  # another request for this cancel was answered
+        if future.cancelled() or future not in sent.cancels:  # another request of the same cancel was already answered
             return
         sent.cancels.clear()
         answer = future.result()
@@ -292,12 +300,12 @@ class GripperClient:
         if not handle.accepted:
             sent.failure = Outcome.GRIPPER_REFUSED
             self._end(sent)
-            self._cancel(sent)  # another server may have accepted it, or may do so when it continues
+            self._cancel(sent)  # another server may have accepted the command, or may accept it when the server resumes
             return
         is_late = self._is_overdue(sent)
         sent.handle, sent.is_accepted = handle, True
         if sent not in self._open:
-            self._open.append(sent)  # it was forgotten, but now it moves the gripper
+            self._open.append(sent)  # a forgotten command that is accepted now moves the gripper
         if sent.is_cancelled or is_late:
             self._cancel(sent)
             if sent is self._latest and math.isfinite(opening := self._stay()):

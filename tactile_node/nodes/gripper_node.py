@@ -1,6 +1,6 @@
-"""The gripper node: it serves an action that closes the gripper until the pads are touched.
+"""The gripper node serves an action that closes the gripper until both pads are touched.
 
-The node forwards commands to the gripper's own action. It is not a safety function.
+The node forwards commands to the gripper's own action. The node is not a safety function.
 """
 
 import logging
@@ -51,15 +51,15 @@ from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.rosout_handler import of_node
 from tactile_skin.msg import Grasp, GripperOutcome
 
-LOOK_PERIOD = 0.01  #: Time between two checks of a goal [s]. A goal is also checked at each grasp.
-RESULT_TIMEOUT = 2  #: Time for which the server keeps a result that the client has not requested [s].
-#: Sources of an opening that counts as measured. A parameter does not count, because its value may be old.
+LOOK_PERIOD = 0.01  #: Time between two checks of a goal [s]. The goal is also checked at each new grasp.
+RESULT_TIMEOUT = 2  #: Time for which the server keeps a result that the client has not yet requested [s].
+#: Sources whose opening counts as measured. The value of a parameter does not count, because it may be old.
 MEASURED = (int(GapSource.JOINT_STATES), int(GapSource.TF))
-LEAST_EXCESS = 0.05  #: Smallest excess over the force of the goal that the text of the outcome mentions [N].
-NEAR = 0.002  #: Largest distance from the commanded opening at which the gripper counts as there [m].
-ROUNDING = 1e-6  #: Rounding error of an opening that was computed from the gripper's own unit [m].
-#: Outcomes of a goal to close that are kept even if the gripper may still be moving because of an unanswered command.
-#: Every other outcome becomes NOT_STOPPED in that case.
+LEAST_EXCESS = 0.05  #: Smallest excess over the goal's force that the outcome's message mentions [N].
+NEAR = 0.002  #: Tolerance within which the gripper counts as being at the commanded opening [m].
+ROUNDING = 1e-6  #: Rounding error of an opening that is converted from the gripper's own unit [m].
+#: Outcomes of a closing goal that are reported even if an unanswered command may still be moving the gripper. Any other
+#: outcome is replaced by NOT_STOPPED while such a command remains.
 TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REFUSED, Outcome.REPLACED, Outcome.DUPLICATE)
 IN_DOUBT = 'the gripper may still be moving, because it did not confirm the end of an earlier command'
 NOT_ENDING = ('the gripper refuses to cancel an earlier command, and no measurement shows it at rest: provide its '
@@ -70,22 +70,24 @@ logger = logging.getLogger(__name__)
 
 @dataclass
 class _Run:
-    """A goal that is being carried out, or the hold after it."""
+    """A goal that the node is carrying out, or the hold that follows a goal."""
 
     handle: ServerGoalHandle
     opening: float = math.nan  #: commanded opening [m]
-    #: `Holding` after the result of the goal was sent; None for a refused goal
+
+    #: task of the goal; `Holding` after the result of the goal was sent, None for a refused goal
     task: Widening | Closing | Holding | None = None
-    #: True while the node listens for duplicates, or waits for the end of an earlier command
+    #: True while the goal waits, because the node is listening for duplicates or an earlier command has not ended
     waits: bool = True
-    clearing: Clearing | None = None  #: the wait for the end of an earlier command
-    speed: float = 0.0  #: speed that was commanded [m/s]; 0 before the first command and after a stop
-    #: measured rest of a gripper that reports the commanded opening although another opening is measured
+    clearing: Clearing | None = None  #: monitors the end of earlier commands while the goal waits for that end
+    speed: float = 0.0  #: commanded speed [m/s]; 0 before the first command and after a stop
+
+    #: detects the rest of a gripper that reports the commanded opening but is measured at another opening
     rest: Rest | None = None
-    outcome: Outcome | None = None  #: outcome, or None while it is not known
-    reason: str = ''  #: text that explains the outcome
-    by_cancel: bool = True  #: True if the gripper is being stopped by a cancel, False if by a goal to hold
-    stop_since: float = math.inf  #: time when the stop was commanded [s]
+    outcome: Outcome | None = None  #: outcome of the goal, or None while the goal is running
+    reason: str = ''  #: text that explains the outcome to the client
+    by_cancel: bool = True  #: True if a cancel is stopping the gripper, False if a command to hold is stopping it
+    stop_since: float = math.inf  #: time when the node commanded the stop [s]
 
     @property
     def opens(self) -> bool:
@@ -94,32 +96,32 @@ class _Run:
 
     @property
     def is_hold(self) -> bool:
-        """True for the hold after a goal."""
+        """True if this is the hold after a goal."""
         return isinstance(self.task, Holding)
 
     @property
     def goal(self) -> Goal | None:
-        """Goal of the client if it closes the gripper, else None."""
+        """The client's goal if it closes the gripper, otherwise None."""
         return self.task.goal if isinstance(self.task, Closing) else None
 
 
 class GripperNode(Node):
-    """Serves the action `~/gripper_cmd`, which a client uses in place of the gripper's own action.
+    """Serves the action `~/gripper_cmd`, which a client calls in place of the gripper's own action.
 
-    A goal to close continues only while the messages on `grasp` allow it. Its status is ACCEPTED (in Lyrical EXECUTING)
-    until its result is known. A new goal replaces the previous goal.
+    The gripper continues to close only while the messages on `grasp` allow it. A goal has the status ACCEPTED (in
+    Lyrical EXECUTING) until its result is known. A new goal replaces the previous goal.
 
     Parameters
     ----------
     steady : callable
         Steady clock for ages and timeouts [s].
     **options
-        Options for rclpy's ``Node``.
+        Keyword arguments for rclpy's ``Node``.
 
     Raises
     ------
     ConfigurationError
-        If a parameter is wrong.
+        Raised if a parameter is wrong.
     """
 
     def __init__(self, *, steady: Callable[[], float] = time.monotonic, **options: Any):
@@ -136,7 +138,7 @@ class GripperNode(Node):
         self._grasp, self._acquired = None, -math.inf
         self._last: Outcome | None = None
         self._gap = math.nan  # last measured opening [m]
-        self._gap_measured = -math.inf  # time of that measurement [s]
+        self._gap_measured = -math.inf  # time of the last measured opening [s]
         self._cancels = _is_cancel(settings.stop_by)
         self._client = GripperClient(self, self._interface, settings.gripper_action, self._law,
                                      effort=settings.gripper_effort, timeout=settings.answer_timeout, steady=steady,
@@ -148,7 +150,8 @@ class GripperNode(Node):
         self._watch = DuplicateWatch(self, (f'{settings.gripper_action}/touch_gripper', '~/heartbeat'), steady=steady)
         MessageHealth(self, [self._grasps], settings)
         publish_status(self, self._status)
-        # On the steady clock, because the gripper would continue to close with use_sim_time and no /clock.
+        # The timer uses the steady clock, because a gripper would otherwise keep closing with use_sim_time and no
+        # /clock.
         self._timer = self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
         self._actions.append(ActionServer(
@@ -157,7 +160,7 @@ class GripperNode(Node):
             result_timeout=RESULT_TIMEOUT))
 
     def destroy_node(self) -> None:
-        """Stop a closing gripper, because this node no longer watches it."""
+        """Stop a closing gripper, because the node can no longer watch it."""
         run = self._run
         if run is not None and not self._is_stopped(run) and self.context.ok():
             self._stop(run, self._cancels and not self._is_early(run), self._steady())
@@ -169,9 +172,10 @@ class GripperNode(Node):
     def _on_grasp(self, grasp: Grasp) -> None:
         arrival = self._ages.arrived(grasp)
         self._grasp, self._acquired = grasp, arrival.acquired
-        is_only_one = self.count_publishers(self._grasps.topic) <= 1  # with two publishers, either may be wrong
+        is_only_one = self.count_publishers(self._grasps.topic) <= 1  # if two nodes publish grasps, either may be wrong
         self._touch = touch_of(grasp, arrival.acquired).after(self._touch) if is_only_one else NO_TOUCH
-        held_back = arrival.age_on_arrival - age_seconds(grasp.age)  # NaN if a pad has no age, inf if not known
+        # NaN if a pad has no age, inf if the age is not known
+        held_back = arrival.age_on_arrival - age_seconds(grasp.age)
         if is_only_one and held_back != math.inf and grasp.gap_source in MEASURED and math.isfinite(grasp.gap):
             sent = arrival.steady - (0.0 if math.isnan(held_back) else held_back)
             self._gap, self._gap_measured = grasp.gap, sent - age_seconds(grasp.gap_age)
@@ -197,7 +201,7 @@ class GripperNode(Node):
         self._timer.reset()
 
     def _decide(self, run: _Run) -> None:
-        """Decide from the present opening whether the goal opens or closes the gripper, or refuse the goal."""
+        """Decide from the present opening if the goal opens or closes the gripper, or refuse the goal."""
         now, present = self._steady(), self._opening()
         try:
             command = self._interface.command(run.handle.request)
@@ -216,23 +220,23 @@ class GripperNode(Node):
     def _opens(self, opening: float, present: float) -> bool:
         """Return True if a goal opens the gripper.
 
-        ``opening`` is the commanded opening and ``present`` the measured one [m], NaN if not known.
+        ``opening`` is the commanded opening and ``present`` the measured opening [m], or NaN if not known.
         """
         if self._is_widest(opening):
             return not opening < present - NEAR
-        before = self._run  # an opening gripper may be wider than its last measurement
+        before = self._run  # a gripper that is opening may be wider than last measured
         may_be_wider = self._client.farthest > opening or (before is not None and before.opens and before.speed > 0)
         return opening >= present and not may_be_wider and not self._client.is_doubtful
 
     def _opens_fully(self, run: _Run) -> bool:
-        """Return True for a goal that opens the gripper to ``widest``. Such a goal is always forwarded."""
+        """Return True for a goal that opens the gripper fully. The node always forwards such a goal."""
         return run.opens and self._is_widest(run.opening)
 
     def _is_widest(self, opening: float) -> bool:
         return opening >= self._limits.widest - ROUNDING
 
     def _opening(self) -> float:
-        """Return the present measured opening [m], or NaN if it is not known."""
+        """Return the present measured opening [m], or NaN if the opening is not known."""
         is_current = self._steady() - self._gap_measured <= self._limits.max_age
         return self._gap if is_current else self._client.opening(self._limits.max_age)
 
@@ -263,14 +267,14 @@ class GripperNode(Node):
     def _is_cancel_due(self, run: _Run) -> bool:
         """Return True if only a cancel can stop the gripper.
 
-        A goal to hold cannot help if the latest command opened the gripper and has ended, or if it was not answered.
+        A command to hold cannot help if the latest command opened the gripper and has ended, or if it got no response.
         """
         return self._client.is_silent or (run.opens and self._client.result is not None)
 
     def _is_early(self, run: _Run) -> bool:
         """Return True if the gripper reports the commanded opening, but another opening is measured.
 
-        The gripper may still be moving then.
+        In this case, the gripper may still be moving.
         """
         result, present = self._client.result, self._opening()
         if not (run.speed and result is not None and result.says_reached):
@@ -305,7 +309,7 @@ class GripperNode(Node):
         return stop if has_eased else ending
 
     def _why_not_begin(self, run: _Run, now: float) -> Outcome | None:
-        """Let a waiting goal begin as soon as it may. Return an outcome if the goal can never begin, else None."""
+        """Begin a waiting goal as soon as possible. Return an outcome if the goal can never begin, otherwise None."""
         if not self._opens_fully(run):
             if not self._watch.has_listened:
                 return None
@@ -319,7 +323,7 @@ class GripperNode(Node):
                     run.reason = NOT_ENDING if is_answered and not is_ended else ''
                     return end
                 self._client.forget()
-        self._decide(run)  # again, because the gripper may have moved in the meantime
+        self._decide(run)  # decided again, because the gripper may have moved in the meantime
         run.waits = False
         return run.outcome
 
@@ -339,7 +343,7 @@ class GripperNode(Node):
     def _ending(self, run: _Run, result: GripperResult, stop: Outcome | None) -> Outcome | None:
         """Return the outcome of a goal whose command the gripper has ended.
 
-        While the gripper may still be moving, the result is ``stop``, the outcome of the task, which may be None.
+        While the gripper may still be moving, the method returns ``stop``, which is the outcome of the task or None.
         """
         if not result.says_reached:
             return Outcome.STALLED if result.state.stalled else stop or Outcome.GRIPPER_FAILED
@@ -354,7 +358,7 @@ class GripperNode(Node):
         return Outcome.GRIPPER_FAILED if result.state.reached_goal else Outcome.STALLED
 
     def _drives(self, run: _Run) -> bool:
-        """Command the gripper at the beginning and when its speed changes. Returns True if the gripper is to move."""
+        """Command the gripper at the start and at each change of speed. Returns True if the gripper should move."""
         if isinstance(run.task, Holding):
             run.opening = run.task.target
         speed = run.task.speed if run.task else 0.0
@@ -368,7 +372,7 @@ class GripperNode(Node):
         self._client.stop(math.nan if by_cancel else self._opening())
 
     def _insist(self, run: _Run, now: float) -> None:
-        """Stop the gripper in the other way, or give up if that was not confirmed either."""
+        """Stop the gripper by the other method, or give up if the other method was not confirmed either."""
         if run.by_cancel is self._cancels and not self._is_cancel_due(run):
             self._stop(run, not self._cancels, now)
             return
@@ -379,9 +383,9 @@ class GripperNode(Node):
         self._finish(run)
 
     def _state(self, outcome: Outcome | None = None) -> GripperState:
-        """Return the state for feedback or result, in the units of the gripper.
+        """Return the gripper state for feedback or a result, in the units of the gripper.
 
-        The effort is the force on the stronger pad.
+        The effort field contains the force on the more strongly pressed pad.
         """
         force = self._touch.strongest if self._is_current() else math.nan
         return GripperState(self._law.reading(self._opening()), force,
@@ -436,7 +440,7 @@ def _is_cancel(stop_by: str) -> bool:
 
 
 def main() -> int:
-    """Run the node; returns the exit code."""
+    """Run the node and return the exit code."""
     return run_node(GripperNode)
 
 

@@ -1,4 +1,4 @@
-"""A subscription whose messages cannot stop its node, and functions that find the publishers of a topic."""
+"""A subscription that survives any message, and functions that find the publishers of a topic."""
 
 import logging
 import math
@@ -24,31 +24,34 @@ from tactile_node.ros.time_messages import seconds
 logger = logging.getLogger(__name__)
 
 # A gap in the sequence counts as skipped frames up to the larger of two limits. A larger gap means that the sender has
-# started to count again.
-MOST_SKIPPED = 10_000  #: First limit [frames].
-#: Second limit, as a rate over the time between both stamps [frames/s]. It allows for a link that is down for hours.
+# restarted its count.
+MOST_SKIPPED = 10_000  #: First limit on the gap [frames].
+#: Second limit on the gap, as a rate over the time between the stamps [frames/s]. A rate allows for a link that is down
+#: for hours.
 FASTEST = 1000.0
 
 
-FrameKey: TypeAlias = tuple[int, int, int]  #: Sequence number and stamp of a frame.
+FrameKey: TypeAlias = tuple[int, int, int]  #: Sequence number and stamp (s, ns) of a frame.
 
 
 class ChainMessage(AgedMessage, Protocol):
-    """A message about one taxel frame."""
+    """A message of the processing chain, which describes one taxel frame."""
 
     sequence: int
 
 
 class GuardedSubscription(Generic[Message]):
-    """Calls a callback with each message that a check accepts. It drops, counts and logs other messages by reason.
+    """Calls a callback with each message that passes a check.
 
-    An exception of the callback is logged with its traceback and counted as PROCESSING_FAILED. Otherwise it would end
-    the executor, and with it every node of the process.
+    All other messages are dropped, counted by reason and logged.
 
-    Messages of the processing chain have a stamp, an age and a sequence number. Gaps in the sequence are counted. A
-    message whose stamp is ahead of the others is dropped, except in a lossless replay. A topic of the chain must have a
-    single source. While two sources send, or a publisher uses another version of the message, all messages on the
-    topic are dropped.
+    If the callback raises an exception, the subscription logs the traceback and counts the message as
+    PROCESSING_FAILED. An uncaught exception would end the executor, and with it every node of the process.
+
+    Messages of the processing chain have a stamp, an age and a sequence number. The subscription counts gaps in the
+    sequence. Except in a lossless replay, the subscription drops a message whose stamp is ahead of the other stamps. A
+    topic of the chain must have a single source. While two sources send, or while a publisher uses another version of
+    the message type, all messages on the topic are dropped.
 
     Parameters
     ----------
@@ -59,16 +62,16 @@ class GuardedSubscription(Generic[Message]):
     topic : str
         Name of the topic.
     callback : callable
-        Called with each accepted message.
+        Function that is called with each accepted message.
     qos : QoSProfile
         QoS of the subscription.
     check : callable
-        Returns the reason why a message cannot be used, or None.
+        Function that returns the reason why a message cannot be used, or None.
     newest_only : bool
-        True to call the callback only with the newest waiting message; the others are counted as overtaken. In a
-        lossless replay, the callback gets all messages anyway.
+        True to call the callback only with the newest waiting message, and to count the other waiting messages as
+        overtaken. In a lossless replay, the callback gets all messages in either case.
     steady : callable
-        Steady clock for the times of arrival [s].
+        Steady clock that gives the arrival times [s].
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, callback: Callable[[Message], None],
@@ -86,15 +89,15 @@ class GuardedSubscription(Generic[Message]):
         self._stamps = None if is_lossless(qos) else StampGuard()
         self._sources = None if is_lossless(qos) else SourceGuard()
         self._age = InputAge(lossless=is_lossless(qos), steady=steady)
-        self._arrival: Arrival | None = None  # arrival of the newest message that was used
-        self._sequence: int | None = None  # sequence number of that message
-        self._stamp = 0.0  # stamp of that message, on the sender's clock [s]
-        self._publishers = 0  # number of publishers of the topic at the last message
-        self._typed_publishers = 0  # number of publishers when their types were last read
+        self._arrival: Arrival | None = None  # arrival of the last message that was used
+        self._sequence: int | None = None  # sequence number of the last message that was used
+        self._stamp = 0.0  # stamp of the last message that was used, on the sender's clock [s]
+        self._publishers = 0  # number of publishers of the topic when the last message arrived
+        self._typed_publishers = 0  # number of publishers when their message types were last read
         self._other_types: tuple[str, ...] = ()
         self._skipped = 0
         self._overtaken = 0
-        #: number of frames directly before the present message that this node or an earlier one skipped on purpose
+        #: number of frames directly before the present message that this node or an earlier node skipped on purpose
         self.left_out = 0
         self.takes_newest = newest_only and not is_lossless(qos)
         self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
@@ -103,19 +106,19 @@ class GuardedSubscription(Generic[Message]):
 
     @property
     def counts(self) -> MessageCounts:
-        """Counts of the messages since construction."""
+        """Message counts since construction."""
         return MessageCounts(self._received, self._processed, dict(self._dropped), self._skipped, self._overtaken)
 
     @property
     def arrival(self) -> Arrival:
-        """Arrival of the message of the chain in the present callback. Raises RuntimeError before the first message."""
+        """Arrival of the message in the present callback. Raises RuntimeError before the first message of the chain."""
         if self._arrival is None:
             raise RuntimeError(f'{self.topic}: no message of the chain has arrived')
         return self._arrival
 
     @property
     def health(self) -> StreamHealth:
-        """Counts of the messages, age and stamp of the newest data, and the publishers of the topic."""
+        """Message counts, age and stamp of the newest data, and the publishers of the topic."""
         age = math.inf if self._arrival is None else self._arrival.age(self._steady())
         if not self._kind_is_of_chain:
             return StreamHealth(self.counts, age)
@@ -135,16 +138,17 @@ class GuardedSubscription(Generic[Message]):
         self._work_on([each for each in (message, *self._waiting()) if self._is_usable(each)], self._callback)
 
     def _count_publishers(self) -> None:
-        """Read the number of publishers from the graph, once for all waiting messages.
+        """Read the number of publishers from the ROS graph, once for all waiting messages.
 
-        ``Node.count_publishers`` takes twice as long, because it expands and checks the name. Here the name is full.
+        ``Node.count_publishers`` would take twice as long, because it expands and checks the name. ``self.topic`` is
+        already a full name.
         """
         if self._kind_is_of_chain:
             with self._node.handle:
                 self._publishers = self._node.handle.get_count_publishers(self.topic)
 
     def _work_on(self, usable: Sequence[Any], callback: Callable[[Any], None]) -> None:
-        """Call ``callback`` with the last of the usable messages; the others count as overtaken."""
+        """Call ``callback`` with the last usable message, and count the earlier ones as overtaken."""
         if not usable:
             return
         self._overtaken += len(usable) - 1
@@ -156,7 +160,7 @@ class GuardedSubscription(Generic[Message]):
             self._failed(error)
 
     def _waiting(self) -> list[Message]:
-        """Take the messages that have arrived since the executor took its message."""
+        """Take all messages that have arrived since the executor took the present message."""
         found: list[Message] = []
         while self.takes_newest and self._subscription is not None:
             with self._subscription.handle:
@@ -167,10 +171,10 @@ class GuardedSubscription(Generic[Message]):
         return found
 
     def _is_usable(self, message: Any, acquired: float | None = None) -> bool:
-        """Check a message and note it. Returns True if it can be used; otherwise it is counted as dropped.
+        """Check a message and record it. Returns True if the message can be used, otherwise counts it as dropped.
 
-        If a result was handed over in this process, ``acquired`` is the time when its taxels were acquired, on the
-        steady clock [s]. The content of such a result needs no check.
+        For a result that was handed over in this process, ``acquired`` is the time when its taxels were acquired, on
+        the steady clock [s]. The content of a handed-over result needs no check.
         """
         self._received += 1
         try:
@@ -185,7 +189,7 @@ class GuardedSubscription(Generic[Message]):
         return False
 
     def _failed(self, error: Exception) -> None:
-        if not self._node.context.ok():  # the process ends, and nothing can be published any more
+        if not self._node.context.ok():  # the process is ending, and can no longer publish anything
             raise error
         self._drop(RejectReason.PROCESSING_FAILED, error)
 
@@ -193,10 +197,10 @@ class GuardedSubscription(Generic[Message]):
         return self._kind_is_of_chain
 
     def _check_type(self, message: Message) -> RejectReason | None:
-        """Return OTHER_TYPE if a publisher has another version of the message.
+        """Return OTHER_TYPE if a publisher uses another version of the message type.
 
-        The types are read again only if the publishers may have changed: their number differs, or the sequence has a
-        gap.
+        The types are read again only if the publishers may have changed: if their number differs, or if the sequence
+        has a gap.
         """
         if not self._is_of_chain(message):
             return None
@@ -220,7 +224,7 @@ class GuardedSubscription(Generic[Message]):
         return None if is_accepted else RejectReason.OTHER_SOURCE
 
     def _note(self, message: Message, acquired: float | None) -> None:
-        """Note the age and the sequence number of a message that is used."""
+        """Record the age and the sequence number of a message that is used."""
         if not self._is_of_chain(message):
             return
         now = self._steady()
@@ -245,20 +249,20 @@ def frame_key(message: Any) -> FrameKey:
 
 
 def _left_out_before(message: object) -> int:
-    """Return the number of frames before ``message`` that its sender skipped on purpose; 0 if it has no such field."""
+    """Return the number of frames before ``message`` that its sender skipped on purpose, or 0 without such a field."""
     return int(getattr(message, 'left_out', 0))
 
 
 def publisher_names(node: Node, topic: str) -> list[str]:
-    """Return the full names of the nodes that ``node`` sees publishing ``topic``: one per publisher, sorted."""
+    """Return the sorted full names of the nodes that ``node`` sees publishing ``topic``, one entry per publisher."""
     return sorted(map(_full_name, node.get_publishers_info_by_topic(topic)))
 
 
 def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
-    """Return the full names of the nodes that publish ``topic`` with other message fields than ``node`` reads.
+    """Return the full names of the nodes that publish ``topic`` with message fields that differ from those of ``node``.
 
-    The middleware matches publisher and subscription only by the name of the type. If the fields differ, values are
-    read from the wrong places. The function compares the hashes of the type descriptions (REP 2011).
+    The middleware matches a publisher and a subscription only by the name of the message type. If the fields differ,
+    the subscriber decodes wrong values. The function therefore compares the hashes of the type descriptions (REP 2011).
 
     Parameters
     ----------
@@ -270,7 +274,7 @@ def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Full names, sorted. Publishers whose hash is not known are not included.
+        Sorted full names. Publishers whose type hash is not known are omitted.
     """
     own = [info.topic_type_hash for info in node.get_subscriptions_info_by_topic(topic)
            if _full_name(info) == node.get_fully_qualified_name()]
@@ -278,11 +282,11 @@ def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
                          if own and _is_known(info) and info.topic_type_hash != own[0]}))
 
 
-# The type of `info` is rclpy's TopicEndpointInfo. In Lyrical, its module differs from Jazzy and Kilted.
+# The type of `info` is rclpy's TopicEndpointInfo, which is in another module in Lyrical than in Jazzy and Kilted.
 def _full_name(info: Any) -> str:
     return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
 
 
 def _is_known(info: Any) -> bool:
-    """Return True if the publisher sends the hash of its type; an older ROS 2 does not."""
+    """Return True if the publisher sends the hash of its message type, which older ROS 2 releases do not."""
     return any(info.topic_type_hash.value)

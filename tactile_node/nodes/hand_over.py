@@ -1,15 +1,15 @@
-"""Hand results from one stage to the next: by a call if both run in one process, on a topic for everyone else.
+"""Hand results from one stage to the next by a call within the process, and publish them for all other nodes.
 
-The driver thread puts each taxel frame into a bounded slot of the processor and wakes the executor. On the executor's
-thread, the processor takes every frame. When no frame waits, a classifier takes its newest contact. The grasp node
+The driver thread puts each taxel frame into a bounded queue of the processor and wakes the executor. On the executor's
+thread, the processor takes every frame. When no frame is waiting, a classifier takes its newest contact. The grasp node
 takes every shape.
 
-The classifiers work in rounds, the oldest contact first. The shapes of both pads for one SYNC therefore usually reach
-the grasp node before those for the next SYNC. Messages that no stage waits for, such as images, are made at the end of
-a round, so they delay no shape.
+The classifiers work in rounds and process the oldest contact first. The shapes of both pads for one SYNC therefore
+usually reach the grasp node before the shapes for the next SYNC. Messages that no stage waits for, such as images, are
+created at the end of a round, so that they do not delay a shape.
 
-The same rules apply to results from a call and from a topic: they are counted, and dropped while there is a second
-source.
+A stage treats a result from a call like a message from a topic: it counts the result, and drops it while there is a
+second source.
 """
 
 import math
@@ -32,15 +32,15 @@ from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
 
-#: Time between two checks for other publishers [s]. Discovery takes about as long.
+#: Time between two checks for other publishers [s], which is about as long as ROS discovery takes.
 LISTENING_PERIOD = 0.1
-#: Time after which a thread that waits for answers wakes the executor again [s]. The executor may have been started
-#: only after the first attempt.
+#: Time after which a thread that waits for results wakes the executor again [s]. The first attempt is lost if the
+#: executor starts later.
 WAKING_PERIOD = 0.2
 
 
 class StageResult(Protocol):
-    """A result that a stage hands over. It belongs to one taxel frame, like a message of the chain."""
+    """A result that a stage hands over. Like a message of the chain, the result belongs to one taxel frame."""
 
     @property
     def header(self) -> Header: ...
@@ -54,27 +54,29 @@ Waiting: TypeAlias = list[tuple[Any, float]]  #: Waiting results, each with the 
 
 
 class HandOver:
-    """The stages of one process and the order of their work, which the executor of their nodes carries out.
+    """Holds the stages of one process, and decides in which order the executor processes their results.
 
-    It is meant for `FrameExecutor`, because rclpy's own executors wait for all entities before each turn.
+    Use the hand-over with `FrameExecutor`, because rclpy's own executors wait for all entities before each turn.
     """
 
     def __init__(self) -> None:
         self._inputs: dict[str, StageInput] = {}
         self._changed = threading.Condition()
-        self._awake: Executor | None = None  # executor with a pending task of this object
+        self._awake: Executor | None = None  # executor that has a pending task of this hand-over
         self._is_working = False
         self._is_released = False
-        # Classifiers of the present round, each with the contacts that waited when the round began
+        # Classifiers of the present round, each with the contacts that were waiting when the round began
         self._round: deque[tuple[StageInput, Waiting]] = deque()
-        self._postponed: deque[tuple[StageInput, Callable[[], None]]] = deque()  # calls for the end of the round
+        # functions to call at the end of the round
+        self._postponed: deque[tuple[StageInput, Callable[[], None]]] = deque()
 
     def add(self, stage: 'StageInput') -> None:
         """Hand the results sent on the topic of ``stage`` to that stage from now on."""
-        self._inputs = self._inputs | {stage.topic: stage}  # a new dict, because another thread may iterate the old one
+        # a new dict, because another thread may be iterating over the old dict
+        self._inputs = self._inputs | {stage.topic: stage}
 
     def remove(self, stage: 'StageInput') -> None:
-        """Hand nothing more to ``stage``, because its node ends."""
+        """Hand no more results to ``stage``, because its node is ending."""
         self._inputs = {topic: each for topic, each in self._inputs.items() if each is not stage}
         self._round = deque(each for each in self._round if each[0] is not stage)
         self._postponed = deque(each for each in self._postponed if each[0] is not stage)
@@ -86,21 +88,22 @@ class HandOver:
         return self._inputs.get(topic)
 
     def is_complete(self, topic: str) -> bool:
-        """Return True if all stages from ``topic`` to the shape run in this process."""
+        """Return True if all stages from ``topic`` up to the classifier run in this process."""
         stage = self._inputs.get(topic)
         return stage is not None and (stage.sends_on is None or self.is_complete(stage.sends_on))
 
     def wake(self) -> None:
-        """Wake the executor, so that it works on the waiting results.
+        """Wake the executor, so that it processes the waiting results.
 
-        One task is created however many results wait. No task is created while the executor is working on results.
+        One task is enough for any number of waiting results. No task is created while the executor is processing
+        results.
         """
         with self._changed:
             executor = next((stage.node.executor for stage in self._inputs.values() if stage.node.executor), None)
             if executor is None or self._awake is executor or self._is_working:
                 return
             self._awake = executor
-        with suppress(AttributeError, InvalidHandle):  # rclpy's own executors raise these after their shutdown
+        with suppress(AttributeError, InvalidHandle):  # rclpy's own executors raise these errors after their shutdown
             executor.create_task(self._work)
 
     def postpone(self, stage: 'StageInput', publish: Callable[[], None]) -> None:
@@ -117,10 +120,10 @@ class HandOver:
         self.wake()
 
     def wait_until_answered(self) -> None:
-        """Return when no result waits and no stage is working. This keeps a log from being played too fast.
+        """Block until no result is waiting and no stage is working, so that a log is not played too fast.
 
-        Between `release` and `hold`, the method returns immediately: the thread of the log must not wait for the
-        executor while the executor waits for the end of that thread.
+        Between `release` and `hold`, the method returns immediately, because the log's thread must not wait for the
+        executor while the executor is waiting for that thread to end.
         """
         with self._changed:
             while not (self._is_released or self._is_idle()):
@@ -135,7 +138,7 @@ class HandOver:
             self._changed.notify_all()
 
     def hold(self) -> None:
-        """Let ``wait_until_answered`` wait again."""
+        """Let ``wait_until_answered`` block again."""
         with self._changed:
             self._is_released = False
 
@@ -146,7 +149,7 @@ class HandOver:
         return bool(self._round or self._postponed) or any(stage.waits for stage in self._inputs.values())
 
     def _work(self) -> None:
-        """Take one turn. The next turn runs in another task, so other callbacks can run in between."""
+        """Take one turn. The next turn runs in a separate task, so that other callbacks can run in between."""
         with self._changed:
             self._awake, self._is_working = None, True
         try:
@@ -159,11 +162,12 @@ class HandOver:
             self.wake()
 
     def _take_turn(self) -> None:
-        """Work on every waiting frame, then on one newest contact. At the end of a round, make the postponed calls."""
+        """Process all waiting frames, then one newest contact. At the end of a round, make the postponed calls."""
         self._work_on_all()
         if not self._round:
             found = ((stage, stage.take()) for stage in self._inputs.values() if stage.takes_newest and stage.waits)
-            self._round.extend(sorted(found, key=lambda each: each[1][-1][1]))  # by the time of the newest
+            # ordered by the acquisition time of their newest contact
+            self._round.extend(sorted(found, key=lambda each: each[1][-1][1]))
         if self._round:
             stage, waiting = self._round.popleft()
             stage.work(waiting)
@@ -173,18 +177,18 @@ class HandOver:
             stage.call(publish)
 
     def _work_on_all(self) -> None:
-        """Work on waiting frames and shapes, once for each stage, so that a classifier always has its turn."""
+        """Process waiting frames and shapes once for each stage, so that the classifiers also get their turns."""
         for stage in self._inputs.values():
             if not stage.takes_newest and stage.waits:
                 stage.work(stage.take())
 
 
 class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
-    """Input of a stage. It takes results from a stage of this process or from a topic.
+    """Input of a stage, which receives results from a stage of this process or from a topic.
 
     The input subscribes to the topic unless a stage of this process is its only publisher. If another node also
-    publishes the topic, the input uses no result from the moment at which that node sends. Messages of this process
-    that come back over the topic are recognised by sequence number and stamp, and ignored.
+    publishes the topic, the input drops all results from the time when that node begins to send. Messages of this
+    process that return over the topic are recognised by sequence number and stamp, and ignored.
 
     Parameters
     ----------
@@ -195,17 +199,17 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     topic : str
         Name of the topic.
     accept : callable
-        Called with each result, or with the newest waiting result.
+        Function that is called with each result or, with ``newest_only``, with the newest waiting result.
     settings : ReceiverSettings
         Settings of the node.
     check : callable
-        Returns the reason why a message cannot be used, or None.
+        Function that returns the reason why a message cannot be used, or None.
     parse : callable
-        Makes a result from a message.
+        Function that creates a result from a message.
     hand_over : HandOver
         Hand-over of this process.
     newest_only : bool
-        True to work only on the newest waiting result.
+        True to process only the newest waiting result.
     steady : callable
         Steady clock [s].
     """
@@ -214,13 +218,14 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
                  hand_over: HandOver, newest_only: bool = False, steady: Callable[[], float] = time.monotonic):
         self.node, self._accept, self._hand_over = node, accept, hand_over
-        # A full slot drops its oldest result. With newest_only the slot is unlimited, so that each result that is
-        # overtaken by a newer one is counted.
+        # A full queue drops its oldest result. With newest_only, the queue is unlimited, so that every overtaken result
+        # is counted.
         self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.most_waiting)
-        self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)  # messages that may come back
+        # messages of this process that may return over the topic
+        self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)
         self._is_fed = False
         self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
-        self.sends_on: str | None = None  #: topic of the results of this stage; None for the last stage of a pad
+        self.sends_on: str | None = None  #: topic of the results of this stage, or None for the last stage of a pad
         qos = settings.input_qos
         qos.depth = qos.depth if newest_only or settings.lossless else settings.most_waiting
         super().__init__(node, kind, topic, lambda message: accept(parse(message)), qos, check=check,
@@ -229,57 +234,57 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     @property
     def waits(self) -> bool:
-        """True if a result waits."""
+        """True if a result is waiting."""
         return bool(self._slot)
 
     def announce(self, result: Result) -> None:
-        """Note that ``result`` is about to be published and handed over, so its message is ignored if it comes back."""
+        """Record that ``result`` will be published and handed over, so that its returning message is ignored."""
         self._is_fed = True
         self._own.append(frame_key(result))
 
     def put(self, result: Result, acquired: float) -> None:
-        """Hand over a result. Any thread may call this.
+        """Put a result into the queue. Any thread may call this method.
 
         Parameters
         ----------
         result : Result
             Result of the previous stage.
         acquired : float
-            Time when its taxels were acquired, on the steady clock [s]; -inf if not known.
+            Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
         """
         self._slot.append((result, acquired))
         self._hand_over.wake()
 
     def end_feeding(self) -> None:
-        """Note that the previous stage is gone. From now on, every publisher of the topic counts as another source."""
+        """Record that the previous stage is gone, so that every publisher of the topic counts as another source."""
         self._is_fed = False
         self._own.clear()
 
     def end(self) -> None:
-        """Accept no further results, because the node ends."""
+        """Accept no further results, because the node is ending."""
         self._hand_over.remove(self)
 
     def take(self) -> Waiting:
-        """Return the waiting results and empty the slot."""
+        """Return the waiting results and empty the queue."""
         return [self._slot.popleft() for _ in range(len(self._slot))]
 
     def work(self, waiting: Waiting) -> None:
-        """Work on all results in ``waiting``, or only on the newest one. This runs on the executor's thread."""
+        """Process all results in ``waiting``, or only the newest one, on the executor's thread."""
         try:
             if self._steady() - self._listened >= LISTENING_PERIOD:
                 self._listen()
-        except Exception as error:  # an exception would end the executor
+        except Exception as error:  # an uncaught exception would end the executor
             self._failed(error)
         for results in [waiting] if self.takes_newest else [[each] for each in waiting]:
             usable = [result for result, acquired in results if self._is_usable(result, acquired)]
             self._work_on(usable, self._accept)
 
     def postpone(self, publish: Callable[[], None]) -> None:
-        """Call ``publish`` when no shape has to wait for it any more."""
+        """Call ``publish`` at the end of the round, when it no longer delays a shape."""
         self._hand_over.postpone(self, publish)
 
     def call(self, publish: Callable[[], None]) -> None:
-        """Call ``publish``, and log an exception, which would otherwise end the executor."""
+        """Call ``publish``, and log an exception, because an uncaught exception would end the executor."""
         try:
             publish()
         except Exception as error:
@@ -287,7 +292,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     @property
     def health(self) -> StreamHealth:
-        """Counts of the messages, age and stamp of the newest data, and the publishers of the topic."""
+        """Message counts, age and stamp of the newest data, and the publishers of the topic."""
         self._listen()
         return super().health
 
@@ -297,7 +302,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._work_on([each for each in news if self._is_usable(each)], self._callback)
 
     def _listen(self) -> None:
-        """Subscribe to the topic, unless a stage of this process is its only publisher."""
+        """Subscribe to the topic unless a stage of this process is its only publisher."""
         self._listened = self._steady()
         self._count_publishers()
         others = self._publishers - self._is_fed
@@ -308,9 +313,9 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
 
 class StageOutput(Generic[Result]):
-    """Output of a stage. It hands results to the next stage of this process, and publishes them on a topic.
+    """Output of a stage, which hands results to the next stage of this process and publishes them on a topic.
 
-    A message is only made while there is a subscriber, except in a lossless replay, where it is always made.
+    The output creates a message only while the topic has a subscriber or, in a lossless replay, in any case.
 
     Parameters
     ----------
@@ -323,7 +328,7 @@ class StageOutput(Generic[Result]):
     settings : NodeSettings
         Settings of the node.
     make : callable
-        Makes a message from a result.
+        Function that creates a message from a result.
     hand_over : HandOver
         Hand-over of this process.
     """
@@ -343,7 +348,7 @@ class StageOutput(Generic[Result]):
         result : Result
             Result of this stage.
         acquired : float
-            Time when its taxels were acquired, on the steady clock [s].
+            Time when the taxels were acquired, on the steady clock [s].
         """
         reader = self._hand_over.input_of(self.topic)
         if reader is not None:
@@ -353,12 +358,12 @@ class StageOutput(Generic[Result]):
                 message = self._make(result)
                 message.age = age_message(time.monotonic() - acquired)
                 self._publisher.publish(message)
-        finally:  # the next stage must get the result even if the message for other subscribers fails
+        finally:  # the next stage must get the result even if publishing the message fails
             if reader is not None:
                 reader.put(result, acquired)
 
     def end(self) -> None:
-        """Stop sending, because the node ends or is no longer configured."""
+        """Stop sending, because the node is ending or is no longer configured."""
         reader = self._hand_over.input_of(self.topic)
         if reader is not None:
             reader.end_feeding()
@@ -366,9 +371,9 @@ class StageOutput(Generic[Result]):
 
 
 class StageNode(Node):
-    """A node with inputs and outputs of stages, which it ends when it is destroyed."""
+    """A node that ends its stage inputs and outputs when the node is destroyed."""
 
-    stages: 'tuple[StageInput | StageOutput, ...]' = ()  #: empty if the constructor has failed
+    stages: 'tuple[StageInput | StageOutput, ...]' = ()  #: empty if the constructor failed
 
     def destroy_node(self) -> None:
         """End all inputs and outputs, and destroy the node."""

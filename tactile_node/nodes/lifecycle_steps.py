@@ -1,6 +1,6 @@
-"""Run the steps of a lifecycle node, and refuse transitions that its state does not allow.
+"""Run the transition steps of a lifecycle node, and refuse transitions that its state does not allow.
 
-If a step raises an error, its transition fails, and the error is logged and kept.
+If a step raises an error, the error is logged and stored, and the transition fails.
 """
 
 import logging
@@ -24,17 +24,17 @@ WAITING = 'The driver keeps waiting.'
 
 
 class LifecycleSteps:
-    """Runs the steps of one node.
+    """Runs the transition steps of one node.
 
     Parameters
     ----------
     node : Node
-        Node whose logger is used.
+        Node whose logger reports the errors.
 
     Attributes
     ----------
     error : TactileError or None
-        Error of the last step; None after a success or an unexpected exception.
+        Error of the last step, or None if the step succeeded or raised an unexpected exception.
     """
 
     def __init__(self, node: Node):
@@ -44,10 +44,10 @@ class LifecycleSteps:
 
     @contextmanager
     def autostart(self, waits_for: tuple[type[TactileError], ...]) -> Iterator[None]:
-        """Limit log messages inside the block, in which the caller repeats steps that fail.
+        """Limit the log messages inside the block, in which the caller repeats failed steps.
 
-        Repeated messages are logged at increasing intervals. Errors that are not in ``waits_for`` are not logged here,
-        because they end the block and are reported where they are caught.
+        A repeated message is logged at increasing intervals. Errors that are not in ``waits_for`` are not logged inside
+        the block, because they end the block and are reported by the code that catches them.
 
         Parameters
         ----------
@@ -74,7 +74,7 @@ class LifecycleSteps:
         Parameters
         ----------
         step : callable
-            Step to run. An exception makes the transition fail.
+            Step to run. If the step raises an exception, the transition fails.
         """
         try:
             step()
@@ -82,7 +82,7 @@ class LifecycleSteps:
             self.error = error
             self._log(error)
             return TransitionCallbackReturn.FAILURE
-        except Exception:  # rclpy would discard the exception without a message
+        except Exception:  # rclpy would silently discard the exception
             self.error = None
             self._node.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.FAILURE
@@ -90,7 +90,7 @@ class LifecycleSteps:
         return TransitionCallbackReturn.SUCCESS
 
     def failure(self, transition: str) -> TactileError:
-        """Return the error to raise for a failed transition, named ``transition`` in the message."""
+        """Return the error to raise after the transition with the name ``transition`` has failed."""
         return self.error or DeviceError('skin driver', expected=f'to {transition}', got='an unforeseen error',
                                          remedy='See the traceback in the log above.')
 
@@ -102,10 +102,10 @@ class LifecycleSteps:
 
 
 def reject_invalid_transitions(node: LifecycleNode) -> None:
-    """Make a node answer success = False to a request for a transition that its state does not allow.
+    """Make a node respond with success = False to a request for a transition that its state does not allow.
 
-    rclpy raises an exception in its callback (RCLError: "Transition is not registered"), which would end the process. A
-    lifecycle manager that repeats a request would therefore end the driver.
+    For such a request, rclpy's own callback raises an exception (RCLError: "Transition is not registered"), which would
+    end the process. A lifecycle manager that repeats a request would therefore end the driver.
     """
     service = next(service for service in node.services if service.srv_type is ChangeState)
     change = service.callback

@@ -1,4 +1,4 @@
-"""Publish the health of a node that processes messages on /diagnostics, once a second."""
+"""Publish the health of a message-processing node on /diagnostics once a second."""
 
 import logging
 import math
@@ -21,10 +21,10 @@ logger = logging.getLogger(__name__)
 
 
 class MessageHealth:
-    """Publishes how a node processes the messages of its subscriptions, as long as the node exists.
+    """Publishes on /diagnostics how a node processes the messages of its subscriptions, as long as the node exists.
 
-    The stamps of messages are compared with the clock of this host, unless the time is simulated or comes from a
-    lossless replay.
+    The message stamps are compared with the clock of this host, unless the time is simulated or comes from a lossless
+    replay.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class MessageHealth:
         self._subscriptions = tuple(subscriptions)
         self._before = {subscription.topic: subscription.counts for subscription in subscriptions}
         self._at = time.monotonic()
-        self._of_several: set[str] = set()  # topics already reported
+        self._of_several: set[str] = set()  # topics that were already reported
         publish_status(node, self._status)
 
     def _status(self) -> DiagnosticStatus:
@@ -54,7 +54,7 @@ class MessageHealth:
         return status
 
     def _log_several(self, now: dict[str, StreamHealth]) -> None:
-        """Log topics with several publishers: once for each topic, until it has a single publisher again."""
+        """Log each topic with several publishers once, and again only after it had a single publisher."""
         found = topics_of_several(now)
         for topic in found.keys() - self._of_several:
             logger.warning('%s', several_text(topic, found[topic]),
@@ -62,21 +62,21 @@ class MessageHealth:
         self._of_several = set(found)
 
 
-HEALTH_PERIOD = 1.0  #: Time between two reports [s] (REP-107).
+HEALTH_PERIOD = 1.0  #: Time between two messages on /diagnostics [s] (REP-107).
 
 
 def publish_status(node: Node, status: Callable[[], DiagnosticStatus]) -> None:
     """Publish a status on /diagnostics once a second, as long as the node exists.
 
-    The stamp is the time of the node's clock. With use_sim_time and before the first message on /clock it is 0, but the
-    messages are published anyway.
+    The stamp comes from the node's clock. With use_sim_time, the stamp is 0 until the first message on /clock, but the
+    status is still published.
 
     Parameters
     ----------
     node : Node
         Node that publishes.
     status : callable
-        Returns the status to publish.
+        Function that returns the status to publish.
     """
     publisher = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
 
@@ -90,8 +90,9 @@ def publish_status(node: Node, status: Callable[[], DiagnosticStatus]) -> None:
 def start_health_timer(node: Node, publish: Callable[[], None], period: float = HEALTH_PERIOD) -> None:
     """Call a function periodically on the steady clock, as long as the node exists.
 
-    The clock of the node is not used: with use_sim_time and no /clock it stands still, and the last OK would remain.
-    An exception of the function is logged. Otherwise it would end the executor, and with it every node of the process.
+    The node's own clock is not used, because it stands still with use_sim_time and no /clock, and the last OK would
+    remain. If the function raises an exception, the exception is logged. An uncaught exception would end the executor,
+    and with it every node of the process.
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ def start_health_timer(node: Node, publish: Callable[[], None], period: float = 
         try:
             publish()
         except Exception:
-            if not node.context.ok():  # the process ends, and nothing can be published any more
+            if not node.context.ok():  # the process is ending, and can no longer publish anything
                 raise
             if reminder.is_due('health', time.monotonic()):
                 logger.exception('the health of the node could not be published', extra=of_node(node))

@@ -1,4 +1,4 @@
-"""Sources of the opening of the gripper: a parameter, the joint states or tf."""
+"""Sources of the gripper's opening: a parameter, the joint states or tf."""
 
 import logging
 import math
@@ -45,24 +45,27 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-#: Values of the parameter gap_source.
+#: Allowed values of the parameter gap_source.
 GAP_SOURCES = PARAMETER, JOINT_STATES, TF, NONE = 'parameter', 'joint_states', 'tf', 'none'
-#: Sources that read each parameter.
+#: parameter -> the sources that read it
 READ_BY = {'gap': (PARAMETER,), 'gap_joints': (JOINT_STATES,), 'gap_frames': (TF,), 'gap_scale': (JOINT_STATES, TF),
            'gap_offset': (JOINT_STATES, TF)}
-#: Largest number of frames in the tree and in one message together, so that invented names cannot fill the memory.
+#: Maximum number of frames in the tree and a new message together, so that bogus frame names cannot fill the memory.
 MOST_FRAMES = 10_000
 
 
 class OpeningSource(Protocol):
-    """Source of the opening of the gripper. Its method never raises and never waits."""
+    """Source of the gripper's opening. The method ``current`` never raises an exception and never blocks."""
 
     def current(self) -> Opening:
         """Return the present opening."""
 
 
 class ParameterOpening:
-    """Opening from the live parameter ``gap``. A value holds until the next one; a negative value means not known."""
+    """Opening from the live parameter ``gap``.
+
+    A value stays valid until the next one is set. A negative value means that the opening is not known.
+    """
 
     def __init__(self, node: Node, steady: Callable[[], float]):
         self._steady = steady
@@ -81,7 +84,7 @@ class ParameterOpening:
 
 
 def refuse_a_gap_that_nothing_reads(node: Node, source: str) -> None:
-    """Refuse to set the parameter ``gap`` at run time if ``source``, the gap_source, does not read it."""
+    """Refuse changes of the parameter ``gap`` at run time if the gap_source ``source`` does not read that parameter."""
     def check(parameters: Sequence[Parameter]) -> SetParametersResult:
         is_set = any(each.name == 'gap' and each.value >= 0 for each in parameters)
         refused = is_set and source != PARAMETER
@@ -91,10 +94,10 @@ def refuse_a_gap_that_nothing_reads(node: Node, source: str) -> None:
 
 
 class MeasuredOpening:
-    """Base class of the sources that read messages.
+    """Base class of opening sources that read messages.
 
-    The state is published on /diagnostics once a second. While the opening is not known, a warning is logged at
-    increasing intervals.
+    The source publishes its state on /diagnostics once a second. While the opening is not known, the source logs a
+    warning at increasing intervals.
 
     Parameters
     ----------
@@ -132,13 +135,15 @@ class MeasuredOpening:
 
 
 class JointStatesOpening(MeasuredOpening):
-    """Opening from the sum of joint positions.
+    """Opening that is computed from the sum of joint positions.
 
-    While the opening is known, messages about other joints are ignored, because many nodes may share the topic.
+    While the opening is known, messages that concern only other joints are ignored, because many nodes may share the
+    topic.
     """
 
     def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, steady: Callable[[], float]):
-        from sensor_msgs.msg import JointState  # the import takes 40 ms, and other grasp nodes do not need it
+        # imported here, because the import takes 40 ms and other sources do not need it
+        from sensor_msgs.msg import JointState
         self._joints = settings.gap_joints
         self._law = law
         self._latest = LatestGap(GapSource.JOINT_STATES, settings.max_gap_age)
@@ -166,7 +171,7 @@ class JointStatesOpening(MeasuredOpening):
 
 
 class TfOpening(MeasuredOpening):
-    """Opening from the distance between two frames along the closing direction."""
+    """Opening that is computed from the distance between two tf frames along the closing direction."""
 
     def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, closing: np.ndarray,
                  steady: Callable[[], float]):
@@ -192,7 +197,7 @@ class TfOpening(MeasuredOpening):
         measured = min(left.measured, right.measured)
         distance = float(self._closing @ (right.transform.translation - left.transform.translation))
         gap = self._law.gap(distance)
-        if measured == math.inf or not is_plausible(gap):  # inf for static frames, which do not move with the fingers
+        if measured == math.inf or not is_plausible(gap):  # inf means static frames, which do not move with the fingers
             return UNKNOWN_OPENING
         return opening(gap, GapSource.TF, max(0.0, self._steady() - measured), self._max_age)
 
@@ -222,18 +227,18 @@ def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.nda
     Parameters
     ----------
     node : Node
-        Node of the source.
+        Node that subscribes to the topics of the source.
     settings : GraspNodeSettings
         Settings of the node.
     closing : np.ndarray
-        Unit vector from the left pad to the right pad in the frame ``frame_id``.
+        Unit vector from the left pad to the right pad, in the frame ``frame_id``.
     steady : callable
         Steady clock [s].
 
     Raises
     ------
     ConfigurationError
-        If a parameter does not fit the source.
+        Raised if a parameter is not compatible with the source.
     """
     _check(settings)
     refuse_a_gap_that_nothing_reads(node, settings.gap_source)
@@ -261,8 +266,8 @@ def _check(settings: GraspNodeSettings) -> None:
             raise ConfigurationError(f'parameter {row.name}', expected=f'no value with gap_source {source}',
                                      got=str(value), remedy=f'Remove it, or set gap_source to {" or ".join(readers)}.')
     if source == JOINT_STATES and (not all(joints) or not joints or len(set(joints)) < len(joints)):
-        raise ConfigurationError('parameter gap_joints', expected='names of joints, each once', got=f'{list(joints)}',
-                                 remedy='Take them from the URDF. For a mimic joint, omit it and double gap_scale.')
+        raise ConfigurationError('parameter gap_joints', expected='different names of joints', got=f'{list(joints)}',
+                                 remedy='Take the names from the URDF. Omit a mimic joint, and double gap_scale.')
     if source == TF and (len(frames) != 2 or not all(frames) or len(set(map(frame_name, frames))) < 2):
         raise ConfigurationError('parameter gap_frames', expected='a frame on the left and one on the right finger',
-                                 got=f'{list(frames)}', remedy='Take both from the URDF.')
+                                 got=f'{list(frames)}', remedy='Take both names from the URDF.')

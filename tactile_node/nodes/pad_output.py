@@ -21,9 +21,10 @@ LOOK_PERIOD = 1.0  #: Time between two checks for other publishers [s].
 
 
 class PadOutput:
-    """Conditions the frames of one pad and sends them on.
+    """Conditions the taxel frames of one pad, publishes them and hands them to the processor.
 
-    In a lossless replay, it waits for the answer to each frame if all stages up to the shape run in this process.
+    In a lossless replay, the output waits until each frame is processed, if all stages up to the classifier run in this
+    process.
 
     Parameters
     ----------
@@ -34,15 +35,15 @@ class PadOutput:
     frame_id : str
         Coordinate frame of the pad.
     conditioned : ConditionedPad
-        Conditioning of the pad.
+        Conditioning stage of the pad.
     settings : DriverSettings
         Settings of the driver.
     hand_over : HandOver
         Hand-over of this process.
     age : callable
-        Returns the age of a frame from its stamp [s]; see `FrameSource.age`.
+        Function that returns the age of a frame from its stamp [s]; see `FrameSource.age`.
     layer : Layer or None
-        Layer of a calibrated skin; None if it is not known.
+        Layer of a calibrated skin, or None if the layer is not known.
     """
 
     def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad,
@@ -56,7 +57,7 @@ class PadOutput:
         self._node = node
         self._output = StageOutput(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, hand_over)
         self._hand_over = hand_over
-        #: True if all stages up to the shape run in this process
+        #: True if all stages up to the classifier run in this process
         self.is_answered = hand_over.is_complete(self._output.topic)
         self._waits = bool(settings.replay) and settings.lossless and self.is_answered
         self._others: tuple[str, ...] = ()
@@ -64,27 +65,27 @@ class PadOutput:
 
     @property
     def condition(self) -> PadCondition:
-        """State of the conditioning, and the other publishers of the topic."""
+        """State of the conditioning stage, and the other publishers of the topic."""
         return self.conditioned.condition._replace(other_publishers=self._other_publishers())
 
     def publish(self, frame: TaxelFrame) -> None:
-        """Condition a frame and send it on."""
+        """Condition a taxel frame, publish it and hand it over."""
         conditioned = PadFrame.of(self.conditioned.feed(frame), self._taxels, self._frame_id)
         self._output.send(conditioned, acquired=time.monotonic() - self._age(frame.stamp))
         if self._waits:
             self._hand_over.wait_until_answered()
 
     def _other_publishers(self) -> tuple[str, ...]:
-        """Return the full names of the other nodes that publish on this topic, read once a second.
+        """Return the full names of the other nodes that publish on the same topic. The names are read once a second.
 
-        Another node with the name of this node is included.
+        The result includes another node that has the name of this node.
         """
         now = time.monotonic()
         if now - self._looked >= LOOK_PERIOD:
             self._looked = now
             names = publisher_names(self._node, self._output.topic)
             own = self._node.get_fully_qualified_name()
-            if names:  # one of them is this node, even if its name was not discovered yet
+            if names:  # one of the names belongs to this node, even if ROS has not discovered the node's own name yet
                 names.remove(own if own in names else names[0])
             self._others = tuple(names)
         return self._others

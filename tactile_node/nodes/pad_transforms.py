@@ -18,16 +18,17 @@ from tactile_node.ros.settings import GraspNodeSettings
 
 logger = logging.getLogger(__name__)
 
-TRANSFORM_PERIOD = 0.05  #: Time between two publications [s], as in robot_state_publisher.
-#: Two measurements of the opening count as the same one if their times differ by less than this [s].
+TRANSFORM_PERIOD = 0.05  #: Time between two transforms on /tf [s], as in robot_state_publisher.
+#: Two openings whose times differ by less than this limit come from the same measurement [s].
 SAME_MEASUREMENT = 1e-4
 
 
 class PadTransforms:
-    """Publishes the transforms from the frame of the gripper to both pads while its opening is known.
+    """Publishes the transforms from the gripper's frame to both pads while the opening of the gripper is known.
 
-    If the opening is a parameter, the transforms are static. If the opening is measured, they are published on /tf with
-    the time of the measurement. If the opening is not known, nothing is published, because a guess could be wrong.
+    If the opening is a parameter, the transforms are static. If the opening is measured, the transforms are published
+    on /tf with the time of the measurement. If the opening is not known, no transform is published, because a guess
+    could be wrong.
 
     Parameters
     ----------
@@ -47,8 +48,8 @@ class PadTransforms:
         self._frame = frame_name(settings.frame)
         self._pads = tuple(zip(map(frame_name, settings.frames_of_pads), (gripper.left, gripper.right)))
         self._source = source
-        self._gap = math.nan  # opening in the last transforms [m]
-        self._measured = -math.inf  # time of the measurement in the last transforms [s]
+        self._gap = math.nan  # opening in the last published transforms [m]
+        self._measured = -math.inf  # time of the measurement in the last published transforms [s]
         is_static = settings.gap_source == PARAMETER
         self._publisher = node.create_publisher(self._message, '/tf_static' if is_static else '/tf',
                                                 TF_STATIC_QOS if is_static else TF_QOS)
@@ -76,9 +77,9 @@ class PadTransforms:
 
 
 def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource) -> None:
-    """Start `PadTransforms` if the parameter publish_pad_frames is set.
+    """Start `PadTransforms` if the parameter publish_pad_frames is true.
 
-    If tf2_msgs is not installed, a warning is logged instead.
+    If tf2_msgs is not installed, the node logs a warning instead.
 
     Parameters
     ----------
@@ -94,14 +95,14 @@ def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper
     Raises
     ------
     ConfigurationError
-        If the frames cannot be published.
+        Raised if the parameters do not allow the frames to be published.
     """
     if not settings.publish_pad_frames:
         return
     if len(settings.pad_frames) != 2:
-        raise ConfigurationError('parameter pad_frames', expected='a frame of the left and one of the right pad',
+        raise ConfigurationError('parameter pad_frames', expected='a frame of the left pad and one of the right pad',
                                  got=f'{list(settings.pad_frames)}',
-                                 remedy="Name both. An empty name '' stands for <name>_pad.")
+                                 remedy="Name both frames. An empty name '' selects <name>_pad.")
     frames = {frame_name(name) for name in (*settings.frames_of_pads, settings.frame)}
     if len(frames) < 3 or frames & set(settings.fingers) - {settings.frame}:
         raise ConfigurationError(

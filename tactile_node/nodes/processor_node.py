@@ -1,4 +1,4 @@
-"""The processor node: it finds the contact in each taxel array, and computes features while there are subscribers."""
+"""The processor node finds the contacts in each taxel array, and computes features while they have subscribers."""
 
 import logging
 import sys
@@ -37,22 +37,22 @@ logger = logging.getLogger(__name__)
 
 
 class ProcessorNode(StageNode):
-    """Publishes `contact` for every usable message on `taxels`, and `features` while there are subscribers.
+    """Publishes `contact` for every usable message on `taxels`, and `features` while that topic has subscribers.
 
-    A lossless processor always publishes both, because it keeps messages for late subscribers. It publishes images and
-    wrenches for viewers only while there are subscribers.
+    With the parameter `lossless`, the processor always publishes both topics, because late subscribers also receive the
+    messages. Images and wrenches for viewers are published only while these topics have subscribers.
 
     Parameters
     ----------
     hand_over : HandOver or None
-        Hand-over from and to the nodes of this process; None if the node runs alone in its process.
+        Hand-over between the nodes of this process, or None if the node runs alone in its process.
     **options
-        Options for rclpy's ``Node``.
+        Keyword arguments for rclpy's ``Node``.
 
     Raises
     ------
     ConfigurationError
-        If a parameter is wrong.
+        Raised if a parameter is wrong.
     """
 
     def __init__(self, hand_over: HandOver | None = None, **options: Any):
@@ -74,7 +74,7 @@ class ProcessorNode(StageNode):
         follow_changes(self, ProcessorSettings, check, self._apply)
 
     def _apply(self, settings: ProcessorSettings) -> None:
-        """Apply changed settings only, so that the pipeline keeps what it has learned about the pad."""
+        """Apply only the changed settings, so that the pipeline keeps its knowledge of the pad."""
         before, self._settings = self._settings, settings
         self._groups = feature_groups(settings.features)
         self._pipeline.set_contact_limits(thresholds_of(settings), settings.smallest_contact)
@@ -82,7 +82,7 @@ class ProcessorNode(StageNode):
             self._scales = scales_of(settings)
 
     def accept(self, frame: PadFrame) -> None:
-        """Find the contact in ``frame`` and send it on."""
+        """Find the contacts in ``frame``, publish them and hand them over."""
         unit, values = frame.taxels.unit or '', frame.values
         if unit in self._scales and (error := self._scales[unit].doubt(values)):
             logger.warning('%s: %s', self._taxels.topic, error, extra=of_node(self, fact=error))
@@ -94,7 +94,7 @@ class ProcessorNode(StageNode):
             self._taxels.postpone(lambda: self._publish_more(contact, arrival))
 
     def _publish_more(self, contact: PadContact, arrival: Arrival) -> None:
-        """Publish the messages that no other stage waits for."""
+        """Publish features, images and wrenches, for which no other stage waits."""
         if is_wanted(self._features, self._settings.lossless):
             features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
             features.age = age_message(arrival.age(time.monotonic()))
@@ -103,21 +103,21 @@ class ProcessorNode(StageNode):
 
 
 def check(settings: ProcessorSettings) -> None:
-    """Raise ConfigurationError for settings that cannot be applied."""
+    """Raise ConfigurationError if the settings cannot be applied."""
     feature_groups(settings.features)
     thresholds_of(settings)
 
 
 def thresholds_of(settings: ProcessorSettings) -> PressThresholds | None:
-    """Return the fixed thresholds, or None if the thresholds follow from the noise."""
+    """Return the fixed thresholds, or None if the pipeline derives the thresholds from the noise."""
     press = settings.press_threshold
     return PressThresholds(press, press * settings.release_ratio) if press else None
 
 
 def scales_of(settings: ProcessorSettings) -> dict[str, UnitScale]:
-    """Return a check of the scale of the readings, by unit.
+    """Return, for each unit, a check that the readings have a plausible scale.
 
-    With fixed thresholds the result is empty, because the readings may then have any scale.
+    With fixed thresholds, the readings may have any scale, so the function returns no checks.
     """
     return {} if settings.press_threshold else {unit: UnitScale(unit, most=1.0) for unit in PRESS_BY_UNIT}
 
@@ -125,19 +125,19 @@ def scales_of(settings: ProcessorSettings) -> dict[str, UnitScale]:
 def feature_groups(names: Sequence[str]) -> Group:
     """Return the named feature groups, together with the group that the classifier uses.
 
-    Raises ConfigurationError for an unknown name.
+    Raises ConfigurationError if a name is unknown.
     """
     groups = Group.CLASSIFIER
     for name in names:
         if name.upper() not in Group.__members__:
             raise ConfigurationError('parameter features', expected='names of ' + ', '.join(Group.__members__).lower(),
-                                     got=repr(name), remedy='See `tactile features --help` for what each computes.')
+                                     got=repr(name), remedy='`tactile features --help` explains each group.')
         groups |= Group[name.upper()]
     return groups
 
 
 def main() -> int:
-    """Run the node; returns the exit code."""
+    """Run the node and return the exit code."""
     return run_node(ProcessorNode)
 
 

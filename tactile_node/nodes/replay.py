@@ -10,11 +10,11 @@ from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import System
 from tactile_node.ros.time_messages import time_message
 
-CLOCK_STEP = 0.01  #: Time of the log between two messages on /clock [s].
+CLOCK_STEP = 0.01  #: Time that passes in the log between two messages on /clock [s].
 
 
 class ClockOutput:
-    """Publishes the time of a log while it is played, for nodes with use_sim_time. The time never goes back."""
+    """Publishes the time of a log during its replay, for nodes with use_sim_time. The time never goes backwards."""
 
     def __init__(self, node: Node):
         self._node = node
@@ -27,7 +27,7 @@ class ClockOutput:
         Parameters
         ----------
         stamp : float
-            Stamp of the CAN frame that is played now [s, Unix epoch].
+            Stamp of the CAN frame that is being played [s, Unix epoch].
         """
         if stamp >= self._due:
             self._due = stamp + CLOCK_STEP
@@ -39,24 +39,24 @@ class ClockOutput:
 
 
 def play(system: System, spinner: Spinner, stop_requested: Event) -> int:
-    """Wait for the end of the log and print the result. The log waits for the answer to each of its frames.
+    """Wait for the end of the replay and print a summary. The log waits until each of its taxel frames is processed.
 
     Parameters
     ----------
     system : System
-        Nodes of this process, with a driver that plays a log.
+        Nodes of this process, including a driver that plays a log.
     spinner : Spinner
-        Spinner of the nodes.
+        Spinner that runs the nodes.
     stop_requested : threading.Event
         Event that ends the replay early.
 
     Returns
     -------
     int
-        Exit code: 1 if not every frame was answered with a shape or the replay was stopped, UNREAD_EXIT if parts of the
-        log could not be read, else 0.
+        Exit code: 1 if the replay was stopped or a taxel frame got no shape, UNREAD_EXIT if parts of the log could not
+        be read, otherwise 0.
     """
-    # Imported here, because nodes without the driver need no CAN library
+    # This module is imported here, because nodes without the driver need no CAN library.
     from tactile_node.sources.log_source import UNREAD_EXIT, LogSource, summary
     source = system.source
     if not isinstance(source, LogSource):

@@ -1,6 +1,7 @@
 """Run the nodes of an executable.
 
-An error is printed in one line. Ctrl-C ends the process without a traceback. The exit code tells the outcome.
+The process prints an error in one line, ends on Ctrl-C without a traceback, and reports success or failure by its exit
+code.
 """
 
 import gc
@@ -34,24 +35,24 @@ NAME_ERRORS = (InvalidNamespaceException, InvalidNodeNameException, InvalidTopic
 
 
 def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], None] | None = None) -> int:
-    """Make a node and spin it until SIGINT or SIGTERM.
+    """Create a node and spin it until SIGINT or SIGTERM.
 
-    The option `--end-with PID` also ends the node when that process ends, because SIGTERM to `ros2 run` does not end
-    its child. rclpy's signal handlers are not installed, because they invalidate the context while the executor still
-    uses it.
+    With the option `--end-with PID`, the node also ends when the process PID ends, because SIGTERM to `ros2 run` does
+    not end its child. The signal handlers of rclpy are not installed, because they invalidate the context while the
+    executor still uses it.
 
     Parameters
     ----------
     make : callable
-        Makes the node.
+        Function that creates the node.
     start : callable or None
-        Called with the node and an event as soon as the node is spinning. SIGINT, SIGTERM, the option and the callee
-        may set the event, which ends the node.
+        Function that is called with the node and an event as soon as the node is spinning. The node ends when the event
+        is set: by SIGINT, by SIGTERM, by the option `--end-with`, or by this function.
 
     Returns
     -------
     int
-        Exit code: 0 after a signal, 2 for a TactileError, whose message is printed on stderr.
+        Exit code: 0 after a signal, or 2 after a TactileError, whose message is printed to stderr.
     """
     with ExitStack() as stack:
         stack.callback(ignore_interruptions)
@@ -82,15 +83,15 @@ def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], No
 
 
 def wait(spinner: Spinner, stop_requested: Event) -> None:
-    """Wait until an event is set. An exception of a callback is raised here.
+    """Wait until an event is set, and raise the exception of a callback that has failed.
 
-    Objects that exist at the call are exempted from garbage collection, because full collections would delay frames by
-    about 40 ms.
+    The function first exempts all existing objects from garbage collection, because full collections would delay taxel
+    frames by about 40 ms.
 
     Parameters
     ----------
     spinner : Spinner
-        Spinner whose exceptions are raised.
+        Spinner that runs the callbacks.
     stop_requested : threading.Event
         Event to wait for.
     """
@@ -101,32 +102,32 @@ def wait(spinner: Spinner, stop_requested: Event) -> None:
 
 @contextmanager
 def translate_rclpy_errors() -> Iterator[None]:
-    """Turn errors of rclpy about names and parameters inside the block into ConfigurationError."""
+    """Convert rclpy's errors about names and parameters inside the block into ConfigurationError."""
     try:
         yield
     except NAME_ERRORS as error:
         raise ConfigurationError('namespace or pad name', expected='letters, digits and underscores',
                                  got=' '.join(str(error).split()), remedy='Rename it.') from None
-    except ParameterException as error:  # about parameters that rclpy declares, such as use_sim_time
-        raise ConfigurationError('parameter file or argument', expected='values of the type of each parameter',
+    except ParameterException as error:  # raised for parameters that rclpy itself declares, such as use_sim_time
+        raise ConfigurationError('parameter file or argument', expected='values of the right types',
                                  got=str(error), remedy='Correct the value.') from None
     except rclpy_implementation.RCLError as error:
         if 'params file' not in str(error):
             raise
         raise ConfigurationError('parameter file', expected='a ROS 2 parameter file (YAML)',
-                                 got=str(error).split(', at /')[0], remedy='Check path and indentation.') from None
+                                 got=str(error).split(', at /')[0], remedy='Check its path and indentation.') from None
 
 
 @contextmanager
 def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> Iterator[tuple[System, Spinner]]:
-    """Make nodes and spin them inside the block.
+    """Create nodes and spin them inside the block.
 
     Parameters
     ----------
     nodes : sequence of NodeDescription
-        Nodes to make.
+        Nodes to create.
     ros_arguments : sequence of str
-        Arguments after `--ros-args`, for all nodes.
+        Arguments after `--ros-args`, which apply to all nodes.
 
     Yields
     ------
@@ -136,7 +137,7 @@ def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> I
     Raises
     ------
     ConfigurationError
-        If a parameter, a name or the parameter file is wrong.
+        Raised if a parameter, a name or the parameter file is wrong.
     """
     with ExitStack() as stack:
         stack.callback(rclpy.try_shutdown)
@@ -144,7 +145,8 @@ def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> I
             rclpy.init(args=['--ros-args', *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
             system = System(nodes)
         stack.callback(system.destroy)
-        for node in system.nodes:  # the driver already does this in its constructor, and a second call is harmless
+        # the driver already forwards its logs since its constructor, and a second call is harmless
+        for node in system.nodes:
             forward_logs_to(node)
             stack.callback(stop_forwarding_to, node)
         yield system, stack.enter_context(spinning(system.nodes))

@@ -1,4 +1,4 @@
-"""Spin nodes on a thread of their own, separate from the thread that starts and watches them."""
+"""Spin nodes on a separate thread, which another thread starts and supervises."""
 
 import inspect
 import math
@@ -25,50 +25,50 @@ from rclpy.waitable import Waitable
 
 from tactile_node.threads import OnDeath, ReportedThread
 
-EVENTS_PERIOD = 1.0  #: Time between two checks of event handlers, and longest wait for entities [s].
+EVENTS_PERIOD = 1.0  #: Time between two checks of the event handlers, and longest wait for other entities [s].
 LONGEST_WAIT = 1.0  #: Longest wait of spin_once without a timeout [s].
-#: Largest number of failed waits in a row. A single wait fails if an entity is destroyed during the wait.
+#: Maximum number of consecutive failed waits. A single wait may fail because an entity is destroyed meanwhile.
 MOST_FAILURES = 3
 
 
 class FrameExecutor(SingleThreadedExecutor):
-    """Executor that runs callbacks, tasks of a hand-over and steady timers on one thread.
+    """Executor that runs callbacks, hand-over tasks and steady timers on one thread.
 
-    A second thread waits for rclpy's entities. rclpy prepares every entity for every wait, and waits twice per
-    callback. This takes 0.85 ms for the nodes of a gripper. Results that are handed over need no such wait. Half of the
-    120 entities are event handlers (such as "incompatible QoS"); they are checked only once a second.
+    A second thread waits for the entities of rclpy, such as subscriptions. A wait is slow, because rclpy prepares every
+    entity for every wait, and waits twice per callback. For the nodes of a gripper, both waits take 0.85 ms. Results
+    that are handed over need no wait. Half of the 120 entities are event handlers (such as "incompatible QoS"), which
+    are checked only once a second.
 
     The executor supports `spin` and `spin_once`, and ends with `shutdown`. Steady timers run regardless of their
-    callback group. If another thread shortens the period of such a timer, its next call is late by at most
-    LONGEST_WAIT.
+    callback group. If another thread shortens the period of a steady timer, its next call is at most LONGEST_WAIT late.
     """
 
     def __init__(self, **options: Any):
         self._views: dict[Node, _View] = {}
         self._looked = -EVENTS_PERIOD
         self._work: SimpleQueue[Task | Exception | None] = SimpleQueue()
-        self._found: Task | None = None  # task found by the waiting thread, which waits until the task has run
+        self._found: Task | None = None  # task found by the waiting thread, which pauses until the task has run
         self._found_entity: Any = None
         self._has_run = threading.Semaphore(0)
         self._ended = threading.Event()
         self._watcher: threading.Thread | None = None
-        super().__init__(**options)  # last, because from now on the end of the context calls wake
+        super().__init__(**options)  # called last, because the end of the context calls wake from now on
 
     def get_nodes(self) -> list[Node]:
-        """Return views of the nodes with the entities to wait for now. rclpy calls this before each wait."""
+        """Return views of the nodes with the entities to wait for; called by rclpy before each wait."""
         nodes = super().get_nodes()
         now = time.monotonic()
         with_events = now - self._looked >= EVENTS_PERIOD
         if with_events:
             self._looked = now
-        # The view of a node must stay the same object, because rclpy finds a running task by its node.
+        # Each node must keep its view object, because rclpy finds a running task by its node.
         self._views = {node: self._views.get(node) or _View(node) for node in nodes}
         for view in self._views.values():
             view.with_events = with_events
         return cast(list[Node], list(self._views.values()))
 
     def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Task:
-        """Queue a callback after the waiting ones. A coroutine runs when the waiting thread finds it.
+        """Queue a callback behind the waiting callbacks. A coroutine runs when the waiting thread finds it.
 
         Parameters
         ----------
@@ -84,23 +84,23 @@ class FrameExecutor(SingleThreadedExecutor):
         return task
 
     def add_node(self, node: Node) -> bool:
-        """Add a node, and let ``spin_once`` read its timers. Returns True if the node was added."""
+        """Add a node, and make ``spin_once`` read its timers. Returns True if the node was added."""
         is_added = super().add_node(node)
         self._work.put(None)
         return bool(is_added)
 
     def wake(self) -> None:
-        """Make both threads read the entities again, because some were made or destroyed."""
+        """Make both threads read the entities again, because entities were created or destroyed."""
         super().wake()
         self._work.put(None)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Run the timers that are due, then wait for a task and run it.
+        """Run all due timers, then wait for a task and run it.
 
         Parameters
         ----------
         timeout_sec : float or None
-            Longest wait for a task [s]; LONGEST_WAIT if it is None or negative.
+            Longest wait for a task [s]. None or a negative value selects LONGEST_WAIT.
         """
         if not self._context.ok():
             raise ExternalShutdownException
@@ -123,10 +123,10 @@ class FrameExecutor(SingleThreadedExecutor):
             finally:
                 if work is self._found:
                     self._has_run.release()
-            work.result()  # raises the exception of the callback
+            work.result()  # raises the exception of the callback, if there was one
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """End the waiting thread, then shut down as rclpy does. Returns True if rclpy's shutdown was complete."""
+        """End the waiting thread, then shut down as rclpy does. Returns True if the shutdown was complete."""
         self._ended.set()
         self._has_run.release()
         self.wake()
@@ -134,12 +134,12 @@ class FrameExecutor(SingleThreadedExecutor):
             self._watcher.join()
         if self._found is not None and not self._found.executing():
             self._found.cancel()
-            if self._found_entity is not None:  # None, for example, for an answer to an action client
-                self._found_entity._executor_event = False  # so that another executor may take the entity
+            if self._found_entity is not None:  # the entity is None, for example, for a response to an action client
+                self._found_entity._executor_event = False  # lets another executor take the entity
         return bool(super().shutdown(timeout_sec))
 
     def _watch(self) -> None:
-        """Wait for rclpy's entities. After a callback was found, wait until it has run before the next wait."""
+        """Wait for the entities of rclpy. After finding a callback, pause until the callback has run."""
         failures = 0
         while not self._ended.is_set():
             try:
@@ -160,7 +160,7 @@ class FrameExecutor(SingleThreadedExecutor):
                 self._has_run.acquire()
 
     def _take_waitable(self, waitable: Waitable) -> Any:
-        """Take nothing from a waitable that was destroyed since it was found. rclpy lacks this check for waitables."""
+        """Take nothing from a waitable that was destroyed after it was found, a check that rclpy lacks."""
         try:
             return super()._take_waitable(waitable)
         except InvalidHandle:
@@ -168,7 +168,7 @@ class FrameExecutor(SingleThreadedExecutor):
 
 
 def _is_steady(timer: Timer) -> bool:
-    """Return True for a timer on the steady clock whose callback is not a coroutine; rclpy must await coroutines."""
+    """Return True for a timer on the steady clock, unless its callback is a coroutine, which rclpy must await."""
     return timer.clock.clock_type == ClockType.STEADY_TIME and not inspect.iscoroutinefunction(timer.callback)
 
 
@@ -178,14 +178,14 @@ def _call_if_due(timer: Timer) -> bool:
             if not timer.handle.is_timer_ready():
                 return False
             timer.handle.call_timer()
-    except InvalidHandle:  # the node has just been destroyed
+    except InvalidHandle:  # the node was destroyed a moment ago
         return False
     timer.callback()
     return True
 
 
 def _time_left(timer: Timer) -> float:
-    """Return the time until the next call of a timer [s]; inf if it is cancelled or destroyed."""
+    """Return the time until the next call of a timer [s], or inf if the timer is cancelled or destroyed."""
     try:
         left = timer.time_until_next_call()
     except InvalidHandle:
@@ -194,7 +194,7 @@ def _time_left(timer: Timer) -> float:
 
 
 class _View:
-    """View of a node without its steady timers. It has the event handlers only if ``with_events`` is set."""
+    """View of a node without its steady timers, and without its event handlers unless ``with_events`` is true."""
 
     def __init__(self, node: Node):
         self._node = node
@@ -220,7 +220,7 @@ class Spinner:
     nodes : sequence of Node
         Nodes to spin.
     on_death : callable
-        Called with the exception if a callback ends the thread.
+        Function that is called with the exception if a callback ends the thread.
     """
 
     def __init__(self, nodes: Sequence[Node], on_death: OnDeath = lambda error: None):
@@ -233,12 +233,12 @@ class Spinner:
         self._thread.start()
 
     def check(self) -> None:
-        """Raise the exception of a callback that has ended the thread, if there is one."""
+        """If an exception of a callback has ended the thread, raise that exception."""
         if self._error is not None:
             raise self._error
 
     def stop(self) -> None:
-        """End the thread, then the executor: its shutdown destroys objects that a running callback still needs."""
+        """End the thread before the executor, because the shutdown destroys objects that a running callback needs."""
         self._stopping.set()
         self._executor.create_task(lambda: None)  # wakes the thread
         self._thread.join()

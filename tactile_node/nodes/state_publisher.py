@@ -1,4 +1,4 @@
-"""Publish the state of the driver on /diagnostics and `~/status`."""
+"""Publish the state of the skin driver on /diagnostics and `~/status`."""
 
 import threading
 import time
@@ -21,36 +21,36 @@ from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState, status_message
 from tactile_skin.msg import SkinStatus
 
-STATE_LOOK_PERIOD = 0.05  #: Time between two checks of the state [s]. A change is published within this time.
+STATE_LOOK_PERIOD = 0.05  #: Time between two checks of the state [s], within which a change is published.
 
 
 class DriverState(NamedTuple):
-    """State of the driver."""
+    """State of the skin driver."""
 
     lifecycle: PrimaryState
-    source: FrameSource | None = None  #: bus or log; None while the driver is unconfigured
+    source: FrameSource | None = None  #: bus or log, or None while the driver is unconfigured
     error: TactileError | None = None  #: reason why the driver could not be configured, or None
-    conditions: Mapping[str, PadCondition] = {}  #: by name of the pad
+    conditions: Mapping[str, PadCondition] = {}  #: state of the conditioning by name of the pad
 
 
 class StatePublisher:
-    """Publishes the state on both topics with the same stamp: when it changes (see `ChangePace`), and once a second.
+    """Publishes the state on both topics with the same stamp, once a second and at each change (see `ChangePace`).
 
-    The publisher exists as long as its node. The stamp is the time of the node's clock. With use_sim_time and before
-    the first message on /clock it is 0, but the messages are published anyway.
+    The publisher exists as long as its node. The stamp comes from the node's clock. With use_sim_time, the stamp is 0
+    until the first message on /clock, but the state is still published.
 
     Parameters
     ----------
     node : Node
         Node that publishes.
     look : callable
-        Returns the present state.
+        Function that returns the present state.
     """
 
     def __init__(self, node: Node, look: Callable[[], DriverState]):
         self._node = node
         self._look = look
-        self._turn = threading.Lock()  # transitions may run on another thread than the executor
+        self._turn = threading.Lock()  # transitions may run on a different thread than the executor
         self._pace = ChangePace()
         self._name = node.get_fully_qualified_name()
         self._findings = BusDiagnostics(self._name, '')
@@ -59,7 +59,7 @@ class StatePublisher:
         start_health_timer(node, self.update, STATE_LOOK_PERIOD)
 
     def begin(self, hardware_id: str, frame_period: float) -> None:
-        """Count from zero again for a newly configured source.
+        """Restart all counts from zero for a newly configured source.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class StatePublisher:
             self._findings = BusDiagnostics(self._name, hardware_id, max(EVALUATED_PERIOD, 2.5 * frame_period))
 
     def update(self, *, is_last: bool = False) -> None:
-        """Publish the state if it is due, or in any case if it is the last one (``is_last``)."""
+        """Publish the state if it is due. If the state is the last one (``is_last``), always publish it."""
         with self._turn:
             state = self._look()
             counts, health = _observed(state)
@@ -106,7 +106,7 @@ def _observed(state: DriverState) -> tuple[BusStatistics, BusHealth]:
 
 
 def _key(state: DriverState, health: BusHealth, findings: tuple[Finding, ...]) -> Hashable:
-    """Return the fields whose changes are published immediately: levels, codes and the lifecycle state."""
+    """Return the fields whose changes are published immediately, which are levels, codes and the lifecycle state."""
     nodes = tuple((name, node.node_id, node.fault, node.state, node.is_operational)
                   for name, of_pad in health.nodes.items() for node in of_pad)
     pads = tuple((name, condition.zero, condition.is_frozen, condition.faults.kinds.tobytes(),

@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 
 class System:
-    """Nodes of one process, which hand their results over by calls.
+    """Nodes of one process, which hand over their results by calls.
 
     Parameters
     ----------
     descriptions : sequence of NodeDescription
-        Nodes to make.
+        Nodes to create.
 
     Raises
     ------
     ConfigurationError
-        If a parameter of a processor, a classifier or a grasp node is wrong.
+        Raised if a parameter of a processor, a classifier or a grasp node is wrong.
     """
 
     def __init__(self, descriptions: Sequence[NodeDescription]):
@@ -45,14 +45,14 @@ class System:
 
     @property
     def source(self) -> FrameSource:
-        """The bus or the log of the driver. Raises RuntimeError while the driver is unconfigured."""
+        """The bus or the log that the driver reads. Raises RuntimeError while the driver is unconfigured."""
         if self.driver.source is None:
             raise RuntimeError('the driver is not configured')
         return self.driver.source
 
     @property
     def recognised(self) -> int:
-        """Number of shapes published by all classifiers."""
+        """Number of shapes that all classifiers together have published."""
         return sum(node.recognised for node in self._classifiers)
 
     def autostart(self, stop_requested: Event) -> None:
@@ -61,7 +61,7 @@ class System:
             self._driver.autostart(stop_requested)
 
     def destroy(self) -> None:
-        """Destroy all nodes. The driver is destroyed first, because it feeds the others."""
+        """Destroy all nodes. The driver is destroyed first, because it sends data to the other nodes."""
         if self._driver is not None:
             self._driver.destroy_node()
         for node in self.nodes:
@@ -69,7 +69,7 @@ class System:
                 node.destroy_node()
 
     def _make(self, role: Role, options: dict[str, Any]) -> Node:
-        """Make a node. Its module is imported here, so that a process loads only the modules of its own nodes."""
+        """Create a node, and import its module only now, so that a process loads only the modules of its own nodes."""
         if role is Role.DRIVER:
             from tactile_node.nodes.driver_node import DriverNode
             self._driver = DriverNode(self._hand_over, **options)

@@ -1,4 +1,4 @@
-"""Call the service `~/tare` of a running driver from a program that is not a node."""
+"""Call the service `~/tare` of a running driver from a program that is not a ROS node."""
 
 import time
 from collections.abc import Iterator
@@ -18,14 +18,14 @@ from tactile_node.nodes.run import translate_rclpy_errors
 from tactile_skin.srv import Tare
 
 DRIVER = NODE_NAMES[Role.DRIVER]
-DISCOVERY_TIMEOUT = 15.0  #: Time allowed for finding the driver [s].
-ANSWER_TIMEOUT = LONGEST + 10  #: Time allowed for an answer of the driver [s].
+DISCOVERY_TIMEOUT = 15.0  #: Time allowed for discovering the driver [s].
+ANSWER_TIMEOUT = LONGEST + 10  #: Time allowed for a response of the driver [s].
 
 
 class TareClient:
-    """Client of the driver in the namespace of ``node``.
+    """Client of the driver that runs in the namespace of ``node``.
 
-    The constructor and the methods raise ConfigurationError if no driver is found or if it does not answer.
+    The constructor and the methods raise ConfigurationError if no driver is found or if the driver does not respond.
     """
 
     def __init__(self, node: Node):
@@ -42,16 +42,16 @@ class TareClient:
         return list(answer.values[0].string_array_value)
 
     def tare(self, pad: str, frames: int, on_device: bool) -> Tare.Response:
-        """Tare one pad and return the answer of the driver.
+        """Tare one pad and return the driver's response.
 
         Parameters
         ----------
         pad : str
             Name of the pad.
         frames : int
-            Number of frames to average; 0 for the default of the driver.
+            Number of taxel frames to average; 0 selects the driver's default.
         on_device : bool
-            True to let the devices of the pad zero themselves first.
+            True if the devices of the pad must first zero themselves.
         """
         return self._answer(self._client.call_async(Tare.Request(pads=[pad], frames=frames, on_device=on_device)))
 
@@ -59,20 +59,23 @@ class TareClient:
         end = time.monotonic() + ANSWER_TIMEOUT
         while not future.done():
             if time.monotonic() > end:
-                raise self._refusal(f'one that has not answered for {ANSWER_TIMEOUT:g} s')
-            rclpy.spin_once(self._node, timeout_sec=0.1)  # short, so that Ctrl-C is handled soon
+                raise self._refusal(f'a driver that has not answered for {ANSWER_TIMEOUT:g} s')
+            rclpy.spin_once(self._node, timeout_sec=0.1)  # a short timeout, so that Ctrl-C takes effect soon
         return future.result()
 
     def _refusal(self, got: str) -> ConfigurationError:
         return ConfigurationError(
             f'tare by {self._client.service_name.rpartition("/")[0]}', expected='a running driver', got=got,
-            remedy='Start it (`tactile bringup`, or the launch file), or give its --namespace. Use the same '
-                   'ROS_DOMAIN_ID as the driver.')
+            remedy='Start the driver (`tactile bringup`, or the launch file), or give its namespace with --namespace. '
+                   'Use the same ROS_DOMAIN_ID as the driver.')
 
 
 @contextmanager
 def tare_client(namespace: str) -> Iterator[TareClient]:
-    """Yield a client of the driver in ``namespace``; '' is the root namespace. Raises ConfigurationError."""
+    """Yield a client of the driver in ``namespace``, where '' is the root namespace.
+
+    Raises ConfigurationError as `TareClient` does.
+    """
     with translate_rclpy_errors():
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = Node('tactile_tare', namespace=namespace)

@@ -1,4 +1,4 @@
-"""Publish images, wrenches and markers for viewers, and read the topics of running nodes for the view."""
+"""Publish images, wrenches and markers for viewers, and read the topics of running nodes for `tactile view`."""
 
 import math
 import threading
@@ -38,9 +38,12 @@ Message = TypeVar('Message')
 
 
 class OnDemandPublisher(Generic[Message]):
-    """Publishes messages only while there are subscribers. A late subscriber gets no earlier messages.
+    """Publishes messages on a topic only while the topic has subscribers.
 
-    This also holds in a lossless replay, because viewers show an image or a marker as the present state.
+    A late subscriber receives no earlier messages.
+
+    Even in a lossless replay, earlier messages are not kept, because a viewer shows any image or marker as the present
+    state.
 
     Parameters
     ----------
@@ -51,7 +54,7 @@ class OnDemandPublisher(Generic[Message]):
     topic : str
         Name of the topic.
     depth : int
-        Depth of the queue [messages].
+        Queue depth of the publisher [messages].
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, depth: int):
@@ -59,11 +62,11 @@ class OnDemandPublisher(Generic[Message]):
 
     @property
     def is_wanted(self) -> bool:
-        """True while there is a subscriber."""
+        """True while the topic has a subscriber."""
         return self._publisher.get_subscription_count() > 0
 
     def publish(self, make: Callable[[], Message]) -> None:
-        """Publish the message that ``make`` returns. Without a subscriber, ``make`` is not called."""
+        """Publish the message that ``make`` returns. If the topic has no subscriber, ``make`` is not called."""
         if self.is_wanted:
             self._publisher.publish(make())
 
@@ -76,9 +79,9 @@ class TaxelViews:
     node : Node
         Node that publishes.
     depth : int
-        Depth of the queues [messages].
+        Queue depth of each publisher [messages].
     full_scale : float
-        Reading shown in the brightest colour; see `ColourScale`.
+        Reading that is shown in the brightest colour; see `ColourScale`.
     """
 
     def __init__(self, node: Node, depth: int, full_scale: float):
@@ -89,7 +92,7 @@ class TaxelViews:
 
     @property
     def is_wanted(self) -> bool:
-        """True while there is a subscriber to any of the topics."""
+        """True while any of the topics has a subscriber."""
         return self._values.is_wanted or self._colours.is_wanted or self._wrench.is_wanted
 
     def publish(self, contact: PadContact) -> None:
@@ -107,9 +110,9 @@ class ShapeView:
     node : Node
         Node that publishes.
     depth : int
-        Depth of the queue [messages].
+        Queue depth of the publisher [messages].
     full_scale : float
-        Reading shown in the brightest colour; see `ColourScale`.
+        Reading that is shown in the brightest colour; see `ColourScale`.
     """
 
     def __init__(self, node: Node, depth: int, full_scale: float):
@@ -119,18 +122,18 @@ class ShapeView:
 
     @property
     def is_wanted(self) -> bool:
-        """True while there is a subscriber to the markers."""
+        """True while the markers have a subscriber."""
         return self._publisher.is_wanted
 
     def publish(self, contact: PadContact, shape: ContactShape) -> None:
-        """Publish the markers of a contact if there is a subscriber.
+        """Publish the markers of a contact if the topic has a subscriber.
 
         Parameters
         ----------
         contact : PadContact
             Contact on the pad.
         shape : ContactShape
-            Shape recognised from this contact.
+            Shape that was recognised from the contact.
         """
         self._publisher.publish(lambda: self._drawn(contact_message(contact), shape))
 
@@ -139,32 +142,33 @@ class ShapeView:
         return self._markers.message(contact, shape, lifetime)
 
 
-SHAPE_RATE = 20.0  #: Highest rate at which a pad is shown [1/s].
-MOST_WAITING = 16  #: Largest number of messages of a pad that wait for their shape.
-WITHOUT_SHAPE = 0.5  #: Time without a shape after which taxels are shown without one [s].
-DISCOVERY_TIMEOUT = 5.0  #: Time allowed for finding the topics of pads [s].
-DISCOVERY_LOOK_PERIOD = 0.25  #: Time between two checks for topics [s].
-#: Number of checks with the same topics after which the search ends. Two drivers are not found at the same time.
+SHAPE_RATE = 20.0  #: Maximum rate at which the display of a pad is updated [1/s].
+MOST_WAITING = 16  #: Maximum number of messages of a pad that wait for the shape of the same frame.
+WITHOUT_SHAPE = 0.5  #: Time without any shape after which taxels are displayed alone [s].
+DISCOVERY_TIMEOUT = 5.0  #: Time allowed for discovering the topics of the pads [s].
+DISCOVERY_LOOK_PERIOD = 0.25  #: Time between two checks for new topics [s].
+#: Number of checks with the same topics after which the search ends. One check is not enough, because two drivers are
+#: not discovered at the same time.
 DISCOVERY_LOOKS = 3
-VIEW_QUEUE_DEPTH = 5  #: Depth of the queues [messages].
+VIEW_QUEUE_DEPTH = 5  #: Queue depth of the subscriptions [messages].
 VIEW_NODE_NAME = 'tactile_view'
 TAXELS_TYPE = 'tactile_skin/msg/TaxelArray'
 
 
 class TopicSource(ViewSource):
-    """A `ViewSource` that reads the topics of running nodes. It subscribes only between ``start`` and ``stop``.
+    """A `ViewSource` that reads the topics of running nodes. The source subscribes only between ``start`` and ``stop``.
 
     Parameters
     ----------
     pads : sequence of str
-        Names of pads relative to the namespace; empty for all pads whose taxels are published in it.
+        Names of the pads, relative to the namespace; empty for all pads that publish taxels in the namespace.
     namespace : str
-        Namespace of the driver; '' for the root.
+        Namespace of the driver; '' for the root namespace.
 
     Raises
     ------
     ConfigurationError
-        If no pad is given and none is found.
+        Raised if no pad is named and no pad is found.
     """
 
     def __init__(self, pads: Sequence[str] = (), namespace: str = ''):
@@ -191,17 +195,17 @@ class TopicSource(ViewSource):
             self._spinner = Spinner([node], self.store.put_error)
 
     def stop(self) -> None:
-        """End the subscriptions and clear the store."""
+        """End all subscriptions and clear the stored messages."""
         with self._lock:
             if self._spinner is not None:
                 self._spinner.stop()
-            if self._node is not None:  # the node may exist without a spinner if the start has failed
+            if self._node is not None:  # the node exists without a spinner if ``start`` failed
                 self._node.destroy_node()
             self._spinner = self._node = None
         self.store.clear()
 
     def close(self) -> None:
-        """Stop, and shut rclpy down."""
+        """Stop the source and shut down rclpy."""
         self.stop()
         if self._is_open:
             self._is_open = False
@@ -224,12 +228,13 @@ class TopicSource(ViewSource):
         if not topics:
             rclpy.try_shutdown()
             raise ConfigurationError(f'topics below {self._root}', expected='<pad>/taxels of a running driver',
-                                     got='none', remedy='Start the driver, or name --pads; a bus needs --interface.')
+                                     got='none', remedy='Start the driver, or name the pads with --pads. '
+                                            'For a bus, use --interface.')
         return sorted(topic.removeprefix(self._root).rpartition('/')[0] for topic in topics)
 
 
 def _topics(node: Node, kind: str, timeout: float) -> list[str]:
-    """Return the names of the topics of a type as soon as some are found and no more follow."""
+    """Return the names of all topics of a type, as soon as topics are found and their number stops growing."""
     looks: list[list[str]] = []
     for _ in range(round(timeout / DISCOVERY_LOOK_PERIOD)):
         looks.append([topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds])
@@ -240,9 +245,9 @@ def _topics(node: Node, kind: str, timeout: float) -> list[str]:
 
 
 class _PadTopics:
-    """Joins the messages of one pad, so that a shape is shown on the taxels from which it was recognised.
+    """Combines the messages of one pad, so that a shape is displayed on the taxels from which it was recognised.
 
-    Messages are matched by sequence number and stamp, because the sequence starts again with each start of the driver.
+    Messages are matched by sequence number and stamp, because the sequence restarts whenever the driver starts.
     """
 
     def __init__(self, node: Node, pad: str, root: str, store: Store):
@@ -266,7 +271,7 @@ class _PadTopics:
 
     def _on_shape(self, message: ContactShape) -> None:
         now = time.monotonic()
-        if frame_key(message) in self._taxels:  # a late shape without its taxels must not hold back newer taxels
+        if frame_key(message) in self._taxels:  # a late shape whose taxels are gone must not hold back newer taxels
             self._shape_came = now
             self._show(frame_key(message), message, now)
 

@@ -1,1 +1,1 @@
-"""Code that the ROS nodes share: messages made from results, checks of messages, parameters and QoS profiles."""
+"""Code that all ROS nodes share: conversion and checks of messages, parameters and QoS profiles."""

@@ -20,12 +20,12 @@ REPORT = 'report'
 
 
 def skin_responses(pads: tuple[PadSettings, ...], settings: DriverSettings) -> dict[str, SkinResponse]:
-    """Return the skin responses by pad name; a pad without a response file is left out.
+    """Return the skin response of each pad that has a response file, by pad name.
 
     Raises
     ------
     ConfigurationError
-        If a file cannot be used, or if its unit or pitch differs from that of the pad.
+        Raised if a file cannot be used, or if its unit or pitch differs from the unit or pitch of the pad.
     """
     found = {}
     for pad, path in zip(pads, one_for_each('response_files', settings.response_files, pads)):
@@ -34,14 +34,14 @@ def skin_responses(pads: tuple[PadSettings, ...], settings: DriverSettings) -> d
             if response.unit != pad.layout.value.unit:
                 raise ConfigurationError(f'{path}, pad {pad.name!r}', got=f'readings in {response.unit!r}',
                                          expected=f'a response to readings in {pad.layout.value.unit!r}',
-                                         remedy='Calibrate with the layout of this pad.')
+                                         remedy='Repeat the calibration with the layout of this pad.')
             check_layer(response.layer, pad.layout.pitch)
     return found
 
 
 def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings,
                      responses: Mapping[str, SkinResponse] = MappingProxyType({})) -> dict[str, ConditionedPad]:
-    """Return the conditioning of each pad, by pad name.
+    """Return the conditioning stage of each pad, by pad name.
 
     Parameters
     ----------
@@ -50,12 +50,12 @@ def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings,
     settings
         Settings of the driver.
     responses
-        Pad name -> skin response, for the pads that have one.
+        Skin responses by pad name. Pads without a response are absent.
 
     Raises
     ------
     ConfigurationError
-        If a parameter, a gain file or the file of faulty taxels is wrong.
+        Raised if a parameter, a gain file or the file of faulty taxels is wrong.
     """
     gain_files = one_for_each('gain_files', settings.gain_files, pads)
     shapes = {pad.name: (pad.layout.rows, pad.layout.cols) for pad in pads}
@@ -74,17 +74,17 @@ def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings,
 
 
 def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], settings: DriverSettings) -> None:
-    """Apply the settings that may change while frames are processed.
+    """Apply the settings that may change while taxel frames are processed.
 
     Raises
     ------
     ConfigurationError
-        If a setting is wrong. In this case, no setting is changed.
+        Raised if a setting is wrong. If the error is raised, no setting has changed.
     """
     masks = masks_faulty(settings.faulty_taxels)
     rest = {name: rest_limit(settings.tare_limit, units[name]) for name in pads}
     drifting = {name: drift_limit(settings.tare_limit, units[name], pad.gains) for name, pad in pads.items()
-                if settings.follow_drift and units[name] != ON_OFF_UNIT}  # on/off taxels have no zero to follow
+                if settings.follow_drift and units[name] != ON_OFF_UNIT}  # on/off taxels have no zero that could drift
     for name, pad in pads.items():
         pad.masks = masks
         pad.detector.limit = rest[name]
@@ -96,8 +96,8 @@ def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], setting
 
 
 def masks_faulty(given: str) -> bool:
-    """Return True if detected faulty taxels are masked. Raises ConfigurationError for an unknown `faulty_taxels`."""
+    """Return True if detected faulty taxels are masked. Raises ConfigurationError if ``given`` is unknown."""
     if given not in (MASK, REPORT):
         raise ConfigurationError('parameter faulty_taxels', expected=f'{MASK} or {REPORT}', got=repr(given),
-                                 remedy='Choose one of these.')
+                                 remedy='Set the parameter to one of these values.')
     return given == MASK

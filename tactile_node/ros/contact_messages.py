@@ -1,4 +1,4 @@
-"""Convert contact patterns and their features to messages and back."""
+"""Convert taxel frames, contacts and features to messages, and messages back."""
 
 from array import array
 from typing import NamedTuple
@@ -16,12 +16,12 @@ from tactile_skin.msg import Contact, ContactFeatures, FeatureRange, TaxelArray
 
 
 class PadFrame(NamedTuple):
-    """A taxel frame with the facts about its pad, as in `TaxelArray`; stages in one process pass it on directly."""
+    """The content of a `TaxelArray`, which the stages in one process pass on without a message."""
 
-    header: Header          #: stamp, and the frame of the pad
+    header: Header          #: stamp and coordinate frame of the pad
     sequence: int
-    values: np.ndarray      #: float32, (rows, cols), NaN = no valid value
-    status: np.ndarray      #: uint8, (rows, cols), `TaxelStatus`
+    values: np.ndarray      #: taxel values, float32, shape (rows, cols); NaN without a valid value
+    status: np.ndarray      #: `TaxelStatus` of each taxel, uint8, shape (rows, cols)
     taxels: Taxels
     missing_can_frames: int
     tpdo_ages: TpdoAges | None = None
@@ -36,11 +36,11 @@ class PadFrame(NamedTuple):
 
 
 class PadContact(NamedTuple):
-    """The contact found in a pad's frame, as in `Contact`; stages in one process pass it on directly."""
+    """The content of a `Contact`, which the stages in one process pass on without a message."""
 
     frame: PadFrame
     found: FoundContact
-    left_out: int = 0  #: number of frames before it that were left out on purpose
+    left_out: int = 0  #: number of frames before this one that were skipped on purpose
 
     @property
     def header(self) -> Header:
@@ -66,7 +66,7 @@ def taxel_array_message(frame: PadFrame) -> TaxelArray:
 
 
 def pad_frame_of(message: TaxelArray | Contact) -> PadFrame:
-    """Return the frame from which ``message`` was made, without the ages of its TPDOs."""
+    """Return the frame from which ``message`` was created, but without the ages of its TPDOs."""
     layer = Layer(message.layer_depth, message.layer_deviation) if message.layer_depth else None
     return PadFrame(message.header, message.sequence, taxel_values(message),
                     np.frombuffer(message.status, np.uint8).reshape(message.rows, message.cols),
@@ -75,17 +75,17 @@ def pad_frame_of(message: TaxelArray | Contact) -> PadFrame:
 
 
 def taxel_values(message: TaxelArray | Contact) -> np.ndarray:
-    """Return the values of a TaxelArray or Contact, float32, shape (rows, cols), NaN = no valid value."""
+    """Return the taxel values of a message as float32, shape (rows, cols); NaN means no valid value."""
     return np.frombuffer(message.values, np.float32).reshape(message.rows, message.cols)
 
 
 def as_array(code: str, values: np.ndarray, dtype: type) -> array:
-    """Return ``values`` as array.array, row by row; rclpy would check any other sequence element by element."""
+    """Return ``values`` row by row as array.array, because rclpy checks any other sequence element by element."""
     return array(code, np.ascontiguousarray(values, dtype).tobytes())
 
 
 def find_in(frame: PadFrame, pipeline: ContactPipeline) -> FoundContact:
-    """Return the contact that ``pipeline`` finds in ``frame``, with its numbers rounded as in the message."""
+    """Return the contact that ``pipeline`` finds in ``frame``, with numbers rounded as in a message."""
     found = pipeline.find(frame.values, frame.taxels, saturated=frame.status == TaxelStatus.SATURATED,
                           unmapped=frame.status == TaxelStatus.UNMAPPED)
     noise = found.pattern.noise.astype(np.float32).astype(float)
@@ -95,7 +95,7 @@ def find_in(frame: PadFrame, pipeline: ContactPipeline) -> FoundContact:
 
 def contact_message(contact: PadContact) -> Contact:
     frame, (pattern, visibility, taxels, smallest_contact) = contact.frame, contact.found
-    left = pattern.hidden & np.isfinite(frame.values)  # left over from a contact, so FAULTY and without a value
+    left = pattern.hidden & np.isfinite(frame.values)  # left-over taxels become FAULTY and lose their value
     status = np.where(left, TaxelStatus.FAULTY, frame.status) if left.any() else frame.status
     message = Contact(
         header=frame.header, sequence=frame.sequence, state=pad_state(contact.found), left_out=contact.left_out,
@@ -119,7 +119,7 @@ def pad_state(found: FoundContact) -> int:
 
 
 def pad_contact_of(message: Contact) -> PadContact:
-    """Return the contact from which ``message`` was made. The sender decides whether the pad was seen."""
+    """Return the contact from which ``message`` was created. The message says if the pad was seen."""
     frame = pad_frame_of(message)
     found = FoundContact.of(_pattern(message), frame.taxels, message.smallest_contact)
     seen = found.visibility._replace(pad_seen=message.pad_seen)
@@ -143,13 +143,13 @@ def _noise(message: Contact) -> np.ndarray:
 
 
 def taxels_of(message: TaxelArray | Contact, status: TaxelStatus) -> np.ndarray:
-    """Return a mask of the taxels with this status, bool, shape (rows, cols)."""
+    """Return a mask of the taxels that have the given status, as bool of shape (rows, cols)."""
     codes = np.frombuffer(message.status, np.uint8).reshape(message.rows, message.cols)
     return codes == status
 
 
 def features_message(contact: PadContact, features: Features) -> ContactFeatures:
-    """Return the features of a contact as a message; without a contact, the list is empty."""
+    """Return the features of a contact as a message, with an empty list if there is no contact."""
     frame, (pattern, visibility, taxels, _) = contact.frame, contact.found
     return ContactFeatures(
         header=frame.header, sequence=frame.sequence, state=pad_state(contact.found),
@@ -173,5 +173,5 @@ def _degrees(angle: int | None) -> float:
 
 
 def single(value: float) -> float:
-    """Return ``value`` rounded to single precision, as in a message."""
+    """Return ``value`` rounded to single precision, as a message stores it."""
     return float(np.float32(value))

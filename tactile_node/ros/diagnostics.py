@@ -1,4 +1,4 @@
-"""State and counts of the driver as a DiagnosticArray (REP-107). The level is never OK while data are discarded."""
+"""State and counts of the driver as a DiagnosticArray (REP-107). The level is never OK while data is being lost."""
 
 import math
 import time
@@ -17,7 +17,7 @@ from tactile_node.conditioning.conditioned_pad import PadCondition, faults_text
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.ros.message_health import status_of
 
-EVALUATED_PERIOD = 1.0  #: time over which a level is evaluated [s]
+EVALUATED_PERIOD = 1.0  #: time over which the level is evaluated [s]
 
 
 class Finding(NamedTuple):
@@ -26,7 +26,7 @@ class Finding(NamedTuple):
 
 
 class Look(NamedTuple):
-    """Counts and health at one time of the monotonic clock."""
+    """Counts and health at one time on the monotonic clock."""
 
     at: float  #: [s]
     counts: BusStatistics
@@ -34,19 +34,19 @@ class Look(NamedTuple):
 
 
 class BusDiagnostics:
-    """Turns successive states of one bus into diagnostic messages.
+    """Converts successive states of one bus to diagnostic messages.
 
-    The level covers the time since the last state that is at least ``window`` old. A loss therefore stays reported for
-    this time, however often the state is evaluated.
+    The level covers the time since the latest state that is at least ``window`` old. A loss is therefore reported for
+    at least ``window``, no matter how often the state is evaluated.
 
     Parameters
     ----------
     node
         Full name of the node.
     hardware_id
-        Identifier of the hardware in the messages.
+        Hardware identifier to put into the messages.
     window
-        Time that the level covers [s].
+        Shortest time that the level covers [s].
     steady
         Steady clock [s].
     """
@@ -57,7 +57,7 @@ class BusDiagnostics:
         self._hardware_id = hardware_id
         self._window = window
         self._steady = steady
-        self._looks: deque[Look] = deque()  # in ascending order; the first one is the reference
+        self._looks: deque[Look] = deque()  # states in ascending order of time; the first one is the reference
 
     def evaluate(self, counts: BusStatistics, health: BusHealth,
                  conditions: Mapping[str, PadCondition]) -> tuple[Finding, ...]:
@@ -65,7 +65,7 @@ class BusDiagnostics:
         before = self._before(Look(self._steady(), counts, health))
         findings = [_worst(_bus_findings(counts, before.counts, health, before.health))]
         for name, pad in counts.pads.items():
-            nodes = health.nodes.get(name, ())  # a replayed log has no nodes
+            nodes = health.nodes.get(name, ())  # a replayed log reports no CANopen nodes
             of_pad = []
             for node, node_before in zip(nodes, before.health.nodes.get(name) or map(_new, nodes)):
                 of_pad += _node_findings(name, node, node_before, health.is_active)
@@ -77,7 +77,7 @@ class BusDiagnostics:
 
     def message_of(self, findings: Sequence[Finding], counts: BusStatistics, health: BusHealth,
                    conditions: Mapping[str, PadCondition]) -> DiagnosticArray:
-        """Return the message for the findings of `evaluate`."""
+        """Return the message for the findings that `evaluate` returned."""
         statuses = [self._status('bus', findings[0], _bus_values(counts, health))]
         for finding, (name, pad) in zip(findings[1:], counts.pads.items()):
             extra: dict[str, object] = {}
@@ -104,7 +104,7 @@ class BusDiagnostics:
 
 
 def unconfigured(health: BusHealth) -> tuple[Finding, ...]:
-    """Return the finding about a driver without a bus: the failure, or that it is not configured."""
+    """Return the finding about a driver without a bus, which has failed or is not configured."""
     if health.failure is not None:
         return (Finding(DiagnosticStatus.ERROR, failure_text(health.failure)),)
     return (Finding(DiagnosticStatus.STALE, 'not configured'),)
@@ -116,7 +116,7 @@ def diagnostic_array(node: str, finding: Finding, health: BusHealth) -> Diagnost
 
 
 def _nothing_yet(now: BusStatistics) -> BusStatistics:
-    """Return the counts with all values zero, so that losses before the first message count too."""
+    """Return counts that are all zero, so that losses before the first message also count."""
     pads = {name: PadStatistics(complete=0, incomplete=0, expected=0, received=0, used=0, pending=0,
                                 losses=dict.fromkeys(pad.losses, 0)) for name, pad in now.pads.items()}
     return BusStatistics(pads, {})
@@ -127,7 +127,7 @@ def _new(node: NodeHealth) -> NodeHealth:
 
 
 def _worst(findings: list[Finding]) -> Finding:
-    """Join the findings of the worst level into one."""
+    """Join all findings of the worst level into one finding."""
     order = (DiagnosticStatus.ERROR, DiagnosticStatus.WARN, DiagnosticStatus.STALE, DiagnosticStatus.OK)
     level = next(level for level in order if any(finding.level == level for finding in findings))
     return Finding(level, '; '.join(finding.message for finding in findings if finding.level == level))
@@ -162,7 +162,8 @@ def _node_findings(pad: str, now: NodeHealth, before: NodeHealth, is_active: boo
     elif now.emergencies > before.emergencies:
         texts.append(f'node {now.node_id}: {now.last_emergency}')
     if now.distrusted > before.distrusted:
-        texts.append(f'{now.distrusted - before.distrusted} taxel frames without values: the node was not configured')
+        texts.append(f'{now.distrusted - before.distrusted} taxel frames without values, because the node was '
+                     'not configured')
     return findings + [Finding(DiagnosticStatus.WARN, one) for one in texts]
 
 
@@ -189,9 +190,10 @@ def _condition_findings(condition: PadCondition) -> list[Finding]:
     faults = condition.faults
     texts = [f'{faults.total} faulty taxels, {faults_text(faults)}'] if faults.total else []
     if condition.is_frozen:
-            texts.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: has it stopped sampling?')
+            texts.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: the device may have '
+                         'stopped sampling')
     if condition.other_publishers:
-            texts.append(f'others also publish taxels of this pad: {", ".join(condition.other_publishers)}')
+            texts.append(f'other nodes also publish the taxels of this pad: {", ".join(condition.other_publishers)}')
     findings = [Finding(DiagnosticStatus.WARN, one) for one in texts]
     if condition.zero is not ZeroState.VALID:
         detail = f': {condition.zero_error}' if condition.zero_error else ''
@@ -221,7 +223,7 @@ def _pad_values(pad: PadStatistics) -> dict[str, object]:
 
 
 def _nodes_values(nodes: tuple[NodeHealth, ...]) -> dict[str, object]:
-    """Return the values of all nodes; with several nodes, the keys begin with ``node_<node-ID>_``."""
+    """Return the values of all nodes. If there are several nodes, the keys begin with ``node_<node-ID>_``."""
     if len(nodes) == 1:
         return _node_values(nodes[0])
     return {f'node_{node.node_id}_{key.removeprefix("node_")}': value

@@ -1,8 +1,8 @@
 """Remove the names that apply to all nodes of a process from its ROS arguments.
 
-launch_ros passes a namespace, such as that of PushRosNamespace, as the rule `-r __ns:=/robot` for the whole process.
-rcl applies the rule to each node and replaces the node's namespace. If a process has several nodes, `left/processor`
-and `right/processor` would both become `/robot/processor`.
+A namespace from launch, for example from PushRosNamespace, reaches the process as the remapping rule `-r __ns:=/robot`.
+The ROS client library applies this rule to each node and replaces the node's own namespace. In a process with several
+nodes, `left/processor` and `right/processor` would both become `/robot/processor`.
 """
 
 import logging
@@ -17,17 +17,17 @@ NODE_NAME_RULES = ('__node', '__name')
 
 
 class GlobalNames(NamedTuple):
-    """ROS arguments without global names."""
+    """ROS arguments after the global names were removed."""
 
-    namespace: str  #: namespace from a global rule; '' if there is none
+    namespace: str  #: namespace from a global rule, or '' without such a rule
     arguments: list[str]  #: all other arguments, for `rclpy.init`
 
 
 def without_global_names(arguments: Sequence[str]) -> GlobalNames:
     """Separate a global namespace from the other ROS arguments.
 
-    If there are several namespaces, the last one is used. A name for all nodes is ignored with a warning. Rules for a
-    single node, such as `skin_driver:__ns:=/robot`, are kept.
+    If the arguments contain several namespaces, the last one is used. A rule that gives all nodes one name is ignored
+    with a warning. Rules for a single node, such as `skin_driver:__ns:=/robot`, are kept.
 
     Parameters
     ----------
@@ -47,7 +47,8 @@ def without_global_names(arguments: Sequence[str]) -> GlobalNames:
         if left == NAMESPACE:
             namespace = right
         elif left in NODE_NAME_RULES:
-            logger.warning('%s is ignored: it would name all nodes of this process. A namespace is allowed.', rule)
+            logger.warning('%s is ignored, because it would give all nodes of this process one name. '
+                           'A namespace is allowed.', rule)
         else:
             rest += [word] if rule is None else [word, rule]
     return GlobalNames(namespace, rest)

@@ -15,13 +15,13 @@ from tactile_node.ros.motion_messages import check_motion
 from tactile_node.skin.taxel_array import check_duration, check_finite
 from tactile_skin.msg import ContactShape, Grasp
 
-ROUNDING = 1e-9  #: tolerance for sums of numbers of about 1
+ROUNDING = 1e-9  #: rounding tolerance for sums of numbers that are about 1
 
 
 def check_grasp(message: Grasp) -> RejectReason | None:
-    """Check the states of both sides, the line between them, the object and the forces.
+    """Check the states of both pads, the line between the contacts, the object and the forces.
 
-    For a message of `grasp_sides`, use `check_contact_shape` on each side that has a result.
+    To check a message of `grasp_sides`, apply `check_contact_shape` to each side that has a result.
     """
     return (_grasp_codes(message)
             or _grasp_states(message)
@@ -44,9 +44,9 @@ def _grasp_codes(message: Grasp) -> RejectReason | None:
 
 
 def _grasp_states(message: Grasp) -> RejectReason | None:
-    """Check that ``contact`` follows from the states of the sides, and that freshness and stability agree with them."""
+    """Check that ``contact`` follows from the states of both pads, and that ``fresh`` and ``stable`` agree with it."""
     left, right = map(SideState, message.side_states)
-    if left is right is SideState.NOT_KNOWN:  # a default-constructed message, which says nothing
+    if left is right is SideState.NOT_KNOWN:  # a default-constructed message contains no result
         return RejectReason.INCONSISTENT
     contact = GraspContact.of((left, right))
     fits = (message.contact == contact and not (message.fresh and contact == Grasp.NOT_KNOWN)
@@ -56,9 +56,10 @@ def _grasp_states(message: Grasp) -> RejectReason | None:
 
 
 def _line(message: Grasp) -> RejectReason | None:
-    """Check the line of a fresh grasp.
+    """Check the line between the contact centres of a fresh grasp.
 
-    The line exists unless a centre is not known. Without an opening, it has only an offset.
+    A fresh grasp has a line unless a contact centre is not known. Without an opening, only the offset of the line is
+    known.
     """
     if math.isinf(message.gap) or math.isinf(message.centre_sd):
         return RejectReason.NOT_FINITE
@@ -107,8 +108,8 @@ def _sizes(message: Grasp) -> RejectReason | None:
 def _yaw(message: Grasp) -> RejectReason | None:
     """Check the yaw.
 
-    Only a shape with a symmetry may have a yaw, within half a turn of that symmetry. Only a shape with a yaw may have a
-    handedness.
+    Only a shape with a symmetry may have a yaw, which must lie within -pi/symmetry and pi/symmetry. Only a shape with a
+    yaw may have a handedness.
     """
     has_yaw, is_right_triangle = not math.isnan(message.yaw), message.shape == ContactShape.RIGHT_TRIANGLE
     fits = (has_yaw != math.isnan(message.yaw_sd) and (not message.symmetry or len(message.dimensions))
@@ -126,7 +127,7 @@ def _lean(message: Grasp) -> RejectReason | None:
 
 
 def _forces(message: Grasp) -> RejectReason | None:
-    """Check that an unseen pad has no force, and that the grip force is the mean of two known forces."""
+    """Check that a pad that is not seen has no force, and that the grip force is the mean of two known forces."""
     grip, grip_sd = (message.grip_force, message.force_imbalance), message.grip_force_sd
     if any(map(math.isinf, (*message.forces, grip_sd))):
         return RejectReason.NOT_FINITE
@@ -143,6 +144,6 @@ def _forces(message: Grasp) -> RejectReason | None:
 
 
 def _motions(message: Grasp) -> RejectReason | None:
-    """Check the motions; the motion on an unseen pad must not be known."""
+    """Check the motions. The motion on a pad that is not seen must be NOT_KNOWN."""
     wrong = [motion.moving for motion, state in zip(message.motions, message.side_states) if state <= Grasp.SIDE_UNSEEN]
     return RejectReason.INCONSISTENT if any(wrong) else next(filter(None, map(check_motion, message.motions)), None)

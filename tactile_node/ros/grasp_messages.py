@@ -1,4 +1,4 @@
-"""Convert grasps and their sides to messages, and read the requirements for a grasp."""
+"""Convert grasps and the results of both pads to messages, and read the requirement that a grasp must meet."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -24,18 +24,19 @@ from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import SHAPES
 from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, GraspSides, RequirementState
 
-#: Fraction of hidden taxels, in a contact or in the ring around it, above which the contact counts as largely hidden.
-#: With 3 % of dead taxels, the fraction stays below it.
+#: Fraction of hidden taxels, in a contact or in the ring around the contact, above which the contact counts as largely
+#: hidden. A pad with 3 % dead taxels stays below this fraction.
 MOST_HIDDEN = 0.25
-NUMBER_OF_NAME = {shape.value: code for code, shape in SHAPE_OF_NUMBER.items()}  #: class name -> code
-#: code -> name of the shapes that a requirement may ask for
+#: class name -> code in ContactShape.msg
+NUMBER_OF_NAME = {shape.value: code for code, shape in SHAPE_OF_NUMBER.items()}
+#: code -> name of each shape that a requirement may list
 REQUIRABLE = {code: shape.value for code, shape in SHAPE_OF_NUMBER.items() if shape in SHAPES}
-LONGEST = 3600.0  #: longest timeout of a goal [s]; a longer one is refused as a mistake
+LONGEST = 3600.0  #: longest timeout of a goal [s]. A longer timeout is probably a mistake, and is refused.
 NANOSECONDS = 10**9
 
 
 def side_result(message: ContactShape, time: float) -> SideResult:
-    """Return the result of one pad; ``time`` is the acquisition time on this host's clock [s]."""
+    """Return the result of one pad, whose acquisition time on this host's clock is ``time`` [s]."""
     is_hidden, centre, moves = _is_largely_hidden(message), _centre(message), is_moving(message.motion)
     if centre is None:
         return SideResult(time, _reported_state(message), message.class_name, hides_creep=is_hidden, moves=moves)
@@ -45,23 +46,23 @@ def side_result(message: ContactShape, time: float) -> SideResult:
 
 
 def _centre(message: ContactShape) -> tuple[float, float] | None:
-    """Return the centre of the fit, or else the centre of pressure; None without a contact, or if it is not known."""
+    """Return the centre of the fit or, without a fit, the centre of pressure. None means that no centre is known."""
     place = message.pose.pose.position if message.fit_valid else message.centre_of_pressure
     is_known = message.taxels and message.contacts and math.isfinite(place.x) and math.isfinite(place.y)
     return (place.x, place.y) if is_known else None
 
 
 def _reported_state(message: ContactShape) -> SideState:
-    """Return the state that the pad reports; EMPTY only for the shape NONE of a pad that was seen."""
+    """Return the state that the pad reports. The state is EMPTY only if the shape is NONE and the pad was seen."""
     if message.taxels or message.contacts:
         return SideState.TOUCHED
     return SideState.EMPTY if message.shape == ContactShape.NONE and message.pad_seen else SideState.UNSEEN
 
 
 def _is_largely_hidden(message: ContactShape) -> bool:
-    """Return True if the object may differ from its visible part, at the pad's edge or under many hidden taxels.
+    """Return True if the contact may differ from its visible part, at the pad's edge or under many hidden taxels.
 
-    A few scattered hidden taxels neither cut an edge off nor hide a motion.
+    A few scattered hidden taxels neither cut off an edge nor hide a motion.
     """
     return (message.at_edge or message.hidden_ring_taxels > MOST_HIDDEN * message.ring_taxels
             or message.hidden_taxels > MOST_HIDDEN * message.taxels
@@ -69,7 +70,7 @@ def _is_largely_hidden(message: ContactShape) -> bool:
 
 
 def _of_fit(message: ContactShape) -> tuple[float, bool]:
-    """Return the resolution of the fitted centre [m], and True if the fit covers only the visible part."""
+    """Return the resolution of the fitted centre [m], and True if the fit describes only the visible part."""
     of_values = PATTERN_RESOLUTION if math.isnan(message.force) else FIT_RESOLUTION
     uncertain = 2 * max(message.standard_deviations[:2], default=0.0)
     return max(of_values * _pitch(message), uncertain), message.size_is_bound
@@ -87,7 +88,7 @@ def _pitch(message: ContactShape) -> float:
 
 
 def face_of(message: ContactShape) -> Face:
-    """Return the facts about one pad's contact, to describe the object that both pads hold."""
+    """Return the properties of one pad's contact that are needed to describe the object between both pads."""
     of_fit = message.standard_deviations[:2] if message.fit_valid else ()
     place = _centre(message)
     return Face(message.class_name, dict(zip(message.class_names, map(float, message.probabilities))),
@@ -97,7 +98,7 @@ def face_of(message: ContactShape) -> Face:
 
 
 def _face_fit(message: ContactShape) -> FaceFit | None:
-    """Return the fit with its standard deviations, or None without them, because such a fit cannot be weighted."""
+    """Return the fit with its standard deviations, or None if they are missing, because the fit needs a weight."""
     if not message.fit_valid or not message.dimension_names:
         return None
     of_each = dict(zip(message.parameter_names, map(float, message.standard_deviations)))
@@ -114,12 +115,13 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
                   ages: Sequence[float], gripper: Gripper) -> Grasp:
     """Return the grasp as a message.
 
-    Stamp and age are those of the older side. A receiver uses both together to measure the delay of its path.
+    Stamp and age come from the older of the two pad results. A receiver computes from stamp and age how long the
+    message was delayed.
 
     Parameters
     ----------
     state
-        State of the grasp.
+        State that the grasp tracker reports.
     sides
         Latest messages of the left and the right pad.
     opening
@@ -127,7 +129,7 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
     frame_id
         Frame of the gripper.
     ages
-        Ages of both messages [s]; inf if not known.
+        Ages of the two messages [s]; inf if not known.
     gripper
         Geometry of the gripper.
     """
@@ -145,7 +147,7 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
 
 
 def sides_message(state: GraspState, sides: Sequence[ContactShape], frame_id: str, ages: Sequence[float]) -> GraspSides:
-    """Return the sides that belong to the message of `grasp_message` with the same arguments."""
+    """Return the GraspSides that belongs to the message of `grasp_message` with the same arguments."""
     return GraspSides(**_dated(state, sides, frame_id, ages), sides=sides)
 
 
@@ -155,7 +157,7 @@ def _dated(state: GraspState, sides: Sequence[ContactShape], frame_id: str, ages
 
 
 def _older(sides: Sequence[ContactShape], ages: Sequence[float]) -> ContactShape:
-    """Return the side with the greater age; a side without a message is returned only if both have none."""
+    """Return the older of the two results. A side without a result is returned only if both sides have none."""
     by_age = sorted(zip(ages, sides), key=lambda each: each[0], reverse=True)
     received = [side for _, side in by_age if side.header.stamp.sec or side.header.stamp.nanosec]
     return received[0] if received else by_age[0][1]
@@ -206,12 +208,13 @@ def requirement_of(message: GraspRequirement, known_names: Collection[str] = ())
     message
         Requirement message.
     known_names
-        Names of the classes that exist; empty if they are not known.
+        Names of the existing classes, or empty if the classes are not known.
 
     Raises
     ------
     RefusedRequirementError
-        If a limit is not valid, or if no recogniser reports a required shape, so that a goal could never be met.
+        Raised if a limit is invalid, or if no recogniser reports a required shape, so that no grasp could ever meet the
+        requirement.
     """
     if len(message.shapes) + len(message.class_names) > 2 * MOST_REQUIRED:  # checked before the names are processed
         raise _refused(RequirementRefusal.TOO_MANY_SHAPES, f'at most {MOST_REQUIRED} shapes',
@@ -228,7 +231,7 @@ def requirement_of(message: GraspRequirement, known_names: Collection[str] = ())
 
 
 def timeout_of(message: Duration) -> float:
-    """Return the timeout of a goal [s]. Raises RefusedRequirementError unless 0 < timeout <= LONGEST."""
+    """Return the timeout of a goal [s]. Raises RefusedRequirementError unless the timeout is in (0, LONGEST]."""
     timeout = _duration(message, 'timeout')
     if not 0 < timeout <= LONGEST:
         raise _refused(RequirementRefusal.NO_TIMEOUT, f'a timeout above 0 s, at most {LONGEST:g} s', f'{timeout:g} s')
@@ -236,7 +239,7 @@ def timeout_of(message: Duration) -> float:
 
 
 def state_message(found: Sequence[Missing]) -> RequirementState:
-    """Return the result of `missing` as a message."""
+    """Return the unmet conditions, which `missing` found, as a message."""
     return RequirementState(missing=int(found[0] if found else Missing.NOTHING),
                             all_missing=[int(each) for each in found])
 
@@ -249,7 +252,7 @@ def _name(code: int) -> str:
 
 def _duration(message: Duration, name: str) -> float:
     if message.sec < 0 or message.nanosec >= NANOSECONDS:
-        raise _refused(RequirementRefusal.NOT_A_LIMIT, 'a duration from 0 s on, with less than 10^9 ns',
+        raise _refused(RequirementRefusal.NOT_A_LIMIT, 'a duration of 0 s or more, with less than 10^9 ns',
                        f'{name} {message.sec} s {message.nanosec} ns')
     return seconds(message)
 

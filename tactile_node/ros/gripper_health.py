@@ -1,4 +1,4 @@
-"""State of the gripper node as text: its entry in /diagnostics, and the reason why a goal saw no grasp."""
+"""State of the gripper node as text: its entry in /diagnostics, and the reason why a goal sees no usable grasp."""
 
 import math
 
@@ -8,13 +8,13 @@ from tactile_node.grasp.closing import Outcome
 from tactile_node.ros.message_health import MessageCounts, several_text, status_of
 from tactile_skin.msg import Grasp
 
-#: outcomes after which a person should check the gripper or its wiring
+#: outcomes after which somebody should check the gripper or its wiring
 FAILURES = (Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT, Outcome.NOT_STOPPED, Outcome.NOT_OPENING)
 
 
 def gripper_status(node: str, action: str, *, duplicate: str, is_served: bool, work: str, last: Outcome | None,
                    grasp_age: float) -> DiagnosticStatus:
-    """Return the diagnostic entry of a gripper node.
+    """Return the entry of a gripper node in /diagnostics.
 
     Parameters
     ----------
@@ -23,18 +23,18 @@ def gripper_status(node: str, action: str, *, duplicate: str, is_served: bool, w
     action
         Full name of the gripper's own action.
     duplicate
-        Sentence about a second gripper node; '' if there is none.
+        Message about a second gripper node, or '' if there is only one.
     is_served
         True if the ROS graph shows a server of the gripper's own action.
     work
-        Present work: 'none', 'goal' or 'hold'.
+        Present activity: 'none', 'goal' or 'hold'.
     last
         Outcome of the latest goal or hold.
     grasp_age
-        Time since both pads were seen [s].
+        Time since both pads were last seen [s].
     """
     is_failed = last in FAILURES
-    text = duplicate or (f'nothing serves {action}' if not is_served else
+    text = duplicate or (f'no server offers {action}' if not is_served else
                          f'the last goal ended as {last.name}' if last and is_failed else 'ready')
     level = (DiagnosticStatus.ERROR if duplicate else DiagnosticStatus.WARN
              if is_failed or not is_served else DiagnosticStatus.OK)
@@ -45,22 +45,22 @@ def gripper_status(node: str, action: str, *, duplicate: str, is_served: bool, w
 
 def unseen_text(topic: str, counts: MessageCounts, publishers: list[str], grasp: Grasp | None, age: float,
                 max_age: float) -> str:
-    """Return the reason why a goal cannot close the gripper.
+    """Return the reason why a goal cannot close the gripper, as text.
 
     Parameters
     ----------
     topic
-        Topic of the grasps.
+        Name of the topic of the grasps.
     counts
-        Counts of the messages on this topic.
+        Message counts of the grasp topic.
     publishers
-        Names of the nodes that publish it.
+        Names of the nodes that publish the grasps.
     grasp
-        Latest grasp; None if every grasp was dropped.
+        Latest grasp, or None if every grasp was dropped.
     age
-        Age of the taxels of this grasp [s].
+        Age of the taxel data in the latest grasp [s].
     max_age
-        Largest age of a usable grasp [s].
+        Maximum age of a usable grasp [s].
     """
     if not counts.received:
         return f'no grasp has been received on {topic}: is bringup running?'
@@ -69,9 +69,10 @@ def unseen_text(topic: str, counts: MessageCounts, publishers: list[str], grasp:
     if grasp is None:
         return f'every grasp on {topic} was dropped: see /diagnostics'
     if not age <= max_age:
-        return f'the grasp is {age:.3f} s old, max_age is {max_age:g} s' if age < math.inf else 'its age is not known'
+        return (f'the grasp is {age:.3f} s old, but max_age is {max_age:g} s' if age < math.inf else
+                'the age of the grasp is not known')
     states = {Grasp.SIDE_UNSEEN: 'is unseen', Grasp.SIDE_NOT_KNOWN: 'has no result yet'}
     texts = [f'the {side} pad {states[state]}' for side, state in zip(('left', 'right'), grasp.side_states)
              if state in states]
-    return ' and '.join(texts) or ('for 0.5 s' if grasp.fresh else 'the grasp is not fresh: the pads are too far apart '
-                                   'in time')
+    return ' and '.join(texts) or ('for 0.5 s' if grasp.fresh else 'the grasp is not fresh, because the pads were '
+                                   'acquired too far apart')

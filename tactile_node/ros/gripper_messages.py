@@ -1,6 +1,6 @@
-"""Convert goals, states and results of a gripper's action to numbers and back, and read the touch from a grasp.
+"""Convert the messages of a gripper's action to numbers and back, and extract the touch from a grasp.
 
-The interfaces `GripperCommand` and `ParallelGripperCommand` come from control_msgs, which is optional.
+The actions `GripperCommand` and `ParallelGripperCommand` come from control_msgs, which is an optional package.
 """
 
 import math
@@ -15,7 +15,10 @@ INTERFACES = PARALLEL, SINGLE = 'ParallelGripperCommand', 'GripperCommand'
 
 
 class Command(NamedTuple):
-    """Content of a goal in the gripper's own units. A speed or effort of 0 was not given; NaN means several values."""
+    """Content of a goal in the gripper's own units.
+
+    A speed or effort is 0 if the goal gives no value, and NaN if the goal gives several values.
+    """
 
     position: float
     speed: float = 0.0
@@ -23,7 +26,7 @@ class Command(NamedTuple):
 
 
 class GripperState(NamedTuple):
-    """State reported by the gripper, in its own units; NaN means not known."""
+    """State that the gripper reports in its own units, with NaN for unknown values."""
 
     position: float = math.nan
     effort: float = math.nan
@@ -32,7 +35,7 @@ class GripperState(NamedTuple):
 
 
 class _Single:
-    """Reads and makes the messages of a GripperCommand action."""
+    """Converts the messages of a GripperCommand action."""
 
     commands_speed = False
 
@@ -40,7 +43,7 @@ class _Single:
         self.action = action
 
     def command(self, goal: Any) -> Command:
-        """Return the content of ``goal``."""
+        """Return the command that ``goal`` contains."""
         return Command(goal.command.position, 0.0, goal.command.max_effort)
 
     def goal(self, command: Command) -> Any:
@@ -49,18 +52,18 @@ class _Single:
         return goal
 
     def state(self, message: Any) -> GripperState:
-        """Return the state in a feedback or a result."""
+        """Return the state that a feedback or result message contains."""
         return GripperState(message.position, message.effort, message.stalled, message.reached_goal)
 
     def fill(self, message: Any, state: GripperState) -> Any:
-        """Fill a feedback or a result with ``state`` and return it."""
+        """Write ``state`` into a feedback or result message, and return the message."""
         message.position, message.effort = state.position, state.effort
         message.stalled, message.reached_goal = state.stalled, state.reached_goal
         return message
 
 
 class _Parallel:
-    """Converts the messages of a ParallelGripperCommand action. Its feedback lacks stalled and reached_goal."""
+    """Converts the messages of a ParallelGripperCommand action, whose feedback lacks stalled and reached_goal."""
 
     commands_speed = True
 
@@ -68,13 +71,13 @@ class _Parallel:
         self.action, self._joint = action, joint
 
     def command(self, goal: Any) -> Command:
-        """Return the content of ``goal``. Raises RefusedGoalError unless it has one position for the joint."""
+        """Return the command in ``goal``. Raises RefusedGoalError unless it has one position for the joint."""
         asked = goal.command
         names, count = list(asked.name), len(asked.position)
         if count != 1 or (self._joint and names and names != [self._joint]):
             raise RefusedGoalError('command', expected=f'one position of {self._joint or "one joint"}',
                                    got=f'{count} of {", ".join(names) or "no name"}',
-                                   remedy='Command the joint that is named by the parameter joint.')
+                                   remedy='Command the joint that the parameter joint names.')
         speed, effort = (math.nan if len(each) > 1 else _first(each, 0.0) for each in (asked.velocity, asked.effort))
         return Command(asked.position[0], speed, effort)
 
@@ -103,28 +106,28 @@ GripperInterface = _Single | _Parallel
 
 
 def gripper_interface(name: str, joint: str) -> GripperInterface:
-    """Return the interface to an action type.
+    """Return the converter for the messages of an action type.
 
     Parameters
     ----------
     name
         ParallelGripperCommand or GripperCommand.
     joint
-        Name of the joint in a ParallelGripperCommand; '' for any.
+        Name of the joint in a ParallelGripperCommand; '' for any joint.
 
     Raises
     ------
     ConfigurationError
-        If the name is unknown, or if control_msgs is not installed.
+        Raised if the name is unknown, or if control_msgs is not installed.
     """
     if name not in INTERFACES:
         raise ConfigurationError('action_type', expected=' or '.join(INTERFACES), got=repr(name),
-                                 remedy="Give the type of the gripper's own action: ros2 action list -t.")
+                                 remedy="`ros2 action list -t` lists the type of the gripper's own action.")
     try:
         from control_msgs import action
     except ImportError:
-        raise ConfigurationError('control_msgs', expected='the package of the gripper actions', got='none',
-                                 remedy='Install it: apt install ros-$ROS_DISTRO-control-msgs.') from None
+        raise ConfigurationError('control_msgs', expected='the package with the gripper actions', got='none',
+                                 remedy='Run apt install ros-$ROS_DISTRO-control-msgs.') from None
     return _Parallel(action.ParallelGripperCommand, joint) if name == PARALLEL else _Single(action.GripperCommand)
 
 
@@ -133,17 +136,17 @@ def _first(values: Any, default: float) -> float:
 
 
 def touch_of(grasp: Grasp, acquired: float) -> Touch:
-    """Return the touch that a grasp shows.
+    """Return the touch that a grasp message describes.
 
-    A force bound that the edge of the pad does not explain comes from hidden or saturated taxels, perhaps of another
-    contact.
+    If a force is a bound although the contact does not reach the pad's edge, hidden or saturated taxels are the cause,
+    perhaps in another contact.
 
     Parameters
     ----------
     grasp
         Grasp message.
     acquired
-        Acquisition time of its taxels, on the steady clock [s].
+        Acquisition time of the taxels, on the steady clock [s].
     """
     pads = [PadForce(force, is_bound, bool(hidden or saturated or not seen or is_bound and not at_edge))
             for force, is_bound, hidden, saturated, seen, at_edge in zip(

@@ -1,15 +1,17 @@
-"""The field `age` of the chain's messages: the time since the acquisition, added up over the stages by steady clocks.
+"""Measure the field `age` of the chain's messages: the time since acquisition, summed over all stages.
 
-Each stage adds the time for which a message was held back on its way, and its own processing time. The stamp remains
-that of the taxels. No synchronised clocks are needed. `InputAge` notes when each message of a subscription arrives.
-Data that are passed on within one process carry the time of their acquisition.
+Each stage measures with its own steady clock, and adds the time for which a message was held back and the time for its
+own processing. The stamp of a message stays the stamp of the taxels. The hosts need no synchronised clocks. `InputAge`
+records when each message of a subscription arrives. Results that are handed over within one process carry their
+acquisition time.
 
-A blocked node reads its queue late. `arrived` is then called late too, so the time in the queue counts as held back.
-The time stamps of DDS are not used, because they use the wall clock and cover only the last sender.
+A blocked node reads its queue late, and therefore also calls `arrived` late. The time in the queue thus counts as time
+for which the message was held back. The time stamps of DDS are not used, because they come from the wall clock and
+cover only the last sender.
 
-An age is *not known* (`math.inf`, in a message the longest Duration) until the smallest delay is settled, about 0.5 s
-after each stage has received its first messages. Stages settle one after another, because no stage can measure with an
-unknown age. An unknown age is too old for every limit.
+An age is *not known* (`math.inf`, in a message the longest Duration) until the smallest delay has settled. The smallest
+delay of a stage settles about 0.5 s after its first messages. The stages settle one after another, because no stage can
+measure a delay while the age of its input is not known. An unknown age exceeds every limit.
 """
 
 import math
@@ -26,32 +28,35 @@ from std_msgs.msg import Header
 from tactile_node.ros.settings import NodeSettings
 from tactile_node.ros.time_messages import duration_message, seconds
 
-#: Time for which the smallest difference is kept [s]. After it, a slower path or a set clock counts as normal.
+#: Time for which the smallest difference is kept [s]. Afterwards, a slower path or a changed clock counts as normal.
 WINDOW = 30.0
-BUCKETS = 30  #: number of parts of the window; each part is forgotten as a whole
-#: Time for which messages must arrive, without a decrease of the smallest difference, until it is settled [s].
+BUCKETS = 30  #: number of parts of WINDOW, each of which is forgotten as a whole
+
+#: Time for which messages must arrive without a decrease of the smallest difference before that difference is settled
+#: [s].
 SETTLING_TIME = 0.5
-SETTLING_TOLERANCE = 0.02  #: while settling, a smaller decrease counts as jitter of the path [s]
-#: Once settled, a smaller decrease [s] comes from a message that was faster than all earlier ones. The earlier messages
-#: were older than they seemed by this time; later messages are measured correctly.
+SETTLING_TOLERANCE = 0.02  #: largest decrease that counts as jitter of the path while settling [s]
+
+#: Largest decrease, once settled, that is attributed to a message that was faster than all earlier messages [s]. The
+#: earlier messages were older than measured by this decrease; later messages are measured correctly.
 SETTLED_ERROR = 0.05
-DRIFT = 1e-3  #: relative rate; a slower decrease comes from a clock that drifts or is slewed
-LONGEST_GAP = 0.1  #: longest silence that counts towards SETTLING_TIME [s]
+DRIFT = 1e-3  #: relative rate below which a decrease is attributed to a clock that drifts or is slewed
+LONGEST_GAP = 0.1  #: longest gap between messages that counts towards SETTLING_TIME [s]
 
 
 class Delay(NamedTuple):
-    """Delay of one message."""
+    """Measured delay of one message."""
 
-    held_back: float  #: delay beyond the smallest one in the window, >= 0 [s]
-    settled: bool     #: False if the message may have been held back for any time
+    held_back: float  #: delay in excess of the smallest delay in WINDOW, >= 0 [s]
+    settled: bool     #: False if the message may have been held back for an unknown time
 
 
 class DelayEstimator:
-    """Estimates the delay of each message from one sender. It reads no clock; all times are arguments.
+    """Estimates the delay of each message from one sender. All times are arguments, so the estimator reads no clock.
 
-    The estimate is not settled for SETTLING_TIME after the sender restarts, after its clock is set forward, or after
-    its clock is set back by more than a message's period. After a smaller step back, or a step back during a silence of
-    that length, messages seem older than they are by this step, for at most WINDOW.
+    The estimate is unsettled for SETTLING_TIME after the sender restarts, after its clock is set forward, or after its
+    clock is set back by more than the message period. If the clock is set back by less, or during a pause of the same
+    length, messages seem too old by the size of the step for at most WINDOW.
 
     Examples
     --------
@@ -68,20 +73,21 @@ class DelayEstimator:
         self._restart()
 
     def _restart(self) -> None:
-        self._least: deque[tuple[int, float]] = deque()  # (bucket, smallest difference from it on), both ascending
-        self._reference = inf  # value below which the smallest difference may decrease by at most the tolerance
-        self._covered = 0.0  # time with messages since the last such decrease
+        # pairs of a bucket and the smallest difference since that bucket, both ascending
+        self._least: deque[tuple[int, float]] = deque()
+        self._reference = inf  # value with which the next smallest difference is compared
+        self._covered = 0.0  # time with messages since the last decrease that restarted settling
 
     def update(self, arrival: float, sent: float) -> Delay:
-        """Process a message and return its delay.
+        """Process one message and return its delay.
 
         Parameters
         ----------
         arrival
-            Time of arrival, on this host's steady clock [s], finite.
+            Arrival time, on this host's steady clock [s], finite.
         sent
-            Time of sending, on the sender's clock [s], finite. If a stage adds its own delay as ``age``, this is
-            stamp + age.
+            Sending time, on the sender's clock [s], finite. For a message with an ``age``, the sending time is stamp +
+            age.
         """
         gap = arrival - self._arrival
         if not 0 <= gap <= WINDOW or sent < self._sent - SETTLING_TOLERANCE:
@@ -105,7 +111,7 @@ class DelayEstimator:
         return self._least[0][1]
 
     def _follow(self, least: float, gap: float) -> None:
-        """Start settling again after a decrease; ``gap`` is the time since the last message [s]."""
+        """Restart settling if the smallest difference has decreased. ``gap`` is the time since the last message [s]."""
         reference = self._reference - DRIFT * gap
         is_settled = self._covered >= SETTLING_TIME
         if least < reference - (SETTLED_ERROR if is_settled else SETTLING_TOLERANCE):
@@ -117,15 +123,15 @@ class DelayEstimator:
 
 
 class MeasurementTime:
-    """Finds the time of measurement for the messages of one sender.
+    """Determines when the data in each message of one sender was measured.
 
-    The sender publishes a measurement at once or not at all, and may repeat it.
+    The sender publishes a measurement immediately or not at all, and may repeat it.
 
     Parameters
     ----------
     use_stamps
-        False to take the time of arrival as the time of measurement, for simulated time, which has its own speed, and
-        for replays.
+        False to use the arrival time as the time of measurement. Use False for replays and for simulated time, which
+        runs at its own speed.
     """
 
     def __init__(self, *, use_stamps: bool = True):
@@ -134,14 +140,15 @@ class MeasurementTime:
         self._measured = -math.inf
 
     def of(self, stamp: float, arrival: float) -> float:
-        """Return when the message was measured, on the steady clock [s]; -inf if this is not yet known.
+        """Return the time of measurement on the steady clock [s], or -inf if the time is not known yet.
 
         Parameters
         ----------
         stamp
-            Stamp of the measurement, on the sender's clock [s]; 0 for none. An equal stamp means the same measurement.
+            Stamp of the measurement, on the sender's clock [s]; 0 for a message without a stamp. A repeated stamp means
+            a repeated measurement.
         arrival
-            Time of arrival, on this host's steady clock [s].
+            Arrival time, on this host's steady clock [s].
         """
         if not stamp:
             return arrival
@@ -158,33 +165,33 @@ class MeasurementTime:
 
 
 def use_stamps(node: Node, settings: NodeSettings) -> bool:
-    """Return True if stamps advance like the steady clock, which simulated time and fast or slow replays do not."""
+    """Return True if stamps advance like the steady clock, unlike in a simulation or a lossless replay."""
     return not (settings.lossless or node.get_parameter('use_sim_time').value)
 
 
-NOT_KNOWN_SEC = 2**31 - 1  #: `sec` of an unknown age: 68 years, above every limit
+NOT_KNOWN_SEC = 2**31 - 1  #: `sec` of an unknown age, which is 68 years and above every limit
 
 
 class AgedMessage(Protocol):
-    """Interface of a message of the chain."""
+    """Interface of a message of the processing chain."""
 
     header: Header
     age: Duration
 
 
 class Arrival(NamedTuple):
-    """Time of arrival of a message, and its age at that time."""
+    """Arrival time of a message, and its age on arrival."""
 
-    steady: float          #: time of arrival on this host's steady clock [s]
-    age_on_arrival: float  #: [s]; inf if not known
+    steady: float          #: arrival time on this host's steady clock [s]
+    age_on_arrival: float  #: age of the message on arrival [s]; inf if not known
 
     @property
     def acquired(self) -> float:
-        """Acquisition time of its taxels on the same clock [s]; -inf if not known."""
+        """Acquisition time of the taxels on the steady clock [s]; -inf if not known."""
         return self.steady - self.age_on_arrival
 
     def age(self, now: float) -> float:
-        """Return the age at the time ``now`` of the same clock [s]; inf if not known."""
+        """Return the age of the message at the time ``now`` on the steady clock [s]; inf if not known."""
         return self.age_on_arrival + now - self.steady
 
 
@@ -194,7 +201,7 @@ class InputAge:
     Parameters
     ----------
     lossless
-        True for a replay as fast as possible, in which no message counts as held back.
+        True for a lossless replay, in which no message counts as held back.
     steady
         Steady clock [s].
     """
@@ -205,7 +212,7 @@ class InputAge:
         self._delays = DelayEstimator()
 
     def arrived(self, message: AgedMessage) -> Arrival:
-        """Note that ``message`` arrives now. Call this once for each message, before any other processing."""
+        """Record that ``message`` arrives now. Call this method once per message, before any other processing."""
         now = self._steady()
         age = age_seconds(message.age)
         if self._lossless or not math.isfinite(age):
@@ -215,10 +222,10 @@ class InputAge:
 
 
 def age_message(age: float) -> Duration:
-    """Convert seconds to Duration; inf becomes the longest Duration."""
+    """Convert an age in seconds to Duration. An age of inf becomes the longest Duration."""
     return duration_message(age) if age < NOT_KNOWN_SEC else Duration(sec=NOT_KNOWN_SEC)
 
 
 def age_seconds(age: Duration) -> float:
-    """Convert a Duration to seconds; an unknown age becomes inf."""
+    """Convert an age from Duration to seconds. An unknown age becomes inf."""
     return math.inf if age.sec >= NOT_KNOWN_SEC else seconds(age)

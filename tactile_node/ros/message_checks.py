@@ -1,10 +1,10 @@
-"""Check a message before a node uses it. There is one function per type; it returns None, or the reason to drop it.
+"""Check a message before a node uses it. Each message type has a function that returns None or the reason to drop it.
 
-The rules for a TaxelArray are in `skin/taxel_array.py`, because they also hold for bags.
+The rules for a TaxelArray are in `skin/taxel_array.py`, because the rules also apply to bags.
 
-DDS guarantees the types of the fields, but any node can publish on these topics, and fields may contradict each other.
-Sizes are checked first. No check therefore costs more than the message itself, and no memory is allocated for a size
-that a message only claims.
+DDS guarantees only the types of the fields. Any node can publish on these topics, and the fields of a message may
+contradict each other. The size of each array is checked first, so that a check never costs more than the message
+itself, and never allocates memory for a size that a message merely claims.
 """
 
 import math
@@ -34,19 +34,19 @@ from tactile_node.skin.taxel_array import check_taxel_array as check_taxel_array
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, Grasp
 
-MAX_CLASSES = 1000  #: largest number of classes in one message; this package has far fewer
-PROBABILITY_TOLERANCE = 1e-3  #: tolerance for probabilities, which are float32
+MAX_CLASSES = 1000  #: maximum number of classes in one message, far more than this package has
+PROBABILITY_TOLERANCE = 1e-3  #: rounding tolerance for probabilities, which are float32
 NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
 SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))
 UNKNOWN_REASONS = frozenset(UnknownReason) - {UnknownReason.NOT_KNOWN}
 
 Message = TypeVar('Message')
-#: returns None for a message that can be used, else the reason to drop it
+#: function that returns None for a usable message, otherwise the reason to drop the message
 Check = Callable[[Message], RejectReason | None]
 
 
 def check_contact(message: Contact) -> RejectReason | None:
-    """Check the taxels as `check_taxel_array` does, and check that labels, counts and state are consistent."""
+    """Check the taxels as `check_taxel_array` does, and the consistency of labels, counts and state."""
     return (check_grid(message.rows, message.cols, len(message.values), len(message.status), len(message.labels))
             or (RejectReason.TOO_LARGE if len(message.contact_taxels) > len(message.labels) else None)
             or check_scale(message.unit, message.pitch)
@@ -61,7 +61,7 @@ def check_contact(message: Contact) -> RejectReason | None:
 
 
 def check_contact_shape(message: ContactShape) -> RejectReason | None:
-    """Check codes, classes, probabilities, place and fit. A default-constructed message is not a valid shape."""
+    """Check codes, classes, probabilities, position and fit. A default-constructed message is not a valid shape."""
     return (_shapes(message)
             or _classes(message)
             or _probabilities(message.probabilities)
@@ -76,7 +76,7 @@ def check_contact_shape(message: ContactShape) -> RejectReason | None:
 
 
 def _noise_floor(message: Contact) -> RejectReason | None:
-    """Check the noise floor; NaN means that the noise of a taxel is not known."""
+    """Check the noise floor, in which NaN means that the noise of a taxel is not known."""
     if not len(message.noise_floor):
         return None
     if len(message.noise_floor) != len(message.values):
@@ -92,7 +92,7 @@ def _state(state: int, contacts: int) -> RejectReason | None:
 
 
 def _labels(message: Contact) -> RejectReason | None:
-    """Check that each contact has its label and its count, and that a pad reported as empty was seen."""
+    """Check that each contact has a label and a count, and that a pad reported as empty was seen."""
     if len(message.contact_taxels) != min(message.contacts, MOST_LABELS):
         return RejectReason.WRONG_LENGTH
     if not message.smallest_contact:
@@ -113,7 +113,7 @@ def _shapes(message: ContactShape) -> RejectReason | None:
 
 
 def _classes(message: ContactShape) -> RejectReason | None:
-    """Check that each number of this package has its own name, and that OTHER has none of these names."""
+    """Check that each shape code of this package has its own name, and that OTHER has a different name."""
     names = message.class_names
     if len(names) > MAX_CLASSES:
         return RejectReason.TOO_LARGE
@@ -147,7 +147,7 @@ def _confidence(message: ContactShape) -> RejectReason | None:
 
 
 def _counts(message: ContactShape) -> RejectReason | None:
-    """Check that an empty pad was seen, and that hidden or saturated taxels do not outnumber all taxels."""
+    """Check that an empty pad was seen, and that no count of hidden or saturated taxels exceeds its total."""
     fits = (message.others_present == (message.contacts > 1)
             and (message.shape != ContactShape.NONE or message.pad_seen and not message.contacts)
             and max(message.hidden_taxels, message.saturated_taxels) <= message.taxels
@@ -158,7 +158,7 @@ def _counts(message: ContactShape) -> RejectReason | None:
 
 
 def _place(message: ContactShape) -> RejectReason | None:
-    """Check place and fit. An unseen pad may have a shape without taxels, which has no place and no fit."""
+    """Check position and fit. A pad that is not seen may have a shape without taxels, position and fit."""
     is_none = message.shape == ContactShape.NONE
     if any(map(math.isinf, message.pressure_slope)):
         return RejectReason.NOT_FINITE

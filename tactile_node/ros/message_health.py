@@ -1,4 +1,4 @@
-"""Counts and ages of the messages that a node receives, and the diagnostic made from them."""
+"""Counts and ages of the messages that a node receives, and the diagnostic status derived from these numbers."""
 
 import math
 from collections import Counter
@@ -10,34 +10,37 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from tactile_node.ros.message_checks import RejectReason
 
-OLD = 1.0  #: age above which data that still arrive count as held back [s]
-LONGEST_WAY = 0.5  #: longest usual delay of a message [s]; stamps further behind come from another clock
-MOST_OVERTAKEN = 0.05  #: fraction of the messages received since the last status above which the node is overloaded
+OLD = 1.0  #: age above which arriving data counts as held back [s]
+LONGEST_WAY = 0.5  #: longest usual delay of a message [s]. Stamps that are further behind come from another clock.
+MOST_OVERTAKEN = 0.05  #: fraction of overtaken messages since the last status above which a node counts as overloaded
 
 
 class StreamFault(IntEnum):
-    """Faults of the messages that a node receives. The codes are stable."""
+    """Faults in the messages that a node receives. The codes never change."""
 
     NOT_KNOWN = 0
     NONE = 1
-    DROPPED = 2             #: messages were dropped, see RejectReason
-    SKIPPED = 3             #: frames never reached the node: their sequence numbers are missing
-    OLD = 4                 #: messages arrive, but their data are older than OLD
-    SEVERAL_PUBLISHERS = 5  #: the messages on one pad's topic come from two sources
-    SILENT = 6              #: no message was received on a topic
-    OVERLOADED = 7          #: the node cannot keep up: newer messages overtook more than MOST_OVERTAKEN
-    CLOCKS_APART = 8        #: stamps are ahead of the clock of this host, or seem to be behind it
-    OTHER_TYPE = 9          #: a publisher uses another version of the message; no message on the topic is used
+    DROPPED = 2             #: messages were dropped for the reasons in RejectReason
+    SKIPPED = 3             #: frames never reached the node, as missing sequence numbers show
+    OLD = 4                 #: messages arrive, but their data is older than OLD
+    SEVERAL_PUBLISHERS = 5  #: several nodes publish the same topic
+    SILENT = 6              #: no message was received on a topic since the last status
+    OVERLOADED = 7          #: the node is too slow, as a fraction of overtaken messages above MOST_OVERTAKEN shows
+    CLOCKS_APART = 8        #: stamps are ahead of the clock of this host, or seem to lag behind it
+    OTHER_TYPE = 9          #: a publisher uses another version of the message type, so no message on the topic is used
 
 
 class MessageCounts(NamedTuple):
-    """Counts of one subscription since its node started: received = processed + overtaken + the sum of ``dropped``."""
+    """Counts of one subscription since its node started.
+
+    The number received equals processed + overtaken + the sum of ``dropped``.
+    """
 
     received: int
     processed: int
-    dropped: Mapping[RejectReason, int]  #: number of messages for each reason that has occurred
-    skipped: int = 0  #: number of frames missing between received ones
-    overtaken: int = 0  #: number of usable messages that were replaced by a newer one before the node processed them
+    dropped: Mapping[RejectReason, int]  #: number of dropped messages for each reason that has occurred
+    skipped: int = 0  #: number of frames missing between the received frames
+    overtaken: int = 0  #: number of usable messages that a newer message replaced before the node processed them
 
 
 def total(counts: Iterable[MessageCounts]) -> MessageCounts:
@@ -48,34 +51,39 @@ def total(counts: Iterable[MessageCounts]) -> MessageCounts:
 
 
 class StreamHealth(NamedTuple):
-    """Present state of one subscription."""
+    """Present health of one subscription."""
 
     counts: MessageCounts
-    age: float = math.inf  #: age of the newest message's data [s]; inf if not known
-    publishers: tuple[str, ...] = ()  #: full names of the nodes that publish the topic; only for topics of the chain
-    other_types: tuple[str, ...] = ()  #: the publishers that use another version of the message
-    stamps_offset: float = math.nan  #: stamp + age of the newest message - clock of this host [s]; NaN if not known
+    age: float = math.inf  #: age of the data in the newest message [s]; inf if not known
+
+    #: full names of the nodes that publish the topic; empty unless the topic belongs to the chain
+    publishers: tuple[str, ...] = ()
+    other_types: tuple[str, ...] = ()  #: publishers that use another version of the message type
+
+    #: stamp plus age of the newest message, minus the clock of this host [s]; NaN if not known
+    stamps_offset: float = math.nan
 
 
 def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
                   period: float, max_clock_offset: float = math.inf) -> DiagnosticStatus:
     """Return the diagnostic status of a node.
 
-    The level is WARN if messages were dropped or skipped, if many were overtaken, if data are old, if a topic has two
-    sources, or if stamps and clock differ. It is STALE if a topic was silent, else OK.
+    The level is WARN if messages were dropped or skipped, if many messages were overtaken, if data is old, if a topic
+    has several publishers, or if stamps and clock differ. Otherwise, the level is STALE if a topic was silent, and OK
+    if not.
 
     Parameters
     ----------
     node
         Full name of the node.
     now
-        Topic -> its present state.
+        Present health of each topic, by topic name.
     before
-        Topic -> its counts at the last status.
+        Message counts at the last status, by topic name.
     period
         Time since the last status [s].
     max_clock_offset
-        Largest offset between stamps and the clock of this host [s]; inf if they are not compared.
+        Largest accepted offset between stamps and the clock of this host [s]; inf to accept any offset.
     """
     counts, earlier = total(stream.counts for stream in now.values()), total(before.values())
     found = dict(_found(now, before, counts, earlier, max_clock_offset))
@@ -89,12 +97,12 @@ def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[st
 
 
 def dropped_values(counts: MessageCounts) -> dict[str, object]:
-    """Return the number of dropped messages for each reason, as values of a diagnostic."""
+    """Return the number of dropped messages for each reason, as values of a diagnostic status."""
     return {f'dropped_{reason.key}': counts.dropped.get(reason, 0) for reason in RejectReason if reason}
 
 
 def dropped_since(counts: MessageCounts, before: MessageCounts) -> str:
-    """Return the number of messages dropped since ``before`` for each reason, as text; '' for none."""
+    """Return the number of messages dropped since ``before`` for each reason, as text, or '' if none were dropped."""
     grown = Counter(counts.dropped) - Counter(before.dropped)
     return ', '.join(f'{count} ({reason.key})' for reason, count in sorted(grown.items()))
 
@@ -106,18 +114,18 @@ def status_of(name: str, level: bytes, message: str, values: Mapping[str, object
 
 
 def topics_of_several(now: Mapping[str, StreamHealth]) -> dict[str, tuple[str, ...]]:
-    """Return the topics that more than one node publishes, with the names of these nodes."""
+    """Return each topic that has several publishers, with the names of the publishing nodes."""
     return {topic: stream.publishers for topic, stream in now.items() if len(stream.publishers) > 1}
 
 
 def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts], counts: MessageCounts,
            earlier: MessageCounts, max_clock_offset: float) -> Iterable[tuple[StreamFault, str]]:
-    """Yield each fault with its sentence; ``counts`` and ``earlier`` are the sums over all topics."""
+    """Yield each fault with its message. ``counts`` and ``earlier`` are sums over all topics."""
     if dropped := dropped_since(counts, earlier):
         yield StreamFault.DROPPED, f'messages dropped: {dropped}'
     if counts.skipped > earlier.skipped:
-        yield StreamFault.SKIPPED, (f'{counts.skipped - earlier.skipped} frames skipped: they did not arrive, or '
-                                 'waited too long')
+        yield StreamFault.SKIPPED, (f'{counts.skipped - earlier.skipped} frames skipped, because they did not '
+                                    'arrive or waited too long')
     overtaken, received = counts.overtaken - earlier.overtaken, counts.received - earlier.received
     if overtaken > MOST_OVERTAKEN * received:
         yield StreamFault.OVERLOADED, f'overloaded: {overtaken} of {received} messages overtaken by newer ones'
@@ -140,9 +148,9 @@ def _found(now: Mapping[str, StreamHealth], before: Mapping[str, MessageCounts],
 
 
 def is_apart(stamps_offset: float, limit: float) -> bool:
-    """Return True if stamps [s] are ahead by more than ``limit``, or behind by more than ``limit`` and LONGEST_WAY.
+    """Return True if stamps are ahead by more than ``limit``, or behind by more than both ``limit`` and LONGEST_WAY.
 
-    No message arrives before it is sent, so stamps that are ahead certainly come from another clock.
+    A message cannot arrive before it is sent, so stamps that are ahead certainly come from another clock.
 
     >>> is_apart(0.06, limit=0.05), is_apart(-0.4, limit=0.05), is_apart(-0.6, limit=0.05)
     (True, False, True)
@@ -151,22 +159,23 @@ def is_apart(stamps_offset: float, limit: float) -> bool:
 
 
 def clock_text(topic: str, stamps_offset: float) -> str:
-    """Return the sentence for a topic whose stamps differ from the clock of this host by ``stamps_offset`` [s]."""
+    """Return the message for a topic whose stamps differ from the clock of this host by ``stamps_offset`` [s]."""
     if stamps_offset > 0:
-        return f'stamps on {topic} are {stamps_offset:.3f} s ahead of the clock here: tf lookups fail, ages are right'
-    return (f'stamps on {topic} are {-stamps_offset:.3f} s behind the clock here: the clocks differ, it is a replay, '
-            'or each message is so late and older than its age says')
+        return (f'stamps on {topic} are {stamps_offset:.3f} s ahead of the clock of this host: tf lookups fail, but '
+                'ages are right')
+    return (f'stamps on {topic} are {-stamps_offset:.3f} s behind the clock of this host: the clocks differ, the data '
+            'is replayed, or every message is delayed by this time without its age showing it')
 
 
 def several_text(topic: str, publishers: Iterable[str]) -> str:
-    """Return the sentence for a topic that several nodes publish."""
+    """Return the message for a topic that several nodes publish."""
     return f'{topic} has several publishers: {", ".join(publishers)}'
 
 
 def other_type_text(topic: str, publishers: Iterable[str]) -> str:
-    """Return the sentence for a topic on which a publisher uses another version of the message."""
-    return (f'{topic}: expected the message of this version of tactile_skin, got another from {", ".join(publishers)}; '
-            'install the same version on every host')
+    """Return the message for a topic on which a publisher uses another version of the message type."""
+    return (f'{topic}: expected the message type of this version of tactile_skin, got another version from '
+            f'{", ".join(publishers)}; install the same version on every host')
 
 
 def _level(found: Iterable[StreamFault]) -> bytes:
@@ -177,12 +186,12 @@ def _level(found: Iterable[StreamFault]) -> bytes:
 
 
 def _age(now: Mapping[str, StreamHealth]) -> str:
-    """Return the age of the newest data on the topic where this age is largest."""
+    """Return the age of the newest data, for the topic with the oldest data."""
     oldest = max((stream.age for stream in now.values()), default=math.inf)
     return f'{oldest:.3f}' if oldest < math.inf else 'not known'
 
 
 def _stamps_offset(now: Mapping[str, StreamHealth], max_clock_offset: float) -> str:
-    """Return the offset of the topic whose stamps differ most from the clock of this host."""
+    """Return the offset between stamps and the clock of this host, for the topic with the largest offset."""
     known = [stream.stamps_offset for stream in now.values() if not math.isnan(stream.stamps_offset)]
     return f'{max(known, key=abs):+.3f}' if known and max_clock_offset < math.inf else 'not known'

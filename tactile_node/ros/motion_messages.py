@@ -1,4 +1,4 @@
-"""Motions and events of a contact as messages, and the checks of these messages before they are used."""
+"""Convert motions and events of a contact to messages, and check such messages before use."""
 
 import math
 
@@ -16,7 +16,7 @@ MOST_OBSERVABLE = sum(Observable)
 
 
 def motion_message(motion: Motion, stamp: float) -> ContactMotion:
-    """Return a motion as a message for the frame with ``stamp`` [s]; the age of the last event refers to this stamp."""
+    """Return a motion as a message. The age of the last event is relative to the frame's ``stamp`` [s]."""
     event = motion.last_event
     return ContactMotion(
         moving=int(motion.moving), speed=single(motion.speed), direction=single(motion.direction),
@@ -25,7 +25,7 @@ def motion_message(motion: Motion, stamp: float) -> ContactMotion:
 
 
 def current_motion(motion: ContactMotion, age: float, is_current: bool) -> ContactMotion:
-    """Return a motion with the age of its last event increased by ``age`` [s], or no motion if it is not current."""
+    """Return a motion whose last event is older by ``age`` [s], or an unknown motion if ``is_current`` is false."""
     if not is_current:
         return motion_message(Motion(), 0.0)
     return ContactMotion(
@@ -40,7 +40,7 @@ def is_moving(motion: ContactMotion) -> bool:
 
 
 def event_message(event: Event, header: Header, sequence: int, age: Duration) -> ContactEvent:
-    """Return an event as a message; ``header`` and ``sequence`` are those of the frame that showed it."""
+    """Return an event as a message with the ``header`` and ``sequence`` of the frame that showed the event."""
     return ContactEvent(
         header=header, sequence=sequence, age=age, kind=int(event.kind), seen_by=int(event.seen_by),
         probability=single(event.probability), speed=single(event.speed), direction=single(event.direction),
@@ -62,7 +62,7 @@ def check_motion(message: ContactMotion) -> RejectReason | None:
 
 
 def check_contact_event(message: ContactEvent) -> RejectReason | None:
-    """Check codes, times and numbers. A default-constructed message is not a valid event."""
+    """Check the codes, times and numbers of an event. A default-constructed message is not a valid event."""
     if not (0 < message.kind <= max(EventKind) and 0 < message.seen_by <= max(SeenBy)):
         return RejectReason.UNKNOWN_CODE
     values = message.speed, message.direction, message.rate, message.force_before, message.force

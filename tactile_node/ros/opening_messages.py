@@ -1,4 +1,4 @@
-"""Messages about the opening of a gripper: their use, their checks, and the diagnostic of the opening."""
+"""Read and check messages about the opening of a gripper, and report the opening as a diagnostic status."""
 
 import math
 from collections.abc import Sequence
@@ -17,13 +17,14 @@ from tactile_node.ros.message_health import MessageCounts, dropped_since, droppe
 from tactile_node.skin.taxel_array import RejectReason, check_finite, check_time
 
 if TYPE_CHECKING:
-    from sensor_msgs.msg import JointState  # the import takes 40 ms, and not every grasp node needs it
+    # imported only here, because the import takes 40 ms and not every grasp node needs it
+    from sensor_msgs.msg import JointState
 
-QUATERNION_TOLERANCE = 1e-2  #: allowed error of a quaternion's length, as in tf2
+QUATERNION_TOLERANCE = 1e-2  #: allowed error of the length of a quaternion, as in tf2
 
 
 def sum_of_positions(message: 'JointState', joints: Sequence[str]) -> float:
-    """Return the sum of the positions of ``joints`` [m or rad]; the message must contain all of them."""
+    """Return the sum of the positions of ``joints`` [m or rad]. The message must contain all ``joints``."""
     positions = dict(zip(message.name, message.position))
     return sum(positions[joint] for joint in joints)
 
@@ -34,18 +35,18 @@ def transform(message: TransformMessage) -> Transform:
 
 
 def pad_transform(pose: PadPose, gap: float, frame: str, parent: str, stamp: Time) -> TransformStamped:
-    """Return the transform of a pad in the frame of the gripper.
+    """Return the transform from the frame of the gripper to the frame of a pad.
 
     Parameters
     ----------
     pose
-        Pose of the pad on the gripper.
+        Pose of the pad on the closed gripper.
     gap
         Opening of the gripper [m].
     frame
-        Frame of the pad.
+        Name of the pad's frame.
     parent
-        Frame of the gripper.
+        Name of the gripper's frame.
     stamp
         Stamp of the transform.
     """
@@ -58,30 +59,30 @@ def pad_transform(pose: PadPose, gap: float, frame: str, parent: str, stamp: Tim
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return the rotation by roll, pitch and yaw about the fixed axes (REP-103)."""
+    """Return a rotation by roll, pitch and yaw about fixed axes (REP-103) as a quaternion."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(np.array((roll, pitch, yaw)) / 2), np.sin(np.array((roll, pitch, yaw)) / 2)
     return Quaternion(x=float(sr * cp * cy - cr * sp * sy), y=float(cr * sp * cy + sr * cp * sy),
                       z=float(cr * cp * sy - sr * sp * cy), w=float(cr * cp * cy + sr * sp * sy))
 
 
 def frame_name(name: str) -> str:
-    """Return a frame name as tf2 uses it; some publishers still put a slash before it."""
+    """Return a frame name without the leading slash that some publishers still add, because tf2 uses none."""
     return name.lstrip('/')
 
 
 def tf_message_type(where: str) -> type:
-    """Return the message type of /tf. Raises ConfigurationError for ``where`` if tf2_msgs is not installed."""
+    """Return the message type of /tf. Raises ConfigurationError about ``where`` if tf2_msgs is not installed."""
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError as error:
         raise ConfigurationError(
             where, expected='the ROS package tf2_msgs', got=f'{error}',
-            remedy='Install ros-$ROS_DISTRO-tf2-msgs, or leave the option out.') from None
+            remedy='Install ros-$ROS_DISTRO-tf2-msgs, or omit the option.') from None
     return TFMessage
 
 
 def check_joint_state(message: 'JointState', joints: Sequence[str], law: LinearGap) -> RejectReason | None:
-    """Check that the message has one position for each of ``joints``, and that the opening computed is plausible."""
+    """Check that the message has one position for each of ``joints``, and that the resulting opening is plausible."""
     if len(message.position) != len(message.name):
         return RejectReason.WRONG_LENGTH
     if not set(joints) <= set(message.name):
@@ -95,7 +96,7 @@ def check_joint_state(message: 'JointState', joints: Sequence[str], law: LinearG
 
 
 def check_transforms(transforms: Sequence[TransformStamped]) -> RejectReason | None:
-    """Check a tf message: each transform joins two frames, and its quaternion has length 1 as tf2 requires."""
+    """Check that each transform of a tf message joins two frames by a quaternion of length 1, as tf2 requires."""
     return next((reason for each in transforms if (reason := _transform(each))), None)
 
 
@@ -111,14 +112,15 @@ def _transform(message: TransformStamped) -> RejectReason | None:
 
 
 def why_not_known(opening: Opening, remedy: str) -> str:
-    """Return the reason why the gap of ``opening`` is not known.
+    """Return the reason why ``opening`` has no known gap, as text.
 
-    If no source has given an opening yet, the reason is ``remedy``, which says what the source needs.
+    If the source has not yet given an opening, the reason is ``remedy``, which says which data the source lacks.
     """
     if opening.source is GapSource.NOT_KNOWN:
         return remedy
     if opening.age == math.inf:
-        return 'its stamps do not advance with time, so its age is not known (one publisher? a clock that is set?)'
+        return ('its age is not known, because its stamps do not advance with time: check for a second publisher '
+                'or a changed clock')
     return f'its last value is {opening.age:.1f} s old; {remedy}'
 
 
@@ -126,7 +128,8 @@ def opening_status(node: str, opening: Opening, counts: MessageCounts, before: M
                    remedy: str) -> DiagnosticStatus:
     """Return the diagnostic status of the opening.
 
-    The level is STALE if the opening is not known, WARN if messages were dropped since the last status, else OK.
+    The level is STALE if the opening is not known. Otherwise, the level is WARN if messages were dropped since the last
+    status, and OK if not.
 
     Parameters
     ----------
@@ -135,11 +138,11 @@ def opening_status(node: str, opening: Opening, counts: MessageCounts, before: M
     opening
         Present opening.
     counts
-        Counts of the opening's messages.
+        Present counts of the messages that the source has received.
     before
-        These counts at the last status.
+        Counts of the same messages at the last status.
     remedy
-        Text that says what the source needs.
+        Text that says which data the source lacks.
     """
     dropped = dropped_since(counts, before)
     is_known = not math.isnan(opening.gap)

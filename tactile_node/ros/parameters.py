@@ -1,4 +1,4 @@
-"""ROS 2 parameters from the tables of settings. All nodes declare, read and change them in the same way."""
+"""Declare, read and change the ROS 2 parameters of a node, as its table of settings defines them."""
 
 import math
 from array import array
@@ -15,23 +15,23 @@ from rclpy.parameter import Parameter as RosParameter
 from tactile_node.errors import ConfigurationError
 from tactile_node.ros.settings import NodeSettings, Parameter, table
 
-SIMILAR = 0.8  #: similarity at which an unknown name counts as a misspelling of a known one
+SIMILAR = 0.8  #: similarity from which an unknown name counts as a misspelling of a known name
 
 Settings = TypeVar('Settings', bound=NodeSettings)
 
 
 def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collection[str] = ()) -> None:
-    """Declare the parameters of a node. A parameter that is not live becomes read-only.
+    """Declare the parameters of a node. Parameters that are not live become read-only.
 
     Parameters
     ----------
     node
-        Node that gets the parameters.
+        Node for which the parameters are declared.
     settings
-        Table of the parameters.
+        Settings class that defines the parameters.
     read_at_configure
-        Names of the parameters that a lifecycle node reads when it is configured. They are not read-only; the node
-        itself refuses a change while it is configured.
+        Names of the parameters that a lifecycle node reads when it is configured. These parameters are not read-only,
+        because the node itself refuses changes while it is configured.
     """
     rows = table(settings)
     overrides = getattr(node, '_parameter_overrides', {})
@@ -45,25 +45,26 @@ def declare(node: Node, settings: type[NodeSettings], read_at_configure: Collect
                 node.declare_parameter(row.name, default, descriptor)
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             raise ConfigurationError(f'parameter {row.name!r}', expected=row.properties.description, got=str(error),
-                                     remedy='Correct the value, and its unit.') from None
+                                     remedy='Correct the value and its unit.') from None
     _warn_of_misspelt(node, [row.name for row in rows])
 
 
 def _declare_without_values(node: Node, row: Parameter, descriptor: ParameterDescriptor) -> None:
-    """Declare a parameter whose override is an empty list. ROS does not know the type of an empty list.
+    """Declare a parameter whose override is an empty list, because ROS cannot infer the type of an empty list.
 
-    An empty list means the default if the default consists of empty strings. Otherwise it means a list without values.
+    If the default consists of empty strings, an empty list selects the default. Otherwise, the value becomes an empty
+    list.
     """
     if not isinstance(row.default, tuple):
         raise ConfigurationError(f'parameter {row.name!r}', expected=row.properties.description, got='an empty list',
-                                 remedy='Give one value.')
+                                 remedy='Set the parameter to one value.')
     default = list(row.default)
     node.declare_parameter(row.name, default, ignore_override=True)
     kind = RosParameter.Type.from_parameter_value(default)
     descriptor.type = kind.value
     if default[0] != '':
         node.set_parameters([RosParameter(row.name, kind, [])])
-    node.set_descriptor(row.name, descriptor)  # only now, because a read-only parameter cannot be set
+    node.set_descriptor(row.name, descriptor)  # set last, because a read-only parameter cannot be set
 
 
 def read(node: Node, settings: type[Settings]) -> Settings:
@@ -73,14 +74,15 @@ def read(node: Node, settings: type[Settings]) -> Settings:
 
 def follow_changes(node: Node, settings: type[Settings], check: Callable[[Settings], None],
                    apply: Callable[[Settings], None]) -> None:
-    """Check every change of the parameters, and apply it only when no callback can refuse it any more.
+    """Check every change of the parameters, and apply the change only after all callbacks have accepted it.
 
     Parameters
     ----------
     check
-        Raises ConfigurationError to refuse new values; it must change nothing.
+        Function that raises ConfigurationError to refuse new values. The function must have no side effects.
     apply
-        Applies the values of all parameters after any parameter of the node was set; it must not raise.
+        Function that applies the values of all parameters after any parameter was set. The function must not raise an
+        exception.
     """
     def on_set(parameters: list[RosParameter]) -> SetParametersResult:
         try:
@@ -93,13 +95,13 @@ def follow_changes(node: Node, settings: type[Settings], check: Callable[[Settin
 
 
 def changed(settings: Settings, parameters: Iterable[RosParameter]) -> Settings:
-    """Return ``settings`` with new values; parameters that are not settings, such as use_sim_time, are ignored."""
+    """Return ``settings`` with new values. Other parameters, such as use_sim_time, are ignored."""
     names = {each.name for each in fields(settings)}
     return replace(settings, **{each.name: _immutable(each.value) for each in parameters if each.name in names})
 
 
 def _immutable(value: Any) -> Any:
-    """Return a parameter's value as a frozen dataclass stores it. rclpy has no type for it."""
+    """Return a parameter's value in an immutable form, because a frozen dataclass stores the value."""
     return tuple(value) if isinstance(value, (list, array)) else value
 
 
@@ -119,7 +121,10 @@ def _descriptor(row: Parameter, read_at_configure: bool) -> ParameterDescriptor:
 
 
 def _warn_of_misspelt(node: Node, known: list[str]) -> None:
-    """Warn of unknown names that resemble a known one. ROS accepts any name, since one file may serve several nodes."""
+    """Warn about unknown names that resemble a known name.
+
+    ROS itself accepts any name, because one parameter file may serve several nodes.
+    """
     for name in set(getattr(node, '_parameter_overrides', {})) - set(known):
         for similar in get_close_matches(name, known, 1, SIMILAR):
             node.get_logger().warning(f'parameter {name!r} is not known. Did you mean {similar!r}?')

@@ -1,4 +1,5 @@
-"""Forward the records of Python's logger `tactile_node` to a node's logger, and so to /rosout and the console."""
+"""Forward the records of Python's logger `tactile_node` to a node's logger, which writes to /rosout and the console.
+"""
 
 import logging
 
@@ -9,10 +10,10 @@ PACKAGE_LOGGER = 'tactile_node'
 
 
 class RosoutHandler(logging.Handler):
-    """Forwards each record of level INFO or above once to ``node``, from any thread.
+    """Forwards log records of level INFO or above to ``node``, from any thread.
 
-    If a process has several nodes, the node named in the record publishes it (see `of_node`). If the record names no
-    node, the oldest node publishes it.
+    If a process has several nodes, only one of them publishes a record: the node that the record names (see `of_node`)
+    or, if the record names no node, the oldest node.
     """
 
     def __init__(self, node: Node) -> None:
@@ -32,33 +33,33 @@ class RosoutHandler(logging.Handler):
 
 
 def of_node(node: Node, **facts: object) -> dict[str, object]:
-    """Return the ``extra`` of a log record that ``node`` reports, with further ``facts``."""
+    """Return the argument ``extra`` for a log call whose record ``node`` must publish, including ``facts``."""
     return {'node': node.get_logger().name, **facts}
 
 
 def forward_logs_to(node: Node) -> None:
-    """Start to forward records to ``node``; call `stop_forwarding_to` before the node is destroyed."""
+    """Start forwarding records to ``node``. Call `stop_forwarding_to` before the node is destroyed."""
     package = logging.getLogger(PACKAGE_LOGGER)
     if all(handler.node is not node for handler in _handlers()):
         package.addHandler(RosoutHandler(node))
     if package.level == logging.NOTSET:
-        package.setLevel(logging.INFO)  # because the default of the root logger would suppress INFO
+        package.setLevel(logging.INFO)  # set explicitly, because the default of the root logger would suppress INFO
 
 
 def stop_forwarding_to(node: Node) -> None:
-    """Stop forwarding records to ``node``. If no node is left, Python writes warnings to stderr."""
+    """Stop forwarding records to ``node``. If no node remains, Python writes warnings to stderr."""
     for handler in _handlers():
         if handler.node is node:
             logging.getLogger(PACKAGE_LOGGER).removeHandler(handler)
 
 
 def _handlers() -> list[RosoutHandler]:
-    """Return the handlers of all nodes, oldest node first."""
+    """Return the handlers of all nodes, beginning with the oldest node."""
     return [each for each in logging.getLogger(PACKAGE_LOGGER).handlers if isinstance(each, RosoutHandler)]
 
 
 def _log(logger: RcutilsLogger, level: int, message: str) -> None:
-    """Log with one line of code per severity, because rclpy refuses a line that logs with a changed severity."""
+    """Log from a separate call site for each severity, as rclpy requires."""
     if level >= logging.CRITICAL:
         logger.fatal(message)
     elif level >= logging.ERROR:

@@ -1,6 +1,6 @@
-"""Every parameter of every node in one place, with name, type, default, range and meaning.
+"""All parameters of all nodes, with name, type, default, range and meaning.
 
-This module imports no ROS, because the launch file, `tactile bringup` and the documentation read the tables too.
+This module does not import ROS, because the launch file, `tactile bringup` and the documentation also read the tables.
 """
 
 import math
@@ -17,8 +17,10 @@ from tactile_node.taxel_frame import LEAST_BY_UNIT, PRESS_BY_UNIT, RELEASE_RATIO
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
-METADATA = 'parameter'  #: key in the metadata of a field
-#: number of frames that may wait; ten frames at 50 Hz are 0.2 s, and a gripper does not close on data older than 0.15 s
+METADATA = 'parameter'  #: key under which the metadata of a field stores the properties
+
+#: Maximum number of frames that wait for a stage. Ten waiting frames at 50 Hz would delay data by 0.2 s, but a gripper
+#: does not close on data older than 0.15 s.
 MOST_WAITING = 2
 
 Value = bool | int | float | str | tuple[str, ...] | tuple[int, ...] | tuple[float, ...]
@@ -29,16 +31,16 @@ FULL_SCALE = 'reading with the brightest colour of {} [unit of the taxels]; 0: t
 
 
 class Properties(NamedTuple):
-    """Properties of a parameter besides its name and default; ``low`` and ``high`` limit a number."""
+    """Properties of a parameter besides its name and default. ``low`` and ``high`` limit a numerical value."""
 
     description: str
     low: float = -math.inf
     high: float = math.inf
-    live: bool = False  #: True if a change takes effect at once; otherwise the parameter is read-only
+    live: bool = False  #: True if a change takes effect immediately, False if the parameter is read-only
 
 
 class Parameter(NamedTuple):
-    """One row in a node's table of parameters."""
+    """One row in the parameter table of a node."""
 
     name: str
     default: object
@@ -47,20 +49,20 @@ class Parameter(NamedTuple):
 
 def parameter(default: Default, description: str, low: float = -math.inf, high: float = math.inf, *,
               live: bool = False) -> Default:
-    """Return a dataclass field that is a ROS parameter."""
+    """Return a dataclass field that defines a ROS parameter."""
     return field(default=default, metadata={METADATA: Properties(description, low, high, live)})
 
 
 @dataclass(frozen=True)
 class NodeSettings:
-    """Parameters that every node has. They define the queues of the topics with one message per frame."""
+    """Parameters of every node, which configure the queues of the topics that carry one message per frame."""
 
     queue_depth: int = parameter(10, 'number of messages that a publisher or subscription keeps; the oldest is '
                                  'discarded first. At most 2 frames wait for a stage, except in a lossless replay', 1,
                                  100_000)
     lossless: bool = parameter(False, 'true: lossless replay. Publishers keep 5000 messages, also for late '
-                               'subscribers, and the driver waits until each frame is answered; all nodes share its '
-                               'process')
+                               'subscribers, and the driver waits until each frame is processed; all nodes must share '
+                               'its process')
 
     @property
     def qos(self) -> 'QoSProfile':
@@ -70,29 +72,29 @@ class NodeSettings:
 
 @dataclass(frozen=True)
 class ReceiverSettings(NodeSettings):
-    """Parameters of a node that receives messages of the chain."""
+    """Parameters of a node that receives messages of the processing chain."""
 
     best_effort: bool = parameter(False, 'true: messages lost on the way to this node are counted as skipped and not '
-                                  'sent again, so that later messages need not wait; for a link that loses packets')
+                                  'sent again, so that later messages do not wait; for a link that loses packets')
     max_clock_offset: float = parameter(0.05, 'offset between stamps and the clock of this host above which the '
-                                        'diagnostics warn, because tf lookups at these stamps would fail here [s]; for '
-                                        'stamps behind the clock, at least 0.5 s, because messages take time; ages '
-                                        'need no common clock', 0, 1e9)
+                                        'diagnostics warn, because tf lookups at these stamps would fail [s]; for '
+                                        'stamps behind the clock, the limit is at least 0.5 s, because messages take '
+                                        'time; ages need no common clock', 0, 1e9)
 
     @property
     def input_qos(self) -> 'QoSProfile':
-        """QoS of the subscriptions. A lossless replay loses nothing, whatever ``best_effort`` says."""
+        """QoS of the subscriptions. In a lossless replay, ``best_effort`` has no effect."""
         from tactile_node.ros.qos import frames_qos
         return frames_qos(self.queue_depth, self.lossless, self.best_effort)
 
     @property
     def most_waiting(self) -> int:
-        """Number of frames that may wait for a stage. A stage that is too slow lags by all the waiting frames."""
+        """Maximum number of frames that wait for a stage. A slow stage lags behind by all waiting frames."""
         return self.queue_depth if self.lossless else min(self.queue_depth, MOST_WAITING)
 
 
 def table(settings: type[NodeSettings]) -> tuple[Parameter, ...]:
-    """Return the parameters of a node, one row for each field of its settings."""
+    """Return the parameter table of a node, with one row for each field of its settings."""
     return tuple(Parameter(each.name, each.default, each.metadata[METADATA]) for each in fields(settings))
 
 
@@ -103,35 +105,38 @@ class DriverSettings(NodeSettings):
     bitrate: int = parameter(DEFAULT_BITRATE, 'bit rate of the bus [bit/s]', 10_000, 1_000_000)
     replay: str = parameter('', 'recorded CAN log to play instead of using the bus; empty: use the bus')
     replay_pace: float = parameter(1.0, 'speed of the replay: 1 as recorded, 0 as fast as possible', 0, 1000)
-    replay_channel: str = parameter('', 'bus to play if the log holds several, as the log names it; for a bag, the '
-                                    'topic')
-    replay_loop: bool = parameter(False, 'true: start the log again at its end; the stamps continue')
+    replay_channel: str = parameter('', 'bus to play if the log contains several buses, as the log names it; for a '
+                                    'bag, the topic')
+    replay_loop: bool = parameter(False, 'true: restart the log at its end; the stamps continue')
     publish_clock: bool = parameter(False, 'true: in a replay, publish the time of the log on /clock, for nodes with '
                                     'use_sim_time')
-    record: str = parameter('', 'file to which the bus is recorded; its suffix decides the format. If the file exists, '
-                            'the new one gets a number; empty: do not record')
-    record_rotate_mb: float = parameter(0.0, 'size at which the recording continues in the next file, <name>_part2 and '
-                                        'so on [MB]; 0: a single file', 0, 1e6)
+    record: str = parameter('', 'file to which the bus is recorded; its suffix selects the format. If the file exists, '
+                            'the new file gets a number; empty: do not record')
+    record_rotate_mb: float = parameter(0.0, 'file size at which the recording continues in the next file, '
+                                        '<name>_part2 and so on [MB]; 0: a single file', 0, 1e6)
     pads: tuple[str, ...] = parameter(('pad',), 'names of the pads on this bus; topics are <name>/taxels')
     node_ids: tuple[int, ...] = parameter((32,), 'CANopen node-ID of each pad; a pad whose layout has several nodes '
                                           'needs one for each node')
-    layouts: tuple[str, ...] = parameter(('sim16x16.yaml',), 'skin layout of each pad, or one for all: a file, or a '
-                                         'name in config/')
-    eds: tuple[str, ...] = parameter(('',), 'EDS of each pad, or one for all; empty: named as the layout, suffix .eds')
+    layouts: tuple[str, ...] = parameter(('sim16x16.yaml',), 'skin layout of each pad, or one layout for all pads: a '
+                                         'file, or a name in config/')
+    eds: tuple[str, ...] = parameter(('',), 'EDS of each pad, or one EDS for all pads; empty: the name of the layout '
+                                     'with the suffix .eds')
     frame_ids: tuple[str, ...] = parameter(('',), 'frame of each pad (origin at taxel (0, 0), x along columns, z '
                                            'outwards); empty: <name>_pad')
     frame_prefix: str = parameter('', FRAME_PREFIX)
-    sync_period: float = parameter(0.02, 'time between two SYNCs, and so between two frames [s]', 0.001, 10)
-    allow_full_bus: bool = parameter(False, 'true: the pads may keep the bus busy for more than 95 % of the time; a '
-                                     'few foreign frames then cost sweeps; false: refuse this at configure')
+    sync_period: float = parameter(0.02, 'time between two SYNCs, and therefore between two taxel frames [s]',
+                                   0.001, 10)
+    allow_full_bus: bool = parameter(False, 'true: the pads may keep the bus busy for more than 95 % of the time, '
+                                     'although a few foreign frames then cost sweeps; false: refuse such a bus load at '
+                                     'configure')
     produce_sync: bool = parameter(True, 'true: the driver sends SYNC; false: another node on the bus sends it')
     boot_timeout: float = parameter(5.0, 'time allowed for each device to answer at configure [s]', 0.1, 3600)
-    sdo_timeout: float = parameter(0.3, 'time allowed for each SDO answer of a device [s]', 0.02, 60)
-    sdo_retries: int = parameter(3, 'number of further SDO requests if a device does not answer', 0, 100)
+    sdo_timeout: float = parameter(0.3, 'time allowed for each SDO response of a device [s]', 0.02, 60)
+    sdo_retries: int = parameter(3, 'number of repeated SDO requests if a device does not respond', 0, 100)
     heartbeat_period: float = parameter(0.1, 'time between two heartbeats of a device, written to its 0x1017 [s]',
                                         0.01, 30)
     heartbeat_timeout: float = parameter(0.5, 'time without a heartbeat after which a node is reported as lost [s]; '
-                                         'nodes send one every heartbeat_period', 0.3, 60, live=True)
+                                         'nodes send a heartbeat every heartbeat_period', 0.3, 60, live=True)
     recover: bool = parameter(True, 'true: reopen a failed bus, and configure and start restarted devices; false: only '
                               'report faults')
     tare_limit: float = parameter(0.0, 'reading at which a taxel starts to count as pressed when a tare is requested '
@@ -145,18 +150,20 @@ class DriverSettings(NodeSettings):
                                    'report them) or mask (also set their values to NaN); taxels in faulty_taxels_file '
                                    'are always NaN', live=True)
     faulty_taxels_file: str = parameter('', 'YAML file with taxels that are faulty from the start; '
-                                        '`~/save_faulty_taxels` writes the detected ones to it; empty: none')
+                                        '`~/save_faulty_taxels` writes the detected faulty taxels to this file; empty: '
+                                        'none')
     frozen_after: float = parameter(0.0, 'time without a change of one count in any taxel after which a pad is '
                                     'reported as frozen and its taxels are NaN [s]; for skins whose readings always '
                                     'vary; 0: never', 0, 3600, live=True)
     gain_files: tuple[str, ...] = parameter(('',), 'per-taxel gains of each pad, or one file for all: text with one '
                                             'line for each row of the pad, or .npy; empty: none')
-    response_files: tuple[str, ...] = parameter(('',), "response of each pad's skin, or one for all, from `tactile "
-                                                'calibrate`: its curve converts readings to pressures, and fits know '
-                                                'the depth of the taxels; empty: not known')
+    response_files: tuple[str, ...] = parameter(('',), "response of each pad's skin, or one response for all pads, "
+                                                'from `tactile calibrate`: the driver converts readings to pressures '
+                                                'with its curve, and fits use its depth of the taxels; empty: not '
+                                                'known')
     drop_incomplete: bool = parameter(False, 'true: withhold and count a sweep that lacks CAN frames; false: publish '
                                       'it with NaN and status STALE', live=True)
-    wait_at_start: bool = parameter(True, 'with autostart: true: wait for a missing bus or device; false: exit')
+    wait_at_start: bool = parameter(True, 'true: with autostart, wait for a missing bus or device; false: exit instead')
     autostart: bool = parameter(True, 'true: configure and activate at start; false: leave both to a lifecycle '
                                 'manager')
 
@@ -183,9 +190,10 @@ class ProcessorSettings(ReceiverSettings):
 class ClassifierSettings(ReceiverSettings):
     method: str = parameter(DEFAULT_METHOD, 'recognition method: learned, or volf (the three planes of Volf, Dvořák '
                             'and Vlček)')
-    model: str = parameter('', "weights or curves of the method: a file, or a name in config/; empty: the method's own")
+    model: str = parameter('', 'file with the weights or curves of the method, or a name in config/; empty: the '
+                           'default file of the method')
     fuse: bool = parameter(True, 'true: decide the shape from successive frames; false: from each frame alone')
-    fit: bool = parameter(True, 'true: fit pose and size; false: leave them out')
+    fit: bool = parameter(True, 'true: fit pose and size; false: do not fit')
     solid_height: float = parameter(0.0, 'height of the solid that is added to each shape [m]; 0: none', 0, 10)
     full_scale: float = parameter(0.0, FULL_SCALE.format('markers'), 0, 1e9)
 
@@ -197,11 +205,11 @@ class GraspNodeSettings(ReceiverSettings):
     frame_id: str = parameter('gripper', 'frame of the gripper, in which the grasp is published')
     frame_prefix: str = parameter('', FRAME_PREFIX)
     left_xyz: tuple[float, float, float] = parameter(
-        (0.0, 0.0, 0.0), 'taxel (0, 0) of the left pad in the gripper frame, gripper closed [m]')
+        (0.0, 0.0, 0.0), 'position of taxel (0, 0) of the left pad in the gripper frame, with the gripper closed [m]')
     left_rpy: tuple[float, float, float] = parameter(
         (0.0, 0.0, 0.0), 'roll, pitch, yaw of the left pad in the gripper frame [rad]')
     right_xyz: tuple[float, float, float] = parameter(
-        (0.0, 0.03, 0.0), 'taxel (0, 0) of the right pad in the gripper frame, gripper closed [m]')
+        (0.0, 0.03, 0.0), 'position of taxel (0, 0) of the right pad in the gripper frame, with the gripper closed [m]')
     right_rpy: tuple[float, float, float] = parameter(
         (math.pi, 0.0, 0.0), 'roll, pitch, yaw of the right pad in the gripper frame [rad]')
     gap_source: str = parameter('parameter', 'source of the opening of the gripper: parameter (gap), joint_states, tf '
@@ -213,21 +221,22 @@ class GraspNodeSettings(ReceiverSettings):
     joint_states_topic: str = parameter('/joint_states', 'topic of the joints (gap_source joint_states)')
     gap_frames: tuple[str, ...] = parameter(('', ''), 'frames on the left and the right finger whose distance along '
                                             'the closing direction gives the opening (gap_source tf)')
-    gap_scale: float = parameter(1.0, 'change of the opening for a metre or a radian of the joints, or a metre of the '
-                                 'distance: opening = gap_offset + gap_scale * reading; < 0: the gripper closes as the '
-                                 'reading rises (gap_source joint_states, tf)', -1000, 1000)
-    gap_offset: float = parameter(0.0, 'opening at reading 0 [m] (gap_source joint_states, tf)', -10, 10)
-    publish_pad_frames: bool = parameter(False, 'true: publish the poses of both pads in frame_id to tf while the '
-                                         'opening is known; for a robot whose URDF lacks these frames')
+    gap_scale: float = parameter(1.0, 'change of the opening per metre or radian of the joints, or per metre of the '
+                                 'distance: opening = gap_offset + gap_scale * reading; below 0 if the gripper closes '
+                                 'as the reading rises (gap_source joint_states, tf)', -1000, 1000)
+    gap_offset: float = parameter(0.0, 'opening when the reading is 0 [m] (gap_source joint_states, tf)', -10, 10)
+    publish_pad_frames: bool = parameter(False, 'true: publish the poses of both pads in frame_id on tf while the '
+                                         'opening is known; for a robot whose URDF does not define these frames')
     pad_frames: tuple[str, ...] = parameter(('', ''), 'frames of the left and the right pad for publish_pad_frames, '
-                                            'equal to frame_ids of the driver; empty: <name>_pad')
+                                            "equal to the driver's frame_ids; empty: <name>_pad")
     max_gap_age: float = parameter(0.3, 'age above which an opening from joint_states or tf is no longer known [s]',
                                    0.01, 3600)
     max_creep: float = parameter(0.0005, "speed of a contact's centre above which a grasp is never stable; a stable "
                                  'grasp stays stable up to a tenth of it [m/s]', 1e-6, 1)
-    centre_tolerance: float = parameter(0.001, "distance of a sudden move of a contact's centre that ends a stable "
-                                        'grasp at once [m]', 1e-6, 1)
-    min_hold: float = parameter(0.2, 'time for which shapes and centres must hold for a stable grasp [s]', 0, 3600)
+    centre_tolerance: float = parameter(0.001, "sudden displacement of a contact's centre that immediately ends a "
+                                        'stable grasp [m]', 1e-6, 1)
+    min_hold: float = parameter(0.2, 'time for which the shapes and centres of both contacts must stay the same for a '
+                                'stable grasp [s]', 0, 3600)
     max_skew: float = parameter(0.1, 'largest time between the acquisitions of the two pads for a fresh grasp [s]',
                                 1e-3, 3600)
     max_age: float = parameter(0.25, "age of a pad's result above which the pad counts as unseen [s]", 1e-3, 3600)
@@ -238,11 +247,11 @@ class GraspNodeSettings(ReceiverSettings):
 
     @property
     def fingers(self) -> tuple[str, ...]:
-        """Frames on the left and on the right finger."""
+        """tf frames on the left and on the right finger, with the prefix."""
         return tuple(self.frame_prefix + name.lstrip('/') for name in self.gap_frames)
 
     @property
     def frames_of_pads(self) -> tuple[str, ...]:
-        """Frames of the left and the right pad: the given ones, or else the defaults of the driver."""
+        """Frames of the left and the right pad. A frame that is not given has the default name that the driver uses."""
         return tuple(self.frame_prefix + (name or f'{pad.rsplit("/", 1)[-1]}_pad')
                      for name, pad in zip(self.pad_frames, (self.left_pad, self.right_pad)))

@@ -1,4 +1,4 @@
-"""Convert recognised, fused and fitted contacts to messages."""
+"""Convert recognised, fused and fitted contacts to ROS messages."""
 
 from functools import cached_property
 
@@ -17,29 +17,31 @@ from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 from tactile_skin.msg import ContactShape, ContactShapes
 
-#: shape -> its number in ContactShape.msg
+#: shape -> its code in ContactShape.msg
 SHAPE_NUMBERS: dict[Shape, int] = {shape: getattr(ContactShape, shape.name) for shape in Shape}
 SHAPE_OF_NUMBER = {number: shape for shape, number in SHAPE_NUMBERS.items()}
-MOST_SHAPES = 4  #: largest number of shapes in a ContactShapes message
+MOST_SHAPES = 4  #: maximum number of shapes in a ContactShapes message
 SOLIDS = {'box': SolidPrimitive.BOX, 'cylinder': SolidPrimitive.CYLINDER}
 
 
 def number_of(shape: ShapeClass) -> int:
-    """Return the number of a shape in ContactShape.msg; a taught shape has the number OTHER."""
+    """Return the code of a shape in ContactShape.msg, which is OTHER for a taught shape."""
     return int(ContactShape.OTHER) if isinstance(shape, TaughtShape) else int(SHAPE_NUMBERS[shape])
 
 
 class PadShape:
-    """The shape on a pad as a message. The box takes as long as all the rest, so it is computed only when read.
+    """The shape on a pad as a message.
+
+    Computing the box takes as long as all other fields together, so the box is computed only when it is read.
 
     Parameters
     ----------
     bare
-        Message without box, `hollow` and solid; a received message has all fields.
+        Message without box, `hollow` and solid, unless the message was received and has all fields.
     result
-        Result from which the message was made; None for a received message.
+        Result from which the message was created; None for a received message.
     solid_height
-        Height of the solid to add [m]; 0 for none.
+        Height of the solid to add [m]; 0 to add no solid.
     """
 
     def __init__(self, bare: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
@@ -47,7 +49,7 @@ class PadShape:
 
     @cached_property
     def whole(self) -> ContactShape:
-        """Message with all its fields."""
+        """Message with all its fields, including box, `hollow` and solid."""
         if self._result is not None:
             _add_box(self.bare, self._result, self._solid_height)
         return self.bare
@@ -71,13 +73,13 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
     Parameters
     ----------
     frame
-        Frame of the pad.
+        Taxel frame of the pad.
     result
-        Recognised, fused and fitted contact in this frame.
+        Recognised, fused and fitted contact in this taxel frame.
     method
         Name of the recognition method.
     solid_height
-        Height of the solid to add [m]; 0 for none.
+        Height of the solid to add [m]; 0 to add no solid.
     """
     fused, alone, pattern = result.fused.recognition, result.recognition, result.contact
     seen = result.found.visibility
@@ -105,13 +107,13 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
 
 
 def shapes_message(contact: PadContact, contacts: int, shapes: list[ContactShape]) -> ContactShapes:
-    """Return a message with the ``shapes`` of the largest contacts, at most MOST_SHAPES, out of ``contacts`` in all."""
+    """Return a message with the ``shapes`` of the largest of all ``contacts`` on the pad, at most MOST_SHAPES."""
     return ContactShapes(header=contact.header, sequence=contact.sequence, state=pad_state(contact.found),
                          contacts=contacts, pad_seen=contact.found.visibility.pad_seen, shapes=shapes)
 
 
 def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
-    """Return only the fitted pose, in the form that localisation tools use."""
+    """Return only the fitted pose, as the message type that localisation tools use."""
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
 
 
@@ -148,7 +150,7 @@ def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
 
 
 def _nowhere() -> PoseWithCovariance:
-    """Return a pose of NaN, which no reader can mistake for a valid pose."""
+    """Return a pose of NaN, which nobody can mistake for a valid pose."""
     message = PoseWithCovariance(covariance=np.full(36, np.nan))
     for part in (message.pose.position, message.pose.orientation):
         for axis in part.get_fields_and_field_types():

@@ -1,13 +1,14 @@
-"""Detect that the messages on one topic come from two sources, for example from drivers with one name on two hosts."""
+"""Detect if the messages on a topic come from two sources, for example from drivers with the same name on two hosts."""
 
 import math
 
-#: Time for which a source counts as present after its last message [s]. A busy machine may hold up a driver for some
-#: tenths of a second just as another one begins. A restarted driver takes longer until its first message.
+#: Time for which a source counts as present after its last message [s]. A busy machine may delay a driver by some
+#: tenths of a second just when another driver starts. A restarted driver takes longer than SOURCE_HOLD to send its
+#: first message.
 SOURCE_HOLD = 1.0
-SOURCE_REACH = 10  #: number of frames by which a source may advance at any time; for more, enough time must have passed
-SOURCE_LEAP = 1.5  #: factor by which a source may be faster than before
-MOST_SOURCES = 16  #: number of sources that are remembered
+SOURCE_REACH = 10  #: number of frames by which a source may always advance; a larger advance needs enough elapsed time
+SOURCE_LEAP = 1.5  #: factor by which the frame rate of a source may exceed its earlier rate
+MOST_SOURCES = 16  #: maximum number of sources that the guard remembers
 
 
 class Source:
@@ -15,11 +16,12 @@ class Source:
 
     def __init__(self, arrival: float, sequence: int, stamp: float):
         self.arrival, self.sequence, self.stamp = arrival, sequence, stamp
-        self.is_confirmed = False  #: True from the second message on, because a single message may be spurious
-        self._period = math.inf  # time between two frames [s]
+        #: True from the second message of a source on, because a single message may be spurious
+        self.is_confirmed = False
+        self._period = math.inf  # time between two frames of the source [s]
 
     def advance(self, sequence: int, stamp: float, left_out: int) -> int | None:
-        """Return the number of frames since the last message, or None if this message cannot be the next one."""
+        """Return the number of frames since the last message, or None if the message cannot come from this source."""
         frames = sequence - self.sequence
         passed = max(0.0, stamp - self.stamp) / self._period
         return frames if 0 <= frames <= SOURCE_REACH + left_out + SOURCE_LEAP * passed else None
@@ -31,12 +33,12 @@ class Source:
 
 
 class SourceGuard:
-    """Detects a second source on a topic by the sequence numbers, which follow one another if there is one source.
+    """Detects a second source on a topic by the sequence numbers, which are consecutive if the topic has one source.
 
-    While two sources send, no message is accepted, because it is not known which source is the right one. A source
-    counts from its second message on. Its first message is not accepted while another source sends. A restarted source
-    is therefore used once the previous one has been silent for SOURCE_HOLD. The middleware cannot decide this: a killed
-    publisher stays in its graph for 20 s.
+    While two sources send, the guard accepts no message, because it cannot know which source is the right one. A source
+    counts as present from its second message on. The first message of a source is not accepted while another source
+    sends. A restarted source is therefore accepted once the previous source has been silent for SOURCE_HOLD. The ROS
+    graph cannot tell sources apart in time, because a killed publisher stays in the graph for 20 s.
 
     Examples
     --------
@@ -50,18 +52,18 @@ class SourceGuard:
         self._sources: list[Source] = []
 
     def accepts(self, arrival: float, sequence: int, stamp: float, left_out: int = 0) -> bool:
-        """Return True if the message comes from the only source.
+        """Return True if the message comes from the only source on the topic.
 
         Parameters
         ----------
         arrival
-            Time of arrival, on this host's steady clock [s].
+            Arrival time, on this host's steady clock [s].
         sequence
             Sequence number of the message.
         stamp
             Stamp of the message, on the sender's clock [s].
         left_out
-            Number of frames before it that its sender left out on purpose.
+            Number of frames before the message that its sender skipped on purpose.
         """
         self._sources = [each for each in self._sources if arrival - each.arrival <= SOURCE_HOLD][-MOST_SOURCES:]
         advances = {frames: each for each in self._sources
@@ -77,18 +79,21 @@ class SourceGuard:
         return is_alone
 
 
-STAMP_TOLERANCE = 1.0  #: time by which a stamp may be ahead of the earlier ones [s]
-CONFIRMING_STAMPS = 3  #: number of consistent messages in a row that confirm a new time: a set clock, or another source
-#: time with messages in which the limit from earlier stamps decays [s], because a clock may also be set back
+STAMP_TOLERANCE = 1.0  #: time by which a stamp may be ahead of the earlier stamps [s]
+
+#: number of consecutive consistent messages that confirm a new time, after a clock was set or another source began
+CONFIRMING_STAMPS = 3
+#: time constant with which the limit from earlier stamps decays [s], because a clock may also be set back
 STAMP_FADING = 10.0
-LONGEST_GAP = 0.1  #: longest silence that counts as time with messages [s]
+LONGEST_GAP = 0.1  #: longest gap between messages that counts towards the decay [s]
 
 
 class StampGuard:
-    """Compares stamps [s, the sender's clock] with arrivals [s, this host's steady clock] on one topic.
+    """Rejects messages on one topic whose stamps are ahead of the time that has passed since the earlier messages.
 
-    A stamp may advance by the time that has passed plus STAMP_TOLERANCE. `DelayEstimator` handles late messages. A
-    replay at another pace advances in small steps and is accepted.
+    A stamp, which comes from the sender's clock, may advance by the time that has passed on this host's steady clock
+    plus STAMP_TOLERANCE. The class `DelayEstimator` handles late messages. A replay at a different pace advances in
+    small steps, so its messages are accepted.
 
     Examples
     --------
@@ -98,13 +103,13 @@ class StampGuard:
     """
 
     def __init__(self) -> None:
-        self._ahead: float | None = None  # largest lead of a stamp over its arrival
+        self._ahead: float | None = None  # largest lead of a stamp over its arrival time [s]
         self._arrival = 0.0
-        self._suspect = 0.0  # lead of the last refused stamp
-        self._refused = 0  # number of refused stamps in a row that agree
+        self._suspect = 0.0  # lead of the last rejected stamp [s]
+        self._refused = 0  # number of consecutive rejected stamps that agree
 
     def accepts(self, arrival: float, stamp: float) -> bool:
-        """Return True if the stamp is at most STAMP_TOLERANCE ahead, or if CONFIRMING_STAMPS stamps in a row agree."""
+        """Return True if the stamp leads by at most STAMP_TOLERANCE, or if CONFIRMING_STAMPS stamps in a row agree."""
         ahead = stamp - arrival
         passed, self._arrival = min(arrival - self._arrival, LONGEST_GAP), arrival
         if self._ahead is not None and ahead > self._ahead + STAMP_TOLERANCE and not self._is_confirmed(ahead):

@@ -1,4 +1,4 @@
-"""State and counts of the driver as a SkinStatus, with the levels of /diagnostics."""
+"""State and counts of the driver as a SkinStatus message, with the same levels as on /diagnostics."""
 
 import math
 from array import array
@@ -19,7 +19,7 @@ from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
-#: NMT state -> its number in NodeStatus.msg; None stands for a node that was never heard
+#: NMT state -> its number in NodeStatus.msg; None is the state of a node that was never heard
 NMT_NUMBERS: Mapping[int | None, int] = {None: NodeStatus.NMT_NOT_KNOWN, NmtState.BOOT_UP: NodeStatus.NMT_BOOT_UP,
                NmtState.STOPPED: NodeStatus.NMT_STOPPED, NmtState.OPERATIONAL: NodeStatus.NMT_OPERATIONAL,
                NmtState.PRE_OPERATIONAL: NodeStatus.NMT_PRE_OPERATIONAL}
@@ -39,18 +39,18 @@ class PrimaryState(IntEnum):
 def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: BusHealth,
                    conditions: Mapping[str, PadCondition] = MappingProxyType({}),
                    lifecycle: PrimaryState = PrimaryState.NOT_KNOWN) -> SkinStatus:
-    """Return the status of the driver.
+    """Return the status of the driver as a message.
 
     Parameters
     ----------
     diagnostics
-        Message of BusDiagnostics for the same counts and health: the bus, then its pads.
+        Message of BusDiagnostics for the same counts and health, which lists the bus before its pads.
     counts
         Counts of the bus and its pads.
     health
-        State of the bus and its nodes.
+        Health of the bus and its nodes.
     conditions
-        Pad name -> condition of its taxels.
+        Condition of the taxels, by pad name.
     lifecycle
         Lifecycle state of the driver.
     """
@@ -72,7 +72,7 @@ def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: 
 
 
 def _level(level: bytes) -> int:
-    """Return the level as a number of SkinStatus, which counts from 1 because 0 is its default."""
+    """Return the level as a number of SkinStatus, which begins at 1 because 0 is the default of a message field."""
     return level[0] + 1
 
 

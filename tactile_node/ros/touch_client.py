@@ -1,4 +1,4 @@
-"""A client of `touch_gripper` for planners. It sends a goal and finds the goal's outcome by its id."""
+"""A client of `touch_gripper` for planners, which sends goals and matches each outcome to its goal by ID."""
 
 import math
 import time
@@ -16,37 +16,38 @@ from unique_identifier_msgs.msg import UUID
 from tactile_node.ros.gripper_messages import PARALLEL, Command, GripperState, gripper_interface
 from tactile_skin.msg import GripperOutcome
 
-OUTCOME_WAIT = 1.0  #: time for which the client waits for the outcome after the result [s]; then it counts as lost
+OUTCOME_WAIT = 1.0  #: time after the result for which the client waits for the outcome before it counts as lost [s]
 LOOK_PERIOD = 0.005  #: time between two checks for the end of a goal [s]
 
 
 class TouchEnding(NamedTuple):
-    """The end of a goal."""
+    """How a goal has ended."""
 
-    status: int                     #: GoalStatus; STATUS_UNKNOWN if rejected, or if the result was requested too late
+    #: GoalStatus of the goal; STATUS_UNKNOWN if the goal was rejected, or if its result was requested too late
+    status: int
     state: GripperState
-    outcome: GripperOutcome | None  #: None if the outcome was lost
+    outcome: GripperOutcome | None  #: outcome of the goal, or None if the outcome was lost
 
 
 class TouchGoal:
-    """A goal that was sent. ``handle`` is the goal handle of rclpy, or None until the goal is accepted."""
+    """A goal that was sent. ``handle`` is rclpy's goal handle, or None until the goal is accepted."""
 
     def __init__(self, steady: Callable[[], float]):
         self._steady = steady
         self._result: tuple[int, GripperState] | None = None
-        self._result_at = math.inf  # time of the result [s]
+        self._result_at = math.inf  # time when the result arrived [s]
         self.handle: Any = None
         self.outcome: GripperOutcome | None = None
-        self.of_hold: GripperOutcome | None = None  #: outcome of the hold after this goal; None until it ends
+        self.of_hold: GripperOutcome | None = None  #: outcome of the hold after this goal, or None until the hold ends
 
     @property
     def ending(self) -> TouchEnding | None:
-        """End of the goal, from its result and its outcome in any order; None while the goal is in progress."""
+        """How the goal ended, or None while it is in progress. The result and the outcome may arrive in any order."""
         is_known = self.outcome is not None or self._steady() - self._result_at > OUTCOME_WAIT
         return TouchEnding(*self._result, self.outcome) if self._result is not None and is_known else None
 
     def cancel(self) -> Any:
-        """Cancel the goal, which must have been accepted; return rclpy's future."""
+        """Cancel the goal and return rclpy's future. The goal must have been accepted."""
         return self.handle.cancel_goal_async()
 
     def _accept(self, handle: Any, state: Callable[[Any], GripperState]) -> None:
@@ -62,50 +63,51 @@ class TouchGoal:
 
 
 class TouchClient:
-    """Sends goals to the action of a gripper node and finds the outcome of each; see docs/closing.md.
+    """Sends goals to the action of a gripper node and finds the outcome of each goal; see docs/closing.md.
 
     Parameters
     ----------
     node
-        Node of the caller.
+        Node that the caller owns.
     action
         Name of the gripper node's action.
     action_type
         Type of the action: ParallelGripperCommand or GripperCommand.
     joint
-        Name of the joint in a ParallelGripperCommand; '' for none.
+        Name of the joint in a ParallelGripperCommand; '' to name no joint.
     steady
         Steady clock [s].
 
     Raises
     ------
     ConfigurationError
-        If the action type is unknown, or if control_msgs is not installed.
+        Raised if the action type is unknown, or if control_msgs is not installed.
     """
 
     def __init__(self, node: Node, action: str = 'touch_gripper/gripper_cmd', *, action_type: str = PARALLEL,
                  joint: str = '', steady: Callable[[], float] = time.monotonic):
         self._node, self._steady = node, steady
         self._interface = gripper_interface(action_type, joint)
-        self._goals: WeakValueDictionary[bytes, TouchGoal] = WeakValueDictionary()  # goals that the caller still keeps
+        # goals to which the caller still has a reference
+        self._goals: WeakValueDictionary[bytes, TouchGoal] = WeakValueDictionary()
         self._client = ActionClient(node, self._interface.action, action)
         self._outcomes = node.create_subscription(GripperOutcome, f'{action.rpartition("/")[0]}/outcome',
                                                   self._on_outcome, 10)
 
     @property
     def is_ready(self) -> bool:
-        """True if a gripper node, with its topic of outcomes, was found."""
+        """True if the gripper node's action server and its topic of outcomes were discovered."""
         return self._client.server_is_ready() and self._node.count_publishers(self._outcomes.topic_name) > 0
 
     def send(self, position: float, speed: float = 0.0, effort: float = 0.0, *, goal: Any = None) -> TouchGoal:
-        """Send a goal. Keep the returned object, because the client finds the outcome only for goals that are kept.
+        """Send a goal. Keep the returned object, because the client drops the outcome of an object that nobody keeps.
 
         Parameters
         ----------
         position, speed, effort
-            Values of the goal, in the gripper's own units.
+            Values of the goal in the gripper's own units.
         goal
-            Complete goal of the action, used instead of these values.
+            Complete goal message of the action, which replaces the three values.
         """
         sent, goal_id = TouchGoal(self._steady), uuid4().bytes
         self._goals[goal_id] = sent
@@ -115,27 +117,29 @@ class TouchClient:
         return sent
 
     def wait(self, goal: TouchGoal, timeout: float) -> TouchEnding:
-        """Wait for the end of a goal and return it; spin the node unless an executor already spins it.
+        """Wait until a goal ends, and return how it ended.
 
-        Do not call this from a callback of the node; read `TouchGoal.ending` there. A goal whose server died never
-        ends.
+        The method spins the node unless an executor already spins it.
+
+        Do not call this method from a callback of the node; in a callback, read `TouchGoal.ending`. A goal whose server
+        has died never ends.
 
         Parameters
         ----------
         goal
             Goal to wait for.
         timeout
-            Longest time to wait [s].
+            Maximum waiting time [s].
 
         Raises
         ------
         TimeoutError
-            If the goal has not ended after ``timeout``.
+            Raised if the goal has not ended after ``timeout``.
         """
         end = self._steady() + timeout
         while (ending := goal.ending) is None:
             if self._steady() > end:
-                raise TimeoutError(f'touch_gripper has not answered for {timeout:g} s')
+                raise TimeoutError(f'the goal has not ended within {timeout:g} s')
             if self._node.executor is None or self._node not in self._node.executor.get_nodes():
                 rclpy.spin_once(self._node, timeout_sec=LOOK_PERIOD)
             else:

@@ -1,11 +1,12 @@
-"""Messages for viewers: a contact and its shape as markers, taxels as images, and the pressures as one wrench.
+"""Messages for viewers: markers for a contact and its shape, images of the taxels, and a wrench for the pressures.
 
-Each marker message has the same markers, each in a namespace of its own with id 0. A marker is added, or deleted if
-there is nothing to draw. A viewer therefore keeps no marker of an earlier message, even if it has missed messages. All
-markers are in the frame of the pad and come from one taxel frame, so the outline is never drawn over newer taxels.
+Every marker message contains the same set of markers, each in a separate namespace and with the ID 0. Each message adds
+a marker that has something to draw, and deletes a marker that has not. A viewer therefore never keeps a marker of an
+earlier message, even if the viewer has missed messages. All markers of a message are in the pad frame and come from one
+taxel frame, so an outline is never drawn over newer taxels.
 
-Row 0 of an image is row 0 of the pad. A viewer draws row 0 at the top, so that y of the pad points down and z points
-away. The image therefore shows the pad from behind, as seen from inside the finger.
+Row 0 of an image is row 0 of the pad. A viewer draws row 0 at the top, so the pad's y axis points down and its z axis
+points away from the user. The image therefore shows the pad from behind, as seen from inside the finger.
 """
 
 import math
@@ -30,32 +31,34 @@ from tactile_node.shape.recognition import UnknownReason
 from tactile_node.taxel_frame import ON_OFF_UNIT, SkinSide, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
-WHOLE_COLOUR = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan: fitted, and known completely
-BOUND_COLOUR = ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)  #: orange: visible part; the whole may differ (*_is_bound)
+WHOLE_COLOUR = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan, for a fitted contact that is completely visible
+
+#: orange, for the visible part of a contact that may extend further (*_is_bound)
+BOUND_COLOUR = ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)
 TEXT = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
 X_AXIS = ColorRGBA(r=1.0, g=0.2, b=0.2, a=1.0)
 Y_AXIS = ColorRGBA(r=0.3, g=0.5, b=1.0, a=1.0)
-TAXEL = 0.9        #: side of a taxel [pitches]
-THICKNESS = 0.2    #: thickness of a taxel [pitches]
-LINE_WIDTH = 0.25  #: width of a line [pitches]
-ABOVE = 0.15       #: height of lines above the skin [pitches]
-DOT = 0.8          #: diameter of the centre of pressure [pitches]
-LETTER = 1.5       #: height of letters [pitches]
-SHORTEST_LIFETIME = 0.5  #: shortest lifetime of a marker [s], so that a short delay does not make a viewer flicker
-LONGEST_LIFETIME = 30.0  #: longest lifetime of a marker [s]: three periods of the slowest SYNC
-PERIODS = 3.0   #: lifetime of a marker in periods between two messages
+TAXEL = 0.9        #: drawn side length of a taxel [pitches]
+THICKNESS = 0.2    #: drawn thickness of a taxel [pitches]
+LINE_WIDTH = 0.25  #: drawn width of a line [pitches]
+ABOVE = 0.15       #: height at which lines are drawn above the skin [pitches]
+DOT = 0.8          #: diameter of the dot at the centre of pressure [pitches]
+LETTER = 1.5       #: height of the letters [pitches]
+SHORTEST_LIFETIME = 0.5  #: shortest lifetime of a marker [s], so that a viewer does not flicker after a short delay
+LONGEST_LIFETIME = 30.0  #: longest lifetime of a marker [s], which is three periods of the slowest SYNC
+PERIODS = 3.0   #: lifetime of a marker [intervals between messages]
 VALUES = '32FC1'  #: encoding from sensor_msgs/image_encodings.hpp
 COLOURS = 'rgb8'  #: encoding from sensor_msgs/image_encodings.hpp
 
 
 class ContactMarkers:
-    """Markers of one pad: `taxels`, `outline`, `axes`, `centre_of_pressure`, `name`."""
+    """Creates the markers of one pad: `taxels`, `outline`, `axes`, `centre_of_pressure` and `name`."""
 
     def __init__(self, scale: ColourScale):
         self._scale = scale
         self._palette = [ColorRGBA(r=r, g=g, b=b, a=1.0) for r, g, b in (RGB_TABLE / 255.0).tolist()]
         self._grid: tuple[int, int, float] | None = None
-        self._centres: list[Point] = []  # taxel centres of _grid; kept, because making them takes most of the time
+        self._centres: list[Point] = []  # taxel centres of _grid, kept because their creation takes most of the time
 
     def message(self, contact: Contact, shape: ContactShape, lifetime: float) -> MarkerArray:
         """Return the markers of a contact.
@@ -65,9 +68,9 @@ class ContactMarkers:
         contact
             Contact to draw.
         shape
-            Shape that was recognised in this contact.
+            Shape recognised from the contact.
         lifetime
-            Lifetime of the added markers [s].
+            Lifetime of the markers [s].
         """
         found = {'taxels': self._taxels(contact), 'outline': _outline(contact, shape), 'axes': _axes(contact, shape),
                  'centre_of_pressure': _centre_of_pressure(contact, shape), 'name': _name(contact, shape)}
@@ -83,7 +86,7 @@ class ContactMarkers:
         return MarkerArray(markers=markers)
 
     def _taxels(self, contact: Contact) -> Marker | None:
-        """Return all taxels of the pad in the colours of their values; their upper side is the surface of the skin."""
+        """Return all taxels of the pad in the colours of their values, with their tops at the surface of the skin."""
         numbers = self._scale.numbers(taxel_values(contact), taxels_of(contact, TaxelStatus.SATURATED), contact.unit)
         places = np.flatnonzero(~taxels_of(contact, TaxelStatus.UNMAPPED)).tolist()
         if not places:
@@ -91,7 +94,7 @@ class ContactMarkers:
         centres, palette, pitch = self._centres_of(contact), self._palette, contact.pitch
         colours = numbers.reshape(-1).tolist()
         marker = _marker(Marker.CUBE_LIST, TAXEL * pitch, TAXEL * pitch, THICKNESS * pitch)
-        marker.color = TEXT  # required, but not used, because each taxel has its own colour
+        marker.color = TEXT  # required by the message, but unused, because each taxel has its own colour
         marker.points = [centres[place] for place in places]
         marker.colors = [palette[colours[place]] for place in places]
         return marker
@@ -107,7 +110,7 @@ class ContactMarkers:
 
 
 def _outline(contact: Contact, shape: ContactShape) -> Marker | None:
-    """Return the fitted outline, closed, or None without a fit."""
+    """Return the fitted outline as a closed line, or None without a fit."""
     if not shape.fit_valid or not shape.outline.points:
         return None
     marker = _marker(Marker.LINE_STRIP, LINE_WIDTH * contact.pitch)
@@ -127,7 +130,7 @@ def _axes(contact: Contact, shape: ContactShape) -> Marker | None:
     x, y = length * math.cos(angle), length * math.sin(angle)
     centre = _above(contact, pose.position.x, pose.position.y)
     marker = _marker(Marker.LINE_LIST, LINE_WIDTH * contact.pitch)
-    marker.color = TEXT  # required, but not used, because each point has its own colour
+    marker.color = TEXT  # required by the message, but unused, because each point has its own colour
     marker.points = [centre, _above(contact, centre.x + x, centre.y + y),
                      centre, _above(contact, centre.x - y, centre.y + x)]
     marker.colors = [X_AXIS, X_AXIS, Y_AXIS, Y_AXIS]
@@ -145,7 +148,7 @@ def _centre_of_pressure(contact: Contact, shape: ContactShape) -> Marker | None:
 
 
 def _name(contact: Contact, shape: ContactShape) -> Marker:
-    """Return the class and its probability as text beyond the last row; an empty or unseen pad also gets this text."""
+    """Return the class and its probability as text beyond the last row, even for a pad that is empty or not seen."""
     marker = _marker(Marker.TEXT_VIEW_FACING, height=LETTER * contact.pitch)
     marker.color = TEXT
     marker.pose.position = Point(x=(contact.cols - 1) / 2 * contact.pitch, y=(contact.rows + LETTER) * contact.pitch)
@@ -161,22 +164,22 @@ def _words(shape: ContactShape) -> str:
 
 
 def _marker(kind: int, width: float = 0.0, depth: float = 0.0, height: float = 0.0) -> Marker:
-    """Return a marker at the origin of the pad's frame; RViz ignores the components of its scale that are 0."""
+    """Return a marker at the origin of the pad frame. RViz ignores components of the marker's scale that are 0."""
     return Marker(type=kind, action=Marker.ADD, scale=Vector3(x=width, y=depth, z=height),
                   pose=Pose(orientation=Quaternion(w=1.0)))
 
 
 def _above(contact: Contact, x: float, y: float) -> Point:
-    """Return a point of a line [m], above the skin so that the taxels do not hide it."""
+    """Return a point of a line [m]. The point lies above the skin, so that the taxels do not hide the line."""
     return Point(x=float(x), y=float(y), z=ABOVE * contact.pitch)
 
 
 class MarkerLifetime:
     """Computes the lifetime of markers from the time between messages.
 
-    A viewer measures lifetimes by its own clock: the clock of the log in a replay with use_sim_time, else the steady
-    clock. The longer of the two times counts. Of the last two intervals, the shorter one counts, so that an outage does
-    not prolong the lifetime of the markers after it.
+    A viewer measures lifetimes by its own clock, which is the clock of the log in a replay with use_sim_time, otherwise
+    the steady clock. An interval is therefore measured on both clocks, and the longer value is used. The lifetime
+    follows the shorter of the last two intervals, so that markers after an outage do not live longer.
     """
 
     def __init__(self) -> None:
@@ -184,7 +187,7 @@ class MarkerLifetime:
         self._gaps: deque[float] = deque(maxlen=2)
 
     def after(self, steady: float, stamp: float) -> float:
-        """Return the lifetime [s] of markers sent at ``steady`` [s], for a message with ``stamp`` [s]."""
+        """Return the lifetime of markers for a message with ``stamp`` that is sent at ``steady``, all in [s]."""
         if self._last is not None:
             self._gaps.append(max(steady - self._last[0], stamp - self._last[1]))
         self._last = steady, stamp
@@ -193,13 +196,16 @@ class MarkerLifetime:
 
 
 def value_image(taxels: TaxelArray) -> Image:
-    """Return the values as an image [unit of the taxels]. NaN = no valid value; a saturated value is a lower bound."""
+    """Return the taxel values as an image [unit of the taxels].
+
+    NaN means no valid value, and a saturated value is a lower bound.
+    """
     return Image(header=taxels.header, height=taxels.rows, width=taxels.cols, encoding=VALUES,
                  is_bigendian=sys.byteorder == 'big', step=4 * taxels.cols, data=array('B', taxels.values.tobytes()))
 
 
 def colour_image(taxels: TaxelArray, scale: ColourScale) -> Image:
-    """Return the values as an image in the colours of ``scale``."""
+    """Return the taxel values as an image in the colours of ``scale``."""
     numbers = scale.numbers(taxel_values(taxels), taxels_of(taxels, TaxelStatus.SATURATED), taxels.unit)
     return Image(header=taxels.header, height=taxels.rows, width=taxels.cols, encoding=COLOURS, is_bigendian=False,
                  step=3 * taxels.cols, data=as_array('B', RGB_TABLE[numbers], np.uint8))
@@ -212,19 +218,19 @@ class _Pressing(NamedTuple):
 
 
 def wrench_message(contact: Contact, pattern: ContactPattern) -> WrenchStamped:
-    """Return the wrench that all contacts exert on the pad, about the origin of the pad's frame.
+    """Return the wrench that all contacts exert on the pad, about the origin of the pad frame.
 
-    The axis z points out of the skin, so a pressing object has force.z < 0. A force F at (x, y) has the torque
-    (-y F, x F, 0). Pressures show no force along x and y and no torque about z; these components are 0, whatever the
-    shear is. All six components are NaN if the force is not known: if taxels are saturated or on/off, or if taxels are
-    hidden where something may press.
+    The z axis points out of the skin, so a pressing object has force.z < 0. A force F at (x, y) has the torque (-y F, x
+    F, 0). Pressures do not measure forces along x and y or a torque about z, so these components are 0 even if there is
+    shear. All six components are NaN if the force is not known, because taxels are saturated or on/off, or because
+    taxels are hidden where something may press.
 
     Parameters
     ----------
     contact
         Contact message.
     pattern
-        Contact pattern of this message.
+        Contact pattern of the same message.
     """
     pressing = _known(contact, pattern)
     wrench = Wrench(force=Vector3(), torque=Vector3())
@@ -239,7 +245,7 @@ def wrench_message(contact: Contact, pattern: ContactPattern) -> WrenchStamped:
 
 
 def _known(contact: Contact, pattern: ContactPattern) -> list[_Pressing] | None:
-    """Return the force and the centre of each contact, or None unless all of them are completely known."""
+    """Return the force and the centre of each contact, or None if any contact is not completely known."""
     if not contact.pad_seen or contact.unit == ON_OFF_UNIT or pattern.contacts > MOST_LABELS:
         return None
     found = []
