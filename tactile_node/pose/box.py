@@ -20,7 +20,8 @@ IDLE_SHARE = 0.3         #: The mean reading in a hole is below this share of th
 def is_hollow(pattern: ContactPattern) -> bool:
     """Return True if the contact encloses visible taxels that are hardly pressed.
 
-    A few weak taxels in a solid contact do not count as a hole. A gap that reaches the pad's edge is not enclosed.
+    A few weak taxels in a solid contact do not count as a hole. A gap that reaches the pad's edge does not count as a
+    hole.
     """
     inside = holes(pattern.mask)
     if inside is None:
@@ -43,7 +44,7 @@ QUARTER_TURN = np.pi / 2
 # standard deviations were measured on contacts computed with the training seeds (bench/bench_box.py).
 LENGTH_SD = (0.7, 0.45)  #: Standard deviation of a side length at a given angle [pitches].
 CENTRE_SD = (0.2, 0.2)   #: Standard deviation of the centre at a given angle [pitches].
-SIDE_SD = (0.2, 0.3)     #: Standard deviation of a side length between one angle and another [pitches].
+SIDE_SD = (0.2, 0.3)     #: Standard deviation of the change in side length between two angles [pitches].
 ANGLE_SD = 0.02          #: Smallest standard deviation of the angle [rad].
 
 
@@ -117,7 +118,7 @@ def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibil
 
 
 def _likelihood(lengths: np.ndarray, side_sd: float) -> np.ndarray:
-    """Return the probability of each angle, (k,), that the smallest rectangle has this angle.
+    """Return the probability, (k,), that the smallest rectangle lies at each of the angles.
 
     ``lengths``, (2, k), holds the side lengths of the rectangle at each angle. The probabilities add up to 1.
     """

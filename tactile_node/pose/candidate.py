@@ -115,7 +115,7 @@ def loading_of(found: Candidate) -> Loading | None:
     return Loading(model.profile.indenter, float(peak), float(np.exp(log_depth)))
 
 
-# These thresholds were chosen so that few punches of the training seeds and few even pressures are taken for a dome.
+# These thresholds were chosen so that few punches of the training seeds and few even pressures are mistaken for a dome.
 CIRCLE_PEAK = 0.3        #: A circular contact with a higher fitted peak is not a dome.
 BALL_PEAK = -0.05        #: A circular contact with a lower fitted peak may be a ball.
 DOME_CURVATURE = -0.005  #: Residuals with a lower curvature may come from a dome.

@@ -75,7 +75,7 @@ class Part(NamedTuple):
     y: float = 0.0  #: row at the centre of block (0, 0) [taxels]
 
 
-#: Function that finds the outline of a shape in a part. The unit of the layer's lengths is the side of one block.
+#: Function that finds the outline of a shape in a part. The layer's lengths are in units of one block.
 Finder: TypeAlias = Callable[[Part, Shape, Layer | None], Found]
 
 
@@ -181,7 +181,7 @@ def in_metres(found: Found, part: Part, pitch: float) -> ShapeFit:
     Parameters
     ----------
     found : Found
-        Outline in the part, with the side of one block as the unit of length.
+        Outline in the part, with lengths in units of one block.
     part : Part
         The fitted part of the frame.
     pitch : float

@@ -48,7 +48,7 @@ class ContactMoments(NamedTuple):
     #: finger and the contact continue beyond the skin. If the finger ends at the edge of the skin, the force is
     #: complete, even if the object is larger.
     force_is_bound: bool
-    centre_of_pressure_is_bound: bool  #: True if this is the centre of only the measured part of the contact
+    centre_of_pressure_is_bound: bool  #: True if the centre is that of only the measured part of the contact
     #: True if hidden taxels or the pad's edge adjoin the contact, so that the contact may be larger. The field is also
     #: True if taxels are saturated, because a fit may then be too large.
     size_is_bound: bool

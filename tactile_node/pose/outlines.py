@@ -241,10 +241,12 @@ def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights:
     change : np.ndarray
         The derivatives, (p, rows, cols).
 
-    Notes ----- The function uses the divergence theorem. Let N be the outward normal of an edge, with the length of the
-    edge, and let t0...t1 be the stretch of the edge within a taxel. The derivative of the area is ∫ N · motion dt. The
-    area itself is ∫ N_x (x - left) dt plus the length of the taxel's right side within the polygon. That length is a
-    sum over all edges to the left of the taxel's right side.
+    Notes
+    -----
+    The function uses the divergence theorem. Let N be the outward normal of an edge, with the length of the edge, and
+    let t0...t1 be the stretch of the edge within a taxel. The derivative of the area is ∫ N · motion dt. The area
+    itself is ∫ N_x (x - left) dt plus the length of the taxel's right side within the polygon. That length is a sum
+    over all edges to the left of the taxel's right side.
     """
     sums, each = len(weights), corners.shape[1]
     edges = corners.shape[0] * each

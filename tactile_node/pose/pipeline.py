@@ -38,7 +38,7 @@ class Curve(Protocol):
 class Taxels(NamedTuple):
     """The properties of a pad's taxels that do not depend on their readings."""
 
-    pitch: float = 1.0               #: distance between neighbouring taxels, whose unit is that of all lengths
+    pitch: float = 1.0               #: distance between neighbouring taxels; all lengths have the same unit
     unit: str | None = None          #: unit of the values: 'Pa', 'N' or '1' (on/off); '' or None if the unit is unknown
     layer: Layer | None = None       #: layer of a calibrated skin
     #: sides on which the finger ends at the edge of the skin; elsewhere the finger continues

@@ -112,7 +112,7 @@ class Layer(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """Terms of the logarithm of the ratio between fitted depth and true depth."""
+    """Terms whose sum is the logarithm of the ratio between fitted depth and true depth."""
 
     large: float      #: value for an infinitely large contact
     of_size: float    #: coefficient of 1 / inscribed radius, with the radius in pitches

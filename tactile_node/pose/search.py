@@ -53,7 +53,7 @@ class Found(NamedTuple):
     place: Place  #: point at which the model was last computed
     estimate: Estimate
     others: np.ndarray        #: part of the covariance due to other outlines that are nearly as likely
-    residual: float           #: root mean square of value - model, as a fraction of the contact's level
+    residual: float  #: root mean square of the difference between value and model, as a fraction of the contact's level
     searched_residual: float  #: residual of the latest search
     on_off: bool
     at_edge: bool
@@ -65,7 +65,7 @@ def search(evidence: Evidence, shape: Shape, layer: Layer | None = None) -> Foun
     Parameters
     ----------
     evidence : Evidence
-        The taxels to fit.
+        Taxels to which the outline is fitted.
     shape : Shape
         One of the five shapes.
     layer : Layer or None
@@ -92,7 +92,7 @@ def follow(evidence: Evidence, before: Found) -> Found | None:
     Parameters
     ----------
     evidence : Evidence
-        The taxels to fit.
+        Taxels to which the outline is fitted.
     before : Found
         Outline found in the previous frame.
     """
@@ -183,7 +183,7 @@ def _estimate(shape: Shape, evidence: Evidence, found: Candidate, information: n
     covariance = np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence)
     fitted = found.solution.parameters[:count]
     loading = loading_of(found)
-    if loading is not None and not loading.is_punch:  # the first length of a dome lies along its axis
+    if loading is not None and not loading.is_punch:  # the first length of a dome lies along the dome's axis
         fitted, covariance = corrected(shape, found.handedness, fitted, covariance, loading, evidence.at_edge)
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
     if loading is not None and loading.is_punch:

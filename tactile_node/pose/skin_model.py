@@ -17,7 +17,7 @@ from tactile_node.taxel_frame import read_only
 
 KERNEL_REACH = 6           #: Reach of the kernel [pitches].
 KERNEL_DEPTHS = 0.08, 2.2  #: Smallest and largest depth for which the kernel is tabulated [pitches].
-DEPTH_NODES = 40           #: Number of tabulated depths, each of which is a constant multiple of the last.
+DEPTH_NODES = 40           #: Number of tabulated depths, which are spaced geometrically.
 TAXEL_POINTS = 6           #: Number of points along each axis of a taxel over which the stress is averaged.
 KERNEL_TERMS = 2
 LOG_DEPTHS = float(np.log(KERNEL_DEPTHS[0])), float(np.log(KERNEL_DEPTHS[1]))
@@ -26,7 +26,8 @@ LOG_DEPTHS = float(np.log(KERNEL_DEPTHS[0])), float(np.log(KERNEL_DEPTHS[1]))
 def taps_at(log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the kernel at a depth.
 
-    The kernel is a sum of terms. Each term is sign * taps along rows * taps along columns, with the taps by distance.
+    The kernel is a sum of terms. Each term is sign * taps along rows * taps along columns. The taps are indexed by
+    distance.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ def taps_at(log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     signs : np.ndarray
         (KERNEL_TERMS, 1).
     taps : np.ndarray
-        (KERNEL_TERMS, KERNEL_REACH + 2), 0 beyond KERNEL_REACH.
+        Taps by distance, (KERNEL_TERMS, KERNEL_REACH + 2), with 0 beyond KERNEL_REACH.
     derivatives : np.ndarray
         Derivatives of the taps with respect to ``log_depth``, of the same shape.
     """
@@ -230,7 +231,7 @@ class PressureModel(Model):
     def likely_peak(self, parameters: np.ndarray, deviation: float) -> tuple[float, float] | None:
         """Return the expected ``peak`` and its 1 / variance after a first fit, or None.
 
-        Objects belong to a few kinds. If a fit looks like a flat punch, the function assumes a flat punch. If the
+        Real objects fall into a few kinds. If a fit looks like a flat punch, the function assumes a flat punch. If the
         pressure looks even, the function assumes an even pressure. If the fit looks like neither, the function returns
         None.
 

@@ -42,9 +42,9 @@ def prism(fit: ShapeFit, height: float) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     vertices : np.ndarray
-        (2n, 3), in the pad frame [m], with z from 0 to ``height``.
+        Coordinates of the vertices in the pad frame, (2n, 3) [m], with z from 0 to ``height``.
     triangles : np.ndarray
-        (4n - 4, 3), indices of the vertices, counter-clockwise seen from outside.
+        Indices of the vertices of each triangle, (4n - 4, 3), counter-clockwise as seen from outside.
     """
     count = len(fit.outline)
     base = np.column_stack((fit.outline, np.zeros(count)))

@@ -74,7 +74,7 @@ class Track:
 
     @property
     def is_known(self) -> bool:
-        """True if it is known whether the place stays or moves."""
+        """True if enough frames show whether the place is at rest or moves."""
         return self.is_moving or len(self._reference) >= FEWEST
 
     @property
@@ -103,7 +103,7 @@ class Track:
 
     @property
     def direction(self) -> float:
-        """Direction of the velocity, from x to y [rad]."""
+        """Direction of the velocity, positive from x to y [rad]."""
         x, y = self.velocity
         return math.atan2(y, x)
 
