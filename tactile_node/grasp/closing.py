@@ -52,7 +52,7 @@ class Outcome(IntEnum):
     GRIPPER_SILENT = 16   #: the gripper did not answer
     NOT_STOPPED = 17      #: the gripper did not confirm that it had stopped
     NOT_OPENING = 18      #: the force rises while the gripper should open
-    HOLD_ENDED = 19       #: the corrections of the hold have used up its travel
+    HOLD_ENDED = 19       #: the corrections of the hold have used up the allowed travel
     #: before the gripper moved, the pads already read more than the goal's force plus the overshoot
     ALREADY_PRESSED = 20
     DUPLICATE = 21        #: another process commands the same gripper or has the same name
@@ -169,7 +169,7 @@ class TouchLimits:
                 'fast_speed', expected=f'at most {self.fastest(self.touch_force):.3g} m/s, at which latency x speed x '
                 f'stiffness is the touch_force of {self.touch_force:g} N',
                 got=f'{self.fast_speed:g} m/s: {self.latency:g} s x {self.fast_speed:g} m/s x {self.stiffness:g} N/m '
-                f'= {self.overshoot(self.fast_speed):.3g} N', remedy='Close slower, or allow more force.')
+                f'= {self.overshoot(self.fast_speed):.3g} N', remedy='Close more slowly, or allow more force.')
 
     def overshoot(self, speed: float) -> float:
         """Return the force that builds up between a touch and the stop of the gripper [N]."""
@@ -231,7 +231,7 @@ def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *
         raise RefusedGoalError(
             'velocity', expected=f'at most {limits.fastest(goal.force):.3g} m/s for a force of {goal.force:g} N',
             got=f'{goal.speed:g} m/s: latency x speed x stiffness = {limits.overshoot(goal.speed):.3g} N',
-            remedy='Close slower, or allow more force.')
+            remedy='Close more slowly, or allow more force.')
     return goal
 
 

@@ -128,7 +128,7 @@ def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple
     """Return the most probable class of both faces, and the probability that both faces have it.
 
     The prior assumes that both faces have the same class with the probability SAME_FACES, and that all classes are
-    equally likely. Any probability that a side gives to none or unknown is lost to the classes.
+    equally likely. Probability that a side gives to none or unknown counts for no class.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def _sized(held: HeldObject, fits: Sequence[FaceFit]) -> HeldObject:
 
 
 def _size(seen: Sequence[tuple[float, float, bool]]) -> tuple[float, float, bool]:
-    """Combine the sizes that each side reports into one size, its standard deviation, and True for a bound.
+    """Combine the sizes that each side reports into one size, its standard deviation, and a flag for a bound.
 
     A bound is used only if every reported size is a bound. The largest bound is then returned.
     """

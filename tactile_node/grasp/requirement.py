@@ -38,7 +38,7 @@ class Missing(IntEnum):
     MISALIGNED = 17
 
 
-#: Part that is not met in each state of contact, except for TWO_SIDED, in which no part is missing.
+#: Code of the unmet part for each state of contact except TWO_SIDED, for which no part is unmet.
 CONTACT_MISSING = {GraspContact.NOT_KNOWN: Missing.NO_RESULT, GraspContact.UNSEEN: Missing.UNSEEN,
                    GraspContact.NO_CONTACT: Missing.NO_CONTACT, GraspContact.ONE_SIDED: Missing.ONE_SIDED}
 

@@ -15,8 +15,8 @@ within a range, which is compared with limits:
   the distance that noise and resolution explain.
 
 The decision takes at least 1.5 resolution / max_creep. The centre of a fit counts as resting after 0.7 s on pads with a
-pitch of 2 mm, and after 1.7 s with a pitch of 5 mm. With a noise of 0.05 pitch, the decision takes 1.4 s and 2.7 s.
-With on/off taxels, the decision takes 7 s and 17 s.
+pitch of 2 mm, and after 1.7 s with a pitch of 5 mm. With a noise of 0.05 pitch, the decision takes 1.4 s for a pitch of
+2 mm and 2.7 s for 5 mm. With on/off taxels, the decision takes 7 s for a pitch of 2 mm and 17 s for 5 mm.
 """
 
 import math

@@ -20,7 +20,7 @@ SIDES = ('left', 'right')
 # A side is silent after SILENT_PERIODS of its periods without a result, but not before SHORTEST_SILENCE has passed.
 SHORTEST_SILENCE = 0.1  #: [s]
 SILENT_PERIODS = 3
-#: Share of the silent time after which the tracker reports a silence, so that readers are told in time.
+#: Share of the silent time after which the tracker reports a silence, so that planners notice the silence in time.
 NOTICE_SHARE = 0.75
 PERIODS_KEPT = 15    #: Number of latest periods of which the median is the period of a side.
 
@@ -81,7 +81,7 @@ class GraspState(NamedTuple):
     line: Line | None  #: None unless the contact is TWO_SIDED and fresh, and both centres are known
     line_is_bound: bool
     held: float  #: time for which the shapes and centres on both sides have stayed the same [s]
-    #: True if the grasp is two-sided and fresh, has held long enough, and neither centre creeps nor contact moves
+    #: True if the grasp is two-sided and fresh and has held long enough, while neither contact creeps or moves
     stable: bool
     creep: float  #: speed of the faster centre [m/s], or NaN if unknown
 
