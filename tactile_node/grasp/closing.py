@@ -16,15 +16,18 @@ from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.grasp.tracker import GraspContact
 
 BLIND_TIME = 0.5  #: Time for which the gripper waits at rest for complete readings before the goal ends [s].
+
 #: Time without any contact after which a touched object counts as lost [s]. A shorter gap is a bounce.
 LOST_AFTER = 0.1
 #: Time allowed for the gripper to accept a command and to start moving, in addition to its travel time [s].
 START_TIME = 1.0
 REST_TIME = 0.3     #: Time without a change of the opening after which the gripper counts as at rest [s].
+
 #: Time allowed for the gripper to come to rest after a command with an uncertain end, in addition to the time allowed
 #: for its answers [s].
 REST_LIMIT = 2.0
 REST_CHANGE = 2e-4  #: Largest change of the opening at rest [m].
+
 #: A gripper is too slow if it takes more than this many times as long as the commanded speed implies.
 SLOWNESS = 3.0
 BEYOND = 1e-3  #: Amount by which a commanded opening may be below 0 [m]. Some controllers command slightly less than 0.
@@ -53,8 +56,7 @@ class Outcome(IntEnum):
     NOT_STOPPED = 17      #: the gripper did not confirm that it had stopped
     NOT_OPENING = 18      #: the force rises while the gripper should open
     HOLD_ENDED = 19       #: the corrections of the hold have used up the allowed travel
-    #: before the gripper moved, the pads already read more than the goal's force plus the overshoot
-    ALREADY_PRESSED = 20
+    ALREADY_PRESSED = 20  #: at the start, the pads already read more than the goal's force plus the overshoot
     DUPLICATE = 21        #: another process commands the same gripper or has the same name
 
 
@@ -67,6 +69,7 @@ class PadForce(NamedTuple):
 
     force: float = math.nan  #: total force of all contacts on the pad [N], or NaN if unknown
     is_bound: bool = False   #: True if the contact continues beyond the pad, so that the force is a lower bound
+
     #: True if taxels at the contact are saturated or hidden, so that the force may have any value
     is_hidden: bool = False
 
@@ -79,6 +82,7 @@ class Touch(NamedTuple):
     contact: GraspContact
     pads: tuple[PadForce, PadForce]
     force_sd: float = math.nan  #: largest standard deviation of a pad's force [N], or NaN if unknown
+
     #: direction in which the contact slides on each pad, in the frame of that pad [rad], or NaN if no slide is known
     slides: tuple[float, float] = (math.nan, math.nan)
     is_whole: bool = True  #: True if all fields come from the same frame
@@ -149,6 +153,7 @@ class TouchLimits:
     touch_force: float = 2.0     #: force limit for goals that give no force [N]
     highest_force: float = 20.0  #: highest force that a goal may request [N]
     edge_share: float = 0.5      #: smallest share of the force that a pad reads if the contact continues beyond the pad
+
     #: largest distance that the gripper travels with only one pad touched [m]; 0 to stop immediately
     one_sided_travel: float = 0.02
     max_age: float = 0.15      #: largest age of the readings [s]

@@ -22,6 +22,7 @@ from tactile_node.grasp.tracker import GraspContact
 NOISE_CERTAINTY = 4.0  #: Largest error of a reading [standard deviations].
 BLIND_TIME = 1.0       #: Time without a known force after which the hold ends [s].
 SLIDE_PAUSE = 1.0      #: Shortest time between two reactions to sliding [s].
+
 #: Time for which a slide in one direction must be reported before the hold reacts [s]. This time consists of 0.2 s of
 #: sliding and of 0.3 s for which a report outlasts the slide (pose/track.py). A shorter slide may be sway: on a shaken
 #: hand, the object sways in the soft skin and returns.

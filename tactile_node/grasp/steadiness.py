@@ -28,17 +28,20 @@ import numpy as np
 from tactile_node.errors import ConfigurationError
 
 SPEED_CERTAINTY = 5.0  #: Largest error of a speed due to noise [standard deviations].
+
 #: Largest error of a single centre [standard deviations]. The value is high because thousands of centres are tested.
 SLIP_CERTAINTY = 6.0
 #: Largest slope x length that an error within ±1/2 can cause. In this worst case, the error is -1/2 in one half of the
 #: window and +1/2 in the other half.
 SYSTEMATIC_SLOPE = 1.5
 KEPT_CREEP = 0.4  #: Share of max_creep above which a centre no longer counts as resting.
+
 #: Length of the window [resolution times]. The window is long enough for a creep of max_creep to exceed `KEPT_CREEP`,
 #: whatever the error within the resolution.
 WINDOW_TIMES = 9.0
 SHORTEST_WINDOW = 3.0  #: Shortest window for any resolution [s], because averaging the noise also takes time.
 FEWEST_CENTRES = 8     #: Smallest number of centres from which the noise is estimated.
+
 #: Time by which a stamp may go backwards [s], for example because a smaller minimum delay was found.
 BACK_STEP = 0.02
 

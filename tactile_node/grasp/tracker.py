@@ -43,6 +43,7 @@ class SideResult(NamedTuple):
     centre: tuple[float, float] | None = None  #: centre of the contact in the pad frame [m], or None if unknown
     resolution: float = 0.0002  #: error of a moving contact's centre, apart from noise [m]
     is_bound: bool = False  #: True if the contact may extend beyond the seen area, so that its true centre may differ
+
     #: True if the contact could creep while its centre stays, because much of the contact is unseen
     hides_creep: bool = False
     moves: bool = False  #: True if the contact is seen to slide or to turn
@@ -81,6 +82,7 @@ class GraspState(NamedTuple):
     line: Line | None  #: None unless the contact is TWO_SIDED and fresh, and both centres are known
     line_is_bound: bool
     held: float  #: time for which the shapes and centres on both sides have stayed the same [s]
+
     #: True if the grasp is two-sided and fresh and has held long enough, while neither contact creeps or moves
     stable: bool
     creep: float  #: speed of the faster centre [m/s], or NaN if unknown

@@ -25,6 +25,7 @@ from tactile_node.taxel_frame import read_only
 
 FOLDS = 8           #: Number of parts into which the touches are divided. Each part is held out once.
 LEAST_TOUCHES = 24  #: Smallest total number of touches to which an adaptation is fitted.
+
 #: Smallest number of touched classes to which an adaptation is fitted. From a single class, the adaptation would learn
 #: to report only this class.
 LEAST_CLASSES = 2
@@ -131,6 +132,7 @@ class Assessment(NamedTuple):
     """
 
     before: Answers  #: recognitions by the recogniser that was assessed
+
     #: recognitions by adapted recognisers. Each touch is recognised with an adaptation that was fitted without this
     #: touch.
     after: Answers | None = None

@@ -28,6 +28,7 @@ PRIOR_SPREADS = 0.5, 0.15       #: Prior standard deviations of exponent - 1 and
 EXPONENTS, BENDS = (0.4, 2.5), (-0.4, 0.4)
 CURVE_NODES = 16              #: Number of nodes of the curve, which are spaced geometrically.
 LOWEST_SHARE = 0.5            #: Share of the lightest press below which the curve is a line through 0.
+
 #: Step for numerical derivatives. The step is large because fits stop at a finite accuracy.
 DERIVATIVE_STEP = 0.02
 #: Largest radius of a disc [m]. On the coarsest skins, a disc with a radius of 10 pitches has half of this radius.
@@ -35,9 +36,11 @@ LARGEST_RADIUS = 0.25
 #: Largest edge radius relative to the disc's radius. With a larger edge radius, the face is not flat.
 MOST_ROUNDED = 0.3
 LAYER_ERROR = 0.08      #: Standard deviation of the error in log depth that all presses of one disc share.
+
 #: Largest relative error of the lengths after calibration. A larger error means that another disc was pressed.
 LARGEST_ERROR = 0.03
 BOUND_MARGIN = 0.02         #: An exponent that is closer to its bound than this is not a valid result.
+
 #: Relative error by which a fit overestimates a flat disc with sharp edges, and the change of this error per unit of
 #: edge radius / inscribed radius. Fits are correct on average, but edges differ (bench/bench_calibration.py --edges).
 SHARP_ERROR, OF_ROUNDING = 0.019, -0.125

@@ -11,6 +11,7 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.learning.touches import TouchFrame
 
 AROUND = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])  #: Neighbours of a taxel.
+
 #: A taxel is compared with its neighbours only if at least this many of them belong to the contact.
 LEAST_NEIGHBOURS = 5
 OFTEN = 8           #: Number of touches in which a taxel has to be inside a contact for its gain to be measured.
@@ -23,7 +24,7 @@ class SkinMeasures(NamedTuple):
 
     noise: float  #: standard deviation of a taxel at rest, as a share of the contact's level
     gains: float  #: standard deviation of the logarithm of the taxels' gains
-    halo: float   #: reading two taxels away from a contact, all around it, as a share of the contact's level
+    halo: float   #: reading all around a contact at a distance of two taxels, as a share of the contact's level
 
     def __str__(self) -> str:
         return '; '.join(f'{name} {_percent(value)}' for name, value in zip(
@@ -64,8 +65,8 @@ def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
     Returns
     -------
     np.ndarray
-        Deviations, (rows, cols), scaled so that they have the variance of a single taxel. NaN for taxels outside the
-        contact or with fewer than LEAST_NEIGHBOURS usable neighbours in the contact.
+        Deviations, (rows, cols), scaled so that they have the variance of a single taxel. The deviation is NaN for
+        taxels outside the contact or with fewer than LEAST_NEIGHBOURS usable neighbours in the contact.
     """
     valid = mask & (frame > 0) & (frame < largest)
     logs = np.where(valid, np.log(np.maximum(frame, 1e-9)), 0.0)

@@ -32,7 +32,8 @@ class Examples(NamedTuple):
     """K patches of one shape."""
 
     patches: list[Patch]
-    touch: np.ndarray  #: (K,), number of the touch that each patch comes from
+    touch: np.ndarray  #: (K,), number of the touch from which each patch comes
+
     #: bool (K,), True for the recorded middle frame of each touch. A head is judged by these frames.
     is_recorded: np.ndarray
 
@@ -166,7 +167,7 @@ def examples_in(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[
     try:  # a head without its examples could not be fitted again, and its shapes would be lost
         return _unpacked(data, kind, shapes)
     except (KeyError, ValueError, TypeError, IndexError) as error:
-        raise ConfigurationError('examples of taught shapes', expected='those that `tactile teach` writes',
+        raise ConfigurationError('examples of taught shapes', expected='the examples that `tactile teach` writes',
                                  got=' '.join(str(error).split()), remedy='Start from another --model file.') from None
 
 

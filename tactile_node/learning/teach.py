@@ -22,9 +22,11 @@ FOLDS = 5
 STAGES = FOLDS + 2  #: Number of progress reports that `teach` makes.
 LEAST_TOUCHES = 10
 MOST_TAKEN = 0.0015  #: Largest share of the five shapes' contacts that a taught shape may take.
+
 #: Share of a shape's own examples, those with the least evidence, that the second threshold ignores.
 OWN_QUANTILE = 0.02
 OWN_SHARE = 0.5      #: Second threshold, as a share of the smallest evidence that is not ignored.
+
 #: Share of the held-out touches of each shape that a useful head must recognise. One touch in 30 may be wrong.
 LEAST_RIGHT = 0.95
 MOST_LOST = 0.003    #: Largest share of the five shapes' contacts that a useful head may lose.
@@ -43,7 +45,7 @@ class Rate(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval by E. B. Wilson, J. Am. Stat. Assoc. 22 (1927).
+        """The 95 % interval by Wilson (Journal of the American Statistical Association 22, 1927).
 
         >>> [round(end, 3) for end in Rate(29, 30).interval]
         [0.833, 0.994]
@@ -115,7 +117,7 @@ def teach(recogniser: ShapeRecogniser, background: Background, shapes: Sequence[
     Parameters
     ----------
     recogniser : ShapeRecogniser
-        Recogniser with the networks. Its own taught shapes are not used.
+        Recogniser that supplies the networks. The recogniser's own taught shapes are not used.
     background : Background
         Background contacts.
     shapes : sequence of Examples
@@ -224,7 +226,7 @@ def confusion_picture(held_out: HeldOut, names: Sequence[str]) -> 'Figure':
         axes.text(col, row, f'{share:.0f}' if share >= 10 else f'{share:.1f}', ha='center', va='center', fontsize=9,
                   color='white' if share > 50 else 'black')
     axes.set_xlabel('recognised as')
-    axes.set_ylabel('is (contacts held out)')
+    axes.set_ylabel('true class (held-out contacts)')
     figure.colorbar(image, label='% of the row', shrink=0.7)
-    axes.set_title('What is taken for what', fontsize=11)
+    axes.set_title('Recognised classes by true class', fontsize=11)
     return figure

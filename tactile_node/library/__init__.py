@@ -1,1 +1,4 @@
-"""The Python interface (`import tactile_node`) for other programs, which needs neither ROS nor CAN."""
+"""The Python interface (`import tactile_node`) for other programs, which needs neither ROS nor CAN.
+
+The functions of the interface take arrays and return tuples.
+"""

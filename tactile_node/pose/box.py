@@ -58,10 +58,12 @@ class ContactBox(NamedTuple):
     angle: float                  #: direction of the long side, positive from x to y, in (-π/2, π/2] [rad]
     lengths: tuple[float, float]  #: long side, short side [m]
     centre_sd: float              #: standard deviation along x and along y [m]
+
     #: standard deviation of the direction of the sides [rad]. The sides repeat every quarter turn, so a value of 0.45
     #: means that all directions are equally likely.
     angle_sd: float
     lengths_sd: tuple[float, float]  #: standard deviation of each length [m]
+
     #: for each length, True if the contact may be longer because the pad's edge or hidden taxels cut the contact
     length_is_bound: tuple[bool, bool]
     hollow: bool  #: True if the contact is a ring or a frame (`is_hollow`)

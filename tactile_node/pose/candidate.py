@@ -15,6 +15,7 @@ from tactile_node.shape.recognition import Shape
 
 COARSE_TOLERANCE = 0.3  #: The first pass stops at a step shorter than this [pitches].
 FINE_TOLERANCE = 0.05   #: The second pass stops at a step shorter than this [pitches].
+
 #: A less likely starting point is chosen if its cost is below this share of the likeliest starting point's cost.
 CLEAR_RATIO = 0.25
 FIRST_NOISE = 0.05      #: Noise that the first pass assumes for each taxel value [fraction of level].
@@ -119,9 +120,11 @@ def loading_of(found: Candidate) -> Loading | None:
 CIRCLE_PEAK = 0.3        #: A circular contact with a higher fitted peak is not a dome.
 BALL_PEAK = -0.05        #: A circular contact with a lower fitted peak may be a ball.
 DOME_CURVATURE = -0.005  #: Residuals with a lower curvature may come from a dome.
+
 # A dome can look like an even pressure on deep taxels. The contact may be a dome if both of these limits are exceeded.
 BAD_MISFIT = 2.0  #: weighted sum of squared residuals per taxel
 DEEP_LAYER = 0.5  #: depth of the taxels [pitches]
+
 #: A circular contact with a lower fitted peak is not a punch. No punch, sharp or rounded, presses this much more in its
 #: middle.
 NO_PUNCH_PEAK = -0.3

@@ -35,6 +35,7 @@ class ShapeFit(NamedTuple):
     shape: Shape
     centre: tuple[float, float]  #: centre of area [m]
     angle: float                 #: direction of the shape's own x axis, positive from x to y [rad]; 0 for a circle
+
     #: The shape looks the same after a rotation by 2π/symmetry. A symmetry of 0 means that the shape looks the same
     #: after any rotation. An isosceles triangle has the symmetry 3 if the taxels cannot distinguish it from an
     #: equilateral triangle, so that any corner may be the apex.
@@ -42,6 +43,7 @@ class ShapeFit(NamedTuple):
     handedness: int                   #: 1 or -1 (mirrored) for a right triangle, 0 for other shapes
     dimension_names: tuple[str, ...]  #: names of the dimensions, as in `outlines.OUTLINES`
     dimensions: tuple[float, ...]     #: length of each dimension [m]
+
     #: for each dimension, True if the value is only the visible length, because the contact may continue unseen
     #: (`fit_contact`)
     is_bound: tuple[bool, ...]

@@ -19,6 +19,7 @@ class Problem(NamedTuple):
     values: np.ndarray     #: values to fit, (taxels,)
     weights: np.ndarray    #: 1 / variance of each value, (taxels,)
     expected: np.ndarray   #: mean of the prior, (parameters,)
+
     #: 1 / variance of the prior, (parameters,); values > 0 ensure a solution even for a single taxel
     precision: np.ndarray
 

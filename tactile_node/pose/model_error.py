@@ -20,11 +20,13 @@ from tactile_node.shape.recognition import Shape
 
 MOST_PEAK = 1.2       #: Upper limit that is applied to the peak of a punch.
 MOST_DOME_PEAK = 2.0  #: Upper limit that is applied to peak - 1 of a dome.
+
 # A fit never reports smaller standard deviations than these, because real taxels differ from modelled ones and a layer
 # differs from a half-space.
 LEAST_PLACE = 0.003  #: [pitches]
 LEAST_ANGLE = 0.001  #: [radians]
 LEAST_LENGTH = 0.02  #: [pitches]
+
 # The errors were not measured beyond these limits.
 LEAST_AREA = 12.0   #: smallest area [taxels]
 LEAST_RADIUS = 1.4  #: smallest inscribed radius [pitches]

@@ -25,6 +25,7 @@ def check_pitch(pitch: float) -> None:
 
 VALUE_UNITS = ('Pa', 'N', '1')
 LEAST_PAIRS = 6  #: Smallest number of neighbouring taxel pairs along an axis from which a slope is computed.
+
 #: A contact has no principal axis if its two second moments differ by at most this share of their sum.
 ROUND_DIFFERENCE = 0.02
 
@@ -44,11 +45,13 @@ class ContactMoments(NamedTuple):
     filled: int  #: number of invalid taxels that were filled with the mean of their neighbours
     force_sd: float  #: [N]
     centre_of_pressure_sd: tuple[float, float]  #: standard deviation along x and along y [m]
+
     #: True if the force is a lower bound: taxels are saturated, the contact may continue in hidden taxels, or both the
     #: finger and the contact continue beyond the skin. If the finger ends at the edge of the skin, the force is
     #: complete, even if the object is larger.
     force_is_bound: bool
     centre_of_pressure_is_bound: bool  #: True if the centre is that of only the measured part of the contact
+
     #: True if hidden taxels or the pad's edge adjoin the contact, so that the contact may be larger. The field is also
     #: True if taxels are saturated, because a fit may then be too large.
     size_is_bound: bool
@@ -129,6 +132,7 @@ class PadForce(NamedTuple):
     """The total force on a pad."""
 
     force: float  #: total force of all contacts on the pad [N]; NaN if the force of the main contact is NaN
+
     #: True if the total is a lower bound, because the force of a contact is a bound or hidden taxels could hold another
     #: contact
     is_bound: bool

@@ -40,10 +40,12 @@ class Sight(NamedTuple):
 OUTLINE_STEP = 0.2    #: step of an outline [pitches]
 PRESSURE_STEP = 0.55  #: step of a centre of pressure [pitches]
 ON_OFF_STEP = 1.1     #: step of an outline or a centre of on/off taxels [pitches]
+
 #: Number of standard deviations that a turn must exceed. The number is high because fitted angles jump from frame to
 #: frame.
 TURN_CERTAINTY = 6.0
 SLACK = 3.0           #: Number of standard deviations by which a slide alone may change the fitted angle.
+
 #: Shift of a contact's middle while its load grows by a factor of e, as a share of the contact's extent. On an elastic
 #: skin, the extent may grow with the square root of the force. If the contact grows at one end only, its middle moves
 #: by a quarter of the extent.
@@ -51,11 +53,13 @@ GROWTH = 0.25
 #: Largest change of load that sliding from taxel to taxel can cause [logarithm of the ratio].
 STEADY_LOAD = 0.15
 MAX_GAP = 0.25  #: If no frame shows the contact for longer than this, its movement is unknown [s].
+
 #: If the number of taxels changes by more than this factor, a different contact has begun or two contacts have merged.
 OTHER_SIZE = 1.6
 # A fit describes a different outline if a dimension differs by more than the sum of these two values.
 OTHER_LENGTH = 0.2   #: share of the dimension
 OTHER_PITCHES = 0.5  #: length [pitches]
+
 #: A movement along x or y is not observable if the cosine of its angle to an unobservable direction exceeds this value.
 HIDES_DIRECTION = 0.5
 

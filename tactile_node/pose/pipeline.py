@@ -41,6 +41,7 @@ class Taxels(NamedTuple):
     pitch: float = 1.0               #: distance between neighbouring taxels; all lengths have the same unit
     unit: str | None = None          #: unit of the values: 'Pa', 'N' or '1' (on/off); '' or None if the unit is unknown
     layer: Layer | None = None       #: layer of a calibrated skin
+
     #: sides on which the finger ends at the edge of the skin; elsewhere the finger continues
     finger_ends: SkinSide = NO_SIDE
 
@@ -124,7 +125,8 @@ class _Answer(NamedTuple):
     def holds_for(self, found: FoundContact, stamp: float, correlation_time: float) -> bool:
         """Return True if a later frame follows so soon and is so similar that it adds no information."""
         pattern, before = found.pattern, self.found.pattern
-        # A shape that these taxels do not support is reused for as long as a confident recognition.
+        # A shape that these taxels do not support is reused like a confident recognition, because its confidence cannot
+        # rise.
         is_settled = self.recognition.confidence >= SURE or self.recognition.doubt is not UnknownReason.NOT_UNKNOWN
         return (0 <= stamp - self.stamp < correlation_time and is_settled
                 and found.visibility == self.found.visibility

@@ -31,6 +31,7 @@ class Profile(NamedTuple):
     #: (k, 2), first and last dimension of each outline relative to the whole outline, from the outermost inwards
     sizes: np.ndarray
     weights: np.ndarray  #: (2, k), weights of a uniform pressure, and the weights that the profile adds
+
     #: (2,), ratio of the lengths under this profile to the lengths under an even pressure with the same moments
     length_ratio: np.ndarray
 
@@ -51,6 +52,7 @@ CONE_SIZES = np.array((1.0, 0.88, 0.70, 0.48, 0.24))
 # seeds.
 END_LENGTH = 0.85    #: length between the ends, as a share of the whole length
 END_PRESSURE = 0.75  #: additional pressure at the ends
+
 # These length ratios follow from the second moments 2 / 5, 1 / 3 and 1 / 4.
 BALL_LARGER = np.sqrt(5 / 4)
 CONE_LARGER = np.sqrt(3 / 2)
@@ -125,6 +127,7 @@ class _Found(NamedTuple):
 _FOUND = {Indenter.FLAT_PUNCH: _Found(0.15, -1.2, 0.14), Indenter.BALL: _Found(0.08, -0.17, 0.35),
           Indenter.CONE: _Found(0.08, -0.17, 0.35), Indenter.LYING_CYLINDER: _Found(0.18, -0.92, 0.13)}
 LEAST_RADIUS = 1.4  #: Inscribed radius below which the depth ratio was not measured [pitches].
+
 # A depth outside these limits was probably given in another unit.
 SHALLOWEST = 0.02  #: [pitches]
 DEEPEST = 5.0      #: [pitches]

@@ -15,12 +15,14 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.contact.visibility import Visibility, visibility_of
 
 NEIGHBOUR_STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: Steps to the four neighbours, (x, y).
+
 #: Within this many rows and columns of an unseen place, the rim does not count as an end of the contact.
 UNSEEN_REACH = 1.5
 #: Reading of the outermost taxels relative to inner taxels under an even pressure. The share is below 1, because the
 #: contact covers the outermost taxels only in part.
 EVEN_SHARE = 0.75
 STEEPNESS_RANGE = (0.4, 1.8)  #: Smallest and largest value that `_steepness` returns.
+
 #: Largest variation of a straight rim. If two places of the rim differ by less than this along an axis, they count as
 #: equally far out.
 STRAIGHT_TOLERANCE = 0.35

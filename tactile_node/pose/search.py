@@ -26,9 +26,11 @@ from tactile_node.shape.recognition import Shape
 CORNER_MARGIN = 0.15
 CORNER_MARGIN_ON_OFF = 0.35  #: Value of CORNER_MARGIN for on/off taxels.
 AMBIGUOUS_MISFIT = 6.0  #: Two fits cannot be distinguished if their sums of squares differ by less than this.
+
 #: At the pad's edge, AMBIGUOUS_MISFIT is larger by this factor, because the part beyond the edge is a guess.
 EDGE_AMBIGUITY = 20.0
 PUNCH_RATIO = 1.4  #: A punch is not refined if a dome's sum of squares is smaller by this factor.
+
 #: A fit is not refined if its misfit after the first pass exceeds the best misfit by more than this.
 HOPELESS_MISFIT = 500.0
 FOLLOWING_STEPS = 3  #: Largest number of steps for following an outline. A contact at rest needs one step.

@@ -157,6 +157,7 @@ class PressureModel(Model):
 
     TILT_SPREAD = 0.06        #: standard deviation of the tilt [relative rise per pitch]
     PEAK_SPREAD = 0.7         #: standard deviation of the peak of a punch
+
     #: expected peak of a dome and its standard deviation, because the pressure of a dome is never even
     PEAK_OF_DOME = 1.0, 0.35
     DEPTH_SPREAD = 0.6        #: standard deviation of the logarithm of the depth

@@ -17,6 +17,7 @@ SLOWEST = 0.0004      #: Slowest speed that is detected [m/s].
 REFERENCE_TIME = 0.3  #: Time over which the reference is averaged [s].
 STOPPED = 0.3         #: Shortest time without movement after which a place counts as stopped [s].
 FEWEST = 3            #: Smallest number of places in a reference.
+
 #: Number of standard deviations that a movement must exceed. The number is high to avoid false alarms in thousands of
 #: frames.
 CERTAINTY = 5.0
@@ -28,6 +29,7 @@ GOES_ON = 0.5  #: Share of a step that a place must cover within the stopping ti
 FORCE_TIME = 0.5  #: Time over which the reference of the force is averaged [s].
 FORCE_STEP = 0.35  #: Step of the force, as a share of the reference.
 LEAST_FORCE_STEP = 0.05  #: Smallest step of the force [N].
+
 #: A place has stopped if it travels less than this share of a step between the first and the last third of the time.
 STAYED = 1 / 6
 

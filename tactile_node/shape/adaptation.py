@@ -19,6 +19,7 @@ from tactile_node.taxel_frame import read_only
 ADAPTATION_VERSION = 1      #: Version of the adaptation's arrays in a file.
 ADAPTATION_MARK = '_skin_'  #: Part of the names of the adaptation's arrays in a file.
 LEAST_PROBABILITY = 1e-6    #: Lower limit of a probability, so that the adaptation can make every class likelier.
+
 #: Upper limit of the temperature and of each coefficient's magnitude. Fitted numbers are far smaller.
 LARGEST_NUMBER = 100.0
 

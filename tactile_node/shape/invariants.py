@@ -3,7 +3,7 @@
 The numbers are moments of the contact and of its hull, the width of the hull, and the overlap of each of the five
 shapes with the contact. The hull fills in silent taxels inside the contact.
 
-The moments follow J. Flusser, On the independence of rotation moment invariants, Pattern Recognition 33 (2000). The
+The moments follow Flusser (On the independence of rotation moment invariants, Pattern Recognition 33, 2000). The
 support function h(a) of the hull is the maximum of x cos a + y sin a over the contact. The area of the hull is the
 integral of (h^2 - h'^2) / 2, and the width of the hull at a is h(a) + h(a + 180 degrees).
 """

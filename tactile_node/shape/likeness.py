@@ -4,8 +4,8 @@ None of the five shapes covers an object of another shape well.
 
 The moments of the patch determine how each figure is placed on the patch:
 
-- A triangle is the affine image of an equilateral triangle. In coordinates in which its second moments are those of a
-  disc, the phase of the third moment gives its orientation.
+- A triangle is the affine image of an equilateral triangle. The phase of the third moment gives the orientation of the
+  triangle, in coordinates in which the second moments are those of a disc.
 - A rectangle lies along the principal axes.
 - A square is oriented by the phase of the fourth moment.
 
@@ -18,6 +18,7 @@ FIGURES = 'rectangle', 'square', 'triangle', 'disc'  #: Figures in the order of 
 COUNT = 5  #: Number of values per patch: the overlap with each figure, and the whitened third moment.
 FLATTEST_RATIO = 0.02  #: Smallest second moment across the contact, as a share of the mean of both second moments.
 SIDE_ANGLES = np.arange(4) * np.pi / 2  #: Directions from the centre to a rectangle's sides [rad].
+
 #: Directions from the centre to an equilateral triangle's sides if its third moment is real [rad]. One side is listed
 #: twice.
 CORNER_ANGLES = np.array((1, -1 / 3, 1 / 3, 1)) * np.pi

@@ -22,7 +22,7 @@ class Network(NamedTuple):
     kernels: tuple[np.ndarray, ...]
     biases: tuple[np.ndarray, ...]
     middle: np.ndarray  #: subtracted from the geometry, (COUNT,)
-    spread: np.ndarray  #: divisor of the difference: (geometry - middle) / spread, (COUNT,)
+    spread: np.ndarray  #: divisor of (geometry - middle), (COUNT,)
 
     def embedding(self, images: np.ndarray, geometry: np.ndarray) -> np.ndarray:
         """Return the input of the last layer, followed by the standardised geometry.

@@ -19,6 +19,7 @@ PATCH_ROOM = 18     #: A wider contact is scaled down to this width [cells].
 BRIDGED_TAXELS = 2  #: Pieces with at most this many taxels between them belong to one contact.
 PIECE_TAXELS = 3    #: Smallest number of taxels in a piece. A smaller group beside a contact is a speck.
 RIM_REACH = 2       #: Distance from the mask up to which partial pressures are shown [taxels].
+
 #: Highest level of a taxel. Training stores levels as bytes, so no network was trained with a higher level.
 HIGHEST_LEVEL = 255 / 160
 ROWS_AROUND, COLS_AROUND = np.indices((3, 3)).reshape(2, -1)

@@ -10,8 +10,8 @@ from tactile_node.shape.recognition import UnknownReason
 
 COVERED_SHARE = 0.6  #: If a contact covers more than this share of the visible taxels, its outline is not visible.
 HOLLOW_TAXELS = 3    #: Smallest number of taxels in a hole. Uneven gains can cause smaller holes.
-#: A contact continues beyond an edge of the pad if more of its taxels lie at that edge than this share of the side of a
-#: square of the same area.
+
+#: A contact is cut by an edge of the pad if the number of its taxels at that edge exceeds this share of sqrt(taxels).
 CUT_SHARE = 0.5
 
 

@@ -2,7 +2,7 @@
 
 The recogniser has two small networks, one for on/off taxels and one for pressures. Each network returns six logits.
 Five logits belong to the five classes and are divided by a temperature that was found on validation patterns. The sixth
-logit means that the contact has none of the five shapes, and has a bias.
+logit is for a contact with none of the five shapes and has a bias.
 
 The weights are stored in config/recogniser.npz, which training/train.py writes. A file from `tactile teach` contains
 these weights and the heads of taught shapes (taught.py). A file from `tactile assess` contains these weights and the
@@ -207,7 +207,7 @@ class ShapeRecogniser:
         Parameters
         ----------
         patches : Sequence[Patch]
-            Patches of the contacts. Either all of them are graded, or none is.
+            Patches of the contacts, which are either all graded or all not graded.
         contacts : Sequence[tuple[np.ndarray, np.ndarray]]
             Values and mask of each contact, both (rows, cols).
 
@@ -237,7 +237,7 @@ class ShapeRecogniser:
         Parameters
         ----------
         patches : Sequence[Patch]
-            Patches of the contacts. Either all of them are graded, or none is.
+            Patches of the contacts, which are either all graded or all not graded.
 
         Returns
         -------
@@ -289,7 +289,7 @@ def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
     ValueError
         Raised if the arrays are too large, use a compression that NumPy does not use, or contain NaN or infinity.
     BadZipFile
-        If the file is not an archive.
+        Raised if the file is not an archive.
     """
     with ZipFile(path) as packed:
         members = packed.infolist()

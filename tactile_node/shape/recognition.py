@@ -76,6 +76,7 @@ class Recognition(NamedTuple):
     reason: UnknownReason = UnknownReason.NOT_UNKNOWN  #: the reason if ``shape`` is UNKNOWN
     alternatives: tuple[Alternative, ...] = ()
     doubt: UnknownReason = UnknownReason.NOT_UNKNOWN  #: the reason why a named shape is uncertain
+
     #: True if the pieces close to the largest contact were recognised as part of it (`patch.join_pieces`)
     joined: bool = False
 

@@ -44,6 +44,7 @@ EVENNESS = 1.6
 #: their range.
 ROW_RISE = 0.15
 ROW_NOISE = 7.0  #: The rise of the row levels must also exceed this many standard deviations of a row's level.
+
 #: Largest number of rows (or columns) of a string of pieces.
 STRING = 4
 #: Smallest length of a string of pieces, as a share of the pad's side.
@@ -123,8 +124,9 @@ def _is_chance(pattern: ContactPattern, together: np.ndarray) -> bool:
 def _wider(pattern: ContactPattern) -> ContactPattern:
     """Return a small contact extended by the partial pressures around it.
 
-    Other groups at the level of these partial pressures then also count as contacts. A soft cover spreads a contact,
-    but a speck has no partial pressures around it. Contacts of on/off taxels and large contacts are returned unchanged.
+    In the result, other groups at the level of the partial pressures also count as contacts. A soft cover spreads a
+    contact, but a speck has no partial pressures around it. Contacts of on/off taxels and large contacts are returned
+    unchanged.
     """
     if np.count_nonzero(pattern.mask) >= SMALL or are_on_off(pattern.values):
         return pattern
@@ -214,7 +216,7 @@ def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
 
 
 def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, rest: float, most: float) -> bool:
-    """Return True if the contact's rows read more than ``most`` above ``rest`` away from the contact, or far below."""
+    """Return True if the contact's rows also read more than ``most`` above ``rest`` elsewhere, or are noisy."""
     rows_of_contact, _ = box_of(taxels)
     lines = values[rows_of_contact]
     if np.count_nonzero(lines < rest - most) > BELOW_REST * lines.size:

@@ -11,6 +11,7 @@ from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, Unkn
 
 SURE = 0.9          #: Smallest confidence with which a planner acts on a shape.
 UNSUPPORTED = 0.85  #: Highest confidence in a shape that the taxels do not support.
+
 #: Number of taxels that a contact needs for a confident recognition. The numbers were chosen with 6,000 computed
 #: contacts of the five shapes (validation seeds). With fewer taxels, less than 90 % of the confident squares and
 #: rectangles were correct. Triangles have the same limit as rectangles. The computed triangles were correct, but real
@@ -20,6 +21,7 @@ DECIDING_TAXELS = {Shape.SQUARE: 12, Shape.RECTANGLE: 9, Shape.RIGHT_TRIANGLE: 9
 FIGURE_OF = {Shape.CIRCLE: 'disc', Shape.SQUARE: 'square', Shape.RECTANGLE: 'rectangle',
              Shape.RIGHT_TRIANGLE: 'triangle', Shape.ISOSCELES_TRIANGLE: 'triangle'}
 FIGURE_TAXELS = 40  #: With this many taxels or more, the overlap with a figure depends on more than the rim.
+
 #: Overlap with the figure of its shape that a contact of FIGURE_TAXELS or more must reach. On the open arrays and with
 #: computed contacts, 39 of 56 confident recognitions of wrong or foreign shapes had less overlap. Only 29 of 433
 #: correct recognitions had less overlap.

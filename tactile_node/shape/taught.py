@@ -2,8 +2,8 @@
 
 A head is a multinomial logistic regression on the embedding of a network. The head compares N taught shapes with
 everything else. The networks do not change. The five classes and UNKNOWN share the probability that the head gives to
-everything else, in the same proportions as without the head. A taught shape represents one object, so a taught shape is
-reported only for contacts of about the same size as the taught touches. `tactile teach` fits and writes the heads
+everything else, in the same proportions as without the head. A taught shape represents one object, so it is reported
+only for contacts of about the same size as the taught touches. `tactile teach` fits and writes the heads
 (tactile_node/learning).
 """
 
@@ -35,7 +35,8 @@ class Head(NamedTuple):
     weights: np.ndarray  #: (F, N)
     biases: np.ndarray   #: (N,)
     middle: np.ndarray   #: subtracted from the embedding, (F,)
-    spread: np.ndarray   #: divisor of the difference, (F,)
+    spread: np.ndarray   #: divisor of (embedding - middle), (F,)
+
     #: logarithms of the smallest and the largest number of taxels of each shape, (N, 2). The range is empty for a shape
     #: that was not taught with this kind of frame.
     sizes: np.ndarray

@@ -60,6 +60,7 @@ def axes(horizontal: ArrayLike, vertical: ArrayLike) -> tuple[np.ndarray, np.nda
 SMALLEST = 15  #: A pattern with fewer taxels is UNKNOWN.
 PLANES = ('rectangle', 'right_triangle', 'isosceles_triangle', 'square')
 TAXEL_BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: Bands of N, each given by its smallest number of taxels.
+
 #: The shapes that the planes can report, in the order of decision. The labels of the reproduction and each list of
 #: probabilities in the file use the same order.
 ANSWERS = (*(Shape(name) for name in PLANES), Shape.CIRCLE)
