@@ -54,7 +54,7 @@ class Outcome(IntEnum):
     GRIPPER_FAILED = 15   #: the gripper ended the command without stalling and without reaching the opening
     GRIPPER_SILENT = 16   #: the gripper did not answer
     NOT_STOPPED = 17      #: the gripper did not confirm that it had stopped
-    NOT_OPENING = 18      #: the force rises while the gripper should open
+    NOT_OPENING = 18      #: the force rises although the gripper should open
     HOLD_ENDED = 19       #: the corrections of the hold have used up the allowed travel
     ALREADY_PRESSED = 20  #: at the start, the pads already read more than the goal's force plus the overshoot
     DUPLICATE = 21        #: another process commands the same gripper or has the same name
@@ -295,7 +295,7 @@ class Closing:
         opening : float
             Current opening [m], or NaN if unknown.
         is_still : bool
-            True if a gripper that was told to stop has stopped.
+            True if the gripper has stopped after a stop command.
         """
         if self._waits:
             self._deadline += now - self._looked
@@ -365,7 +365,7 @@ class Closing:
 
 
 class Widening:
-    """A goal to open the gripper, which does not need readings of the pads.
+    """A goal to open the gripper, even without readings of the pads.
 
     If the pads do read a rising force, the goal ends.
 
@@ -424,7 +424,7 @@ class Clearing:
 
     A new goal closes the gripper only after this wait.
 
-    If a gripper refuses a cancel and never ends the command, it can count as at rest only if its opening is measured.
+    A gripper that refuses a cancel and never ends the command counts as at rest only if its opening is measured.
 
     Parameters
     ----------

@@ -107,7 +107,7 @@ class GraspSettings:
 class GraspTracker:
     """Follows a grasp from the results of both sides, which may arrive in any order.
 
-    The tracker reads no clock. Its callers pass the time of a clock that never goes backwards.
+    The tracker reads no clock; its callers pass the time of a clock that never goes backwards.
     """
 
     def __init__(self, settings: GraspSettings = GraspSettings()):
@@ -187,7 +187,7 @@ class _Side:
         self._received = -np.inf
         self._gaps: deque[float] = deque(maxlen=PERIODS_KEPT)
         self._steadiness = Steadiness(settings.steadiness)
-        self._touch: SideResult | None = None  # latest result of this contact with a centre
+        self._touch: SideResult | None = None  # latest result for this contact that includes a centre
         self.rests = False  #: True if the latest result shows that the centre rests
 
     @property

@@ -166,7 +166,7 @@ def _held_out_evidence(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples
 
 
 def _raised(rest: Seen, labels: np.ndarray, evidence: np.ndarray) -> float:
-    """Return the additional evidence with which a shape takes at most MOST_TAKEN of the five shapes' contacts."""
+    """Return the first threshold, with which a shape takes at most MOST_TAKEN of the five shapes' contacts."""
     five = (labels != FOREIGN) & np.isfinite(evidence)
     ahead = np.sort(evidence[five] - np.log(rest.known[five].max(1)))[::-1]
     if not len(ahead):
@@ -175,7 +175,7 @@ def _raised(rest: Seen, labels: np.ndarray, evidence: np.ndarray) -> float:
 
 
 def _of_own(evidence: np.ndarray) -> float:
-    """Return OWN_SHARE of the evidence that nearly all of a shape's own examples have."""
+    """Return the second threshold, OWN_SHARE of the evidence that nearly all of a shape's own examples have."""
     return OWN_SHARE * max(float(np.quantile(evidence, OWN_QUANTILE, method='lower')), 0.0) if len(evidence) else 0.0
 
 

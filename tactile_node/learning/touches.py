@@ -3,7 +3,7 @@
 A touch consists of the frames of a pad from the first contact with an object until the object is lifted.
 
 Only a few frames of a touch are kept, at equal steps, because more frames of the same touch add no information. The
-module does not recognise the frames.
+recognition of shapes is not part of this module.
 """
 
 from collections.abc import Iterable, Sequence

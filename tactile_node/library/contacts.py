@@ -283,7 +283,7 @@ def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
     pitch : float
         Distance between neighbouring taxels. All lengths have the unit of the pitch.
     response : str, Path or None
-        File from `tactile calibrate` if the curve in the file has been applied to the values. With a response, lengths
+        Response file from `tactile calibrate`, if its curve has been applied to the values. With a response, lengths
         must be in metres.
 
     Returns

@@ -70,9 +70,9 @@ class ContactStream:
                unmapped: ArrayLike | None = None) -> StreamedContact:
         """Add a frame, and return the results so far.
 
-        If the pad is not seen in a frame, the frame is reported as UNKNOWN with the reason NOT_SEEN. Such a frame does
-        not affect the results for other frames. The fusion starts again if the stamp goes backwards or jumps by more
-        than `FusionSettings.max_gap`.
+        If the pad is not seen in a frame, the frame is reported as UNKNOWN with the reason NOT_SEEN. A frame in which
+        the pad is not seen does not affect the results for other frames. The fusion starts again if the stamp goes
+        backwards or jumps by more than `FusionSettings.max_gap`.
 
         Parameters
         ----------

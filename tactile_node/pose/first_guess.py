@@ -3,8 +3,8 @@
 The guess uses moments up to the fourth order. The guess is exact for a shape that is completely visible.
 
 A uniform triangle is an affine image of the equilateral triangle. After whitening, the third moment of the triangle
-points to its corners. Each side of a rectangle has the length sqrt(12 variance). The finite size of a taxel adds 1/12
-to the variance and -1/60 to the fourth moment.
+points to its corners. A side of a rectangle has the length sqrt(12 v), where v is the variance along the side. The
+finite size of a taxel adds 1/12 to the variance and -1/60 to the fourth moment.
 """
 
 from typing import NamedTuple

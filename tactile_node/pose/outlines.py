@@ -245,8 +245,8 @@ def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights:
     -----
     The function uses the divergence theorem. Let N be the outward normal of an edge, with the length of the edge, and
     let t0...t1 be the stretch of the edge within a taxel. The derivative of the area is ∫ N · motion dt. The area
-    itself is ∫ N_x (x - left) dt plus the length of the taxel's right side within the polygon. That length is a sum
-    over all edges to the left of the taxel's right side.
+    itself is ∫ N_x (x - left) dt plus the length of the taxel's right side within the polygon. The length of the right
+    side within the polygon is a sum over all edges to the left of this side.
     """
     sums, each = len(weights), corners.shape[1]
     edges = corners.shape[0] * each

@@ -179,7 +179,7 @@ def check_layer(layer: Layer, pitch: float | None = None) -> None:
     if not (0 < layer.depth < np.inf and 0 < layer.deviation < np.inf):
         raise ConfigurationError('layer of the skin', expected='a depth > 0 [m] and a deviation > 0',
                                  got=f'depth {layer.depth!r}, deviation {layer.deviation!r}',
-                                 remedy='Calibrate the skin again (tactile calibrate), or leave the layer out.')
+                                 remedy='Calibrate the skin again (tactile calibrate), or omit the layer.')
     if pitch is not None and not SHALLOWEST < layer.depth / pitch < DEEPEST:
         raise ConfigurationError('layer of the skin', got=f'{layer.depth:g} m under a pitch of {pitch:g} m',
                                  expected=f'a depth of {SHALLOWEST:g} to {DEEPEST:g} pitches',

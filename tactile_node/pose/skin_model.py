@@ -185,8 +185,8 @@ class PressureModel(Model):
     def starts(self, guess: np.ndarray) -> list[np.ndarray]:
         """Return a starting point with the pressure of the profile and, for a punch, another with an even pressure.
 
-        The pressure of the profile comes first, because rigid objects press like punches and domes. On few taxels, both
-        pressures fit almost equally well.
+        The pressure of the profile comes first, because rigid objects press like punches and domes. With few taxels,
+        both pressures fit almost equally well.
         """
         sized, count = guess.copy(), len(self.outline.dimensions)
         sized[-count:] *= self.profile.length_ratio[-count:]

@@ -22,9 +22,9 @@ FIGURE_OF = {Shape.CIRCLE: 'disc', Shape.SQUARE: 'square', Shape.RECTANGLE: 'rec
              Shape.RIGHT_TRIANGLE: 'triangle', Shape.ISOSCELES_TRIANGLE: 'triangle'}
 FIGURE_TAXELS = 40  #: With this many taxels or more, the overlap with a figure depends on more than the rim.
 
-#: Overlap with the figure of its shape that a contact of FIGURE_TAXELS or more must reach. On the open arrays and with
-#: computed contacts, 39 of 56 confident recognitions of wrong or foreign shapes had less overlap. Only 29 of 433
-#: correct recognitions had less overlap.
+#: Smallest overlap with the figure of its shape for a confident recognition of a contact with FIGURE_TAXELS or more. On
+#: the open arrays and with computed contacts, 39 of 56 confident recognitions of wrong or foreign shapes had less
+#: overlap. Only 29 of 433 correct recognitions had less overlap.
 LEAST_OVERLAP = 0.65
 #: Number of taxels at which corners show even if the gains are uneven. Of 250 computed squares with gains of 3:1, the
 #: network recognised 31 as circles. A square covered most of these 31 contacts better than a disc. None of 250 circles
