@@ -1,1 +1,1 @@
-"""Two opposing pads as one grasp."""
+"""Combine two opposing pads into one grasp, and close and hold with a gripper."""

@@ -1,8 +1,9 @@
-"""Close a gripper until its pads are touched or a force is reached: control the speed, and decide when and why to stop.
+"""Close a gripper until its pads are touched or a force is reached, and decide when and why to stop.
 
-The module is pure: its callers pass the time. It is not a safety function (ISO 13849, ISO 10218). It limits only the
-force that the pads measure, and only after they have measured it. Rule: closing continues only if the current readings
-are complete. If the true force may be higher than the reading, the highest possible force counts.
+The module reads no clock; its callers pass the time. The module is not a safety function (ISO 13849, ISO 10218). The
+module limits only the force that the pads measure, and only after they have measured it. The gripper continues to close
+only while the current readings are complete. If the true force may be higher than the reading, the highest possible
+force is compared with the limit.
 """
 
 import math
@@ -15,69 +16,74 @@ from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.grasp.tracker import GraspContact
 
 BLIND_TIME = 0.5  #: Time for which the gripper waits at rest for complete readings before the goal ends [s].
-#: Time without any contact after which a touched object counts as lost [s]; shorter times are bounces.
+
+#: Time without any contact after which a touched object counts as lost [s]. A shorter gap is a bounce.
 LOST_AFTER = 0.1
 #: Time allowed for the gripper to accept a command and to start moving, in addition to its travel time [s].
 START_TIME = 1.0
-REST_TIME = 0.3     #: Time without a change of the opening after which the gripper is at rest [s].
-#: Time allowed for the gripper to come to rest after a command in doubt, counted from its answer [s].
+REST_TIME = 0.3     #: Time without a change of the opening after which the gripper counts as at rest [s].
+
+#: Time allowed for the gripper to come to rest after a command with an uncertain end, in addition to the time allowed
+#: for its answers [s].
 REST_LIMIT = 2.0
 REST_CHANGE = 2e-4  #: Largest change of the opening at rest [m].
-#: A gripper is too slow if it needs more than this many times the duration at the commanded speed.
+
+#: A gripper is too slow if it takes more than this many times as long as the commanded speed implies.
 SLOWNESS = 3.0
-BEYOND = 1e-3  #: Amount by which a commanded opening may be below 0 [m]; controllers close slightly more than fully.
+BEYOND = 1e-3  #: Amount by which a commanded opening may be below 0 [m]. Some controllers command slightly less than 0.
 
 
 class Outcome(IntEnum):
-    """Result of a goal (GripperOutcome.msg mirrors these numbers)."""
+    """Result of a goal. GripperOutcome.msg uses the same numbers."""
 
     NOT_KNOWN = 0
     REACHED = 1          #: the gripper is at the commanded opening
     TOUCHED = 2          #: both pads are touched
-    FORCE_REACHED = 3    #: both pads are touched, and the stronger one reads the limit
-    STALLED = 4          #: the gripper stalled at its own limit of effort
-    ONE_SIDED = 5        #: only one pad is touched, and the limit of force or of travel is reached
+    FORCE_REACHED = 3    #: both pads are touched, and one of them reads the force limit
+    STALLED = 4          #: the gripper stalled at its own effort limit
+    ONE_SIDED = 5        #: only one pad is touched, and the limit of force or travel is reached
     NOT_SEEN = 6         #: a pad is unseen, or its readings are not current
-    FORCE_NOT_KNOWN = 7  #: the force is not known: taxels at a contact are saturated, hidden or on/off
+    FORCE_NOT_KNOWN = 7  #: the force is unknown, because taxels at a contact are saturated, hidden or on/off
     LOST = 8             #: both pads were touched and are empty again
-    TOO_SLOW = 9         #: the gripper takes far longer than its speed explains
+    TOO_SLOW = 9         #: the gripper takes far longer than its speed implies
     CANCELED = 10
     REPLACED = 11         #: a later goal has replaced this one
-    REFUSED = 12          #: the goal cannot be used
+    REFUSED = 12          #: the goal is invalid
     NO_GRIPPER = 13       #: no server offers the gripper's own action
     GRIPPER_REFUSED = 14  #: the gripper rejected the command
     GRIPPER_FAILED = 15   #: the gripper ended the command without stalling and without reaching the opening
     GRIPPER_SILENT = 16   #: the gripper did not answer
     NOT_STOPPED = 17      #: the gripper did not confirm that it had stopped
-    NOT_OPENING = 18      #: the force rises while the gripper should open
-    HOLD_ENDED = 19       #: the hold has used its travel
-    ALREADY_PRESSED = 20  #: the pads read more than the goal's force plus the overshoot before anything moved
+    NOT_OPENING = 18      #: the force rises although the gripper should open
+    HOLD_ENDED = 19       #: the corrections of the hold have used up the allowed travel
+    ALREADY_PRESSED = 20  #: at the start, the pads already read more than the goal's force plus the overshoot
     DUPLICATE = 21        #: another process commands the same gripper or has the same name
 
 
-#: Outcomes in which the gripper has done what the goal asked for.
+#: Outcomes in which the gripper has fulfilled the goal.
 SUCCESSES = frozenset((Outcome.REACHED, Outcome.TOUCHED, Outcome.FORCE_REACHED))
 
 
 class PadForce(NamedTuple):
     """The force that one pad reads."""
 
-    force: float = math.nan  #: force of all contacts of the pad [N]; NaN if it is not known
+    force: float = math.nan  #: total force of all contacts on the pad [N], or NaN if unknown
     is_bound: bool = False   #: True if the contact continues beyond the pad, so that the force is a lower bound
+
     #: True if taxels at the contact are saturated or hidden, so that the force may have any value
     is_hidden: bool = False
 
 
 class Touch(NamedTuple):
-    """The readings of a grasp at the time of its acquisition."""
+    """The readings of both pads at one acquisition."""
 
-    acquired: float  #: acquisition [s]; -inf if it is not known
+    acquired: float  #: acquisition time [s], or -inf if unknown
     fresh: bool
     contact: GraspContact
     pads: tuple[PadForce, PadForce]
-    force_sd: float = math.nan  #: largest standard deviation of a pad's force [N]; NaN if it is not known
-    #: direction in which the contact slides on each pad, in the pad's own frame [rad]; NaN if it does not slide or this
-    #: is not known
+    force_sd: float = math.nan  #: largest standard deviation of a pad's force [N], or NaN if unknown
+
+    #: direction in which the contact slides on each pad, in the frame of that pad [rad], or NaN if no slide is known
     slides: tuple[float, float] = (math.nan, math.nan)
     is_whole: bool = True  #: True if all fields come from the same frame
 
@@ -87,12 +93,12 @@ class Touch(NamedTuple):
 
     @property
     def strongest(self) -> float:
-        """Force that the stronger pad reads [N]; NaN if no force is known."""
+        """Larger of the forces that the two pads read [N], or NaN if no force is known."""
         return max((pad.force for pad in self.pads if math.isfinite(pad.force)), default=math.nan)
 
     @property
     def weakest(self) -> float:
-        """Force that the weaker pad reads [N]."""
+        """Smaller of the forces that the two pads read [N]."""
         return min(pad.force for pad in self.pads)
 
     @property
@@ -101,7 +107,7 @@ class Touch(NamedTuple):
         return not (self.is_touched and any(pad.is_hidden or math.isnan(pad.force) for pad in self.pads))
 
     def most(self, edge_share: float) -> float:
-        """Return the highest force that the stronger pad may have [N].
+        """Return the highest force that may act on either pad [N].
 
         If the contact continues beyond a pad, the pad may read only ``edge_share`` of the force.
         """
@@ -116,10 +122,10 @@ class Touch(NamedTuple):
         return self.is_seen and now - self.acquired <= max_age
 
     def after(self, before: 'Touch') -> 'Touch':
-        """Return these readings if both pads are seen, and the readings ``before`` otherwise.
+        """Return these readings if both pads are seen, or else the readings ``before``.
 
-        A single frame with a lost CAN frame must not make the gripper blind. The readings ``before`` then keep their
-        own time, but a force that one pad reads now replaces its old force.
+        A single lost CAN frame must not make the gripper blind. If a pad is unseen, the readings ``before`` keep their
+        own time, but each force that a pad reads now replaces the old force of that pad.
         """
         if self.is_seen:
             return self
@@ -132,26 +138,27 @@ NO_TOUCH = Touch(-math.inf, False, GraspContact.NOT_KNOWN, (PadForce(), PadForce
 
 @dataclass(frozen=True)
 class TouchLimits:
-    """Limits of closing.
+    """Limits for closing the gripper.
 
     Raises
     ------
     ConfigurationError
-        If a limit is out of range, or if the overshoot at ``fast_speed`` exceeds ``touch_force``.
+        Raised if a limit is out of range, or if the overshoot at ``fast_speed`` exceeds ``touch_force``.
     """
 
-    widest: float = 0.08         #: opening of the open gripper [m]
+    widest: float = 0.08         #: jaw opening when the gripper is fully open [m]
     fast_speed: float = 0.02     #: speed of the opening until the first touch [m/s]
-    slow_speed: float = 0.005    #: speed after the first touch, or below the opening slow_from [m/s]
-    slow_from: float = 0.0       #: opening below which the gripper closes slowly [m]; 0 for none
-    touch_force: float = 2.0     #: force of the stronger pad for a goal without a force [N]
+    slow_speed: float = 0.005    #: speed after the first touch, or while the opening is below slow_from [m/s]
+    slow_from: float = 0.0       #: opening below which the gripper closes at slow_speed [m]; 0 to disable this
+    touch_force: float = 2.0     #: force limit for goals that give no force [N]
     highest_force: float = 20.0  #: highest force that a goal may request [N]
-    edge_share: float = 0.5      #: share of the force that a pad reads if the contact continues beyond the pad
-    #: largest travel for which the gripper continues with only one pad touched [m]; 0 to stop at once
+    edge_share: float = 0.5      #: smallest share of the force that a pad reads if the contact continues beyond the pad
+
+    #: largest distance that the gripper travels with only one pad touched [m]; 0 to stop immediately
     one_sided_travel: float = 0.02
     max_age: float = 0.15      #: largest age of the readings [s]
     latency: float = 0.06      #: time from a touch until the gripper stops [s]
-    stiffness: float = 1000.0  #: stiffness of pads and object: force per opening [N/m]
+    stiffness: float = 1000.0  #: stiffness of pads and object: force per change of opening [N/m]
 
     def __post_init__(self) -> None:
         positive = (self.widest, self.fast_speed, self.slow_speed, self.touch_force, self.highest_force,
@@ -167,10 +174,10 @@ class TouchLimits:
                 'fast_speed', expected=f'at most {self.fastest(self.touch_force):.3g} m/s, at which latency x speed x '
                 f'stiffness is the touch_force of {self.touch_force:g} N',
                 got=f'{self.fast_speed:g} m/s: {self.latency:g} s x {self.fast_speed:g} m/s x {self.stiffness:g} N/m '
-                f'= {self.overshoot(self.fast_speed):.3g} N', remedy='Close slower, or allow more force.')
+                f'= {self.overshoot(self.fast_speed):.3g} N', remedy='Close more slowly, or allow more force.')
 
     def overshoot(self, speed: float) -> float:
-        """Return the force that is added between a touch and the stop of the gripper [N]."""
+        """Return the force that builds up between a touch and the stop of the gripper [N]."""
         return self.latency * speed * self.stiffness
 
     def fastest(self, force: float) -> float:
@@ -179,11 +186,11 @@ class TouchLimits:
 
 
 class Goal(NamedTuple):
-    """The request of a client."""
+    """A client's request to move the gripper."""
 
     opening: float  #: [m]
     speed: float  #: speed of the opening until the first touch [m/s]
-    force: float  #: limit for the stronger pad [N]
+    force: float  #: limit for the larger of the two pad forces [N]
     until_touched: bool  #: True if the client gave no force, so that the gripper stops when both pads are touched
     speed_is_fixed: bool = False  #: True if the gripper does not accept a speed
 
@@ -194,25 +201,25 @@ class Goal(NamedTuple):
 
 def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *,
               speed_is_fixed: bool = False) -> Goal:
-    """Return the goal to close to an opening.
+    """Return a goal that closes the gripper to an opening.
 
     Parameters
     ----------
     opening : float
         Opening [m].
     speed : float
-        Speed until the first touch [m/s]; 0 if it is not given.
+        Speed until the first touch [m/s], or 0 if none is given.
     force : float
-        Limit for the stronger pad [N]; 0 if it is not given.
+        Limit for the larger of the two pad forces [N], or 0 if none is given.
     limits : TouchLimits
-        Limits of closing.
+        Limits for closing the gripper.
     speed_is_fixed : bool
         True if the gripper does not accept a speed and closes at ``limits.fast_speed``.
 
     Raises
     ------
     RefusedGoalError
-        If a number is out of range, or if the overshoot at the speed exceeds the force.
+        Raised if a number is out of range, or if the overshoot at the speed exceeds the force.
 
     Examples
     --------
@@ -229,7 +236,7 @@ def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *
         raise RefusedGoalError(
             'velocity', expected=f'at most {limits.fastest(goal.force):.3g} m/s for a force of {goal.force:g} N',
             got=f'{goal.speed:g} m/s: latency x speed x stiffness = {limits.overshoot(goal.speed):.3g} N',
-            remedy='Close slower, or allow more force.')
+            remedy='Close more slowly, or allow more force.')
     return goal
 
 
@@ -241,27 +248,27 @@ def check_number(name: str, value: float, low: float, high: float, unit: str) ->
 
 
 class Closing:
-    """One goal to close, from its start.
+    """A goal to close the gripper, and its progress since the start.
 
     Parameters
     ----------
     goal : Goal
         The goal.
     limits : TouchLimits
-        Limits of closing.
+        Limits for closing the gripper.
     now : float
         Time of the start [s].
     opening : float
-        Opening at the start [m]; NaN if it is not known.
+        Opening at the start [m], or NaN if unknown.
     """
 
     def __init__(self, goal: Goal, limits: TouchLimits, now: float, opening: float):
         self.goal, self._limits = goal, limits
         self._opening, self._looked = opening, now
-        self._has_begun = False    # True once the gripper was commanded to move
-        self._was_held = False     # True once both pads were touched
+        self._has_begun = False    # True once the gripper has been commanded to move
+        self._was_held = False     # True once both pads have been touched
         self._seen = now           # time at which the readings were last complete
-        self._waits = False        # True while the gripper rests because the readings are not complete
+        self._waits = False        # True while the gripper rests because the readings are incomplete
         self._seen_touched = now   # time at which a contact was last seen
         self._one_sided: float | None = None  # travel with only one pad touched [m]; None otherwise
         self._slow_speed = goal.slow_speed(limits)
@@ -276,7 +283,8 @@ class Closing:
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
         """Return the outcome that ends the goal, or None to continue at ``speed``.
 
-        A late or incomplete frame does not end a goal. The gripper waits at rest instead.
+        A late or incomplete frame does not end a goal. Until the readings are complete again, the gripper waits at
+        rest.
 
         Parameters
         ----------
@@ -285,9 +293,9 @@ class Closing:
         touch : Touch
             Latest readings of the pads.
         opening : float
-            Present opening [m]; NaN if it is not known.
+            Current opening [m], or NaN if unknown.
         is_still : bool
-            True if a gripper that was told to stop has stopped.
+            True if the gripper has stopped after a stop command.
         """
         if self._waits:
             self._deadline += now - self._looked
@@ -338,9 +346,9 @@ class Closing:
             self._one_sided = None
 
     def _travel(self, now: float, opening: float) -> float:
-        """Return how far the gripper has closed since the last look [m].
+        """Return how far the gripper has closed since the last call of `look` [m].
 
-        If the opening is not known, the commanded speed gives the travel.
+        If the opening is unknown, the travel is computed from the commanded speed.
         """
         is_known = math.isfinite(opening) and math.isfinite(self._opening)
         travel = self._opening - opening if is_known else self.speed * (now - self._looked)
@@ -357,23 +365,25 @@ class Closing:
 
 
 class Widening:
-    """One goal to open, regardless of the readings of the pads.
+    """A goal to open the gripper, even without readings of the pads.
+
+    If the pads do read a rising force, the goal ends.
 
     Parameters
     ----------
     goal : float
         Opening to reach [m].
     limits : TouchLimits
-        Limits of closing.
+        Limits for closing the gripper.
     now : float
         Time of the start [s].
     opening : float
-        Opening at the start [m]; NaN if it is not known.
+        Opening at the start [m], or NaN if unknown.
     """
 
     def __init__(self, goal: float, limits: TouchLimits, now: float, opening: float):
         self._limits = limits
-        self._force = math.nan  # force of the stronger pad at the first current reading [N]
+        self._force = math.nan  # larger of the pad forces at the first current reading [N]
         self._deadline = deadline(now, goal - (opening if math.isfinite(opening) else 0.0), self.speed)
 
     @property
@@ -382,7 +392,10 @@ class Widening:
         return self._limits.fast_speed
 
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
-        """Return the outcome that ends the goal, or None to continue; the parameters are those of `Closing.look`."""
+        """Return the outcome that ends the goal, or None to continue.
+
+        The parameters are those of `Closing.look`.
+        """
         if touch.is_current(now, self._limits.max_age):
             self._force = touch.strongest if math.isnan(self._force) else self._force
             if touch.strongest > self._force + self._limits.touch_force:
@@ -391,49 +404,54 @@ class Widening:
 
 
 class Rest:
-    """Checks that an opening has not changed for REST_TIME, starting at ``now`` [s]."""
+    """Checks from ``now`` [s] on whether the opening has stayed the same for REST_TIME."""
 
     def __init__(self, now: float):
         self._since, self._opening = now, math.nan
 
     def look(self, now: float, opening: float) -> bool:
-        """Return True if the gripper rests; an unknown ``opening`` (NaN) [m] counts as no change."""
+        """Return True if the gripper is at rest.
+
+        An unknown ``opening`` (NaN) [m] counts as unchanged.
+        """
         if math.isfinite(opening) and not abs(opening - self._opening) <= REST_CHANGE:
             self._since, self._opening = now, opening
         return now - self._since >= REST_TIME
 
 
 class Clearing:
-    """Waits until the gripper has answered and is at rest, before a goal closes it after a command in doubt.
+    """Waits until the gripper has answered and is at rest after a command with an uncertain end.
 
-    If a gripper refuses a cancel and never ends the command, it can count as at rest only if its opening is measured.
+    A new goal closes the gripper only after this wait.
+
+    A gripper that refuses a cancel and never ends the command counts as at rest only if its opening is measured.
 
     Parameters
     ----------
     now : float
         Time of the start [s].
     timeout : float
-        Time allowed for the answers to the cancels [s].
+        Time allowed for the gripper to answer the cancel requests [s].
     """
 
     def __init__(self, now: float, timeout: float):
         self._limit = now + timeout
-        self._rest: Rest | None = None  # None as long as there is no answer
+        self._rest: Rest | None = None  # None until the gripper has answered
         self.is_over = False
 
     def look(self, now: float, opening: float, *, is_answered: bool, is_ended: bool) -> Outcome | None:
-        """Return the reason why the goal cannot close, or None to continue.
+        """Return the reason why the goal cannot close the gripper, or None to continue.
 
         Parameters
         ----------
         now : float
             Time [s].
         opening : float
-            Present opening [m]; NaN if it is not known.
+            Current opening [m], or NaN if unknown.
         is_answered : bool
-            True if the gripper has answered each cancel.
+            True if the gripper has answered each cancel request.
         is_ended : bool
-            True if its answers confirm that each command has ended.
+            True if the gripper's answers confirm that each command has ended.
         """
         if self._rest is None and is_answered:
             self._rest = Rest(now)
@@ -449,8 +467,8 @@ def deadline(now: float, travel: float, speed: float) -> float:
 
     Parameters
     ----------
-    Time at which the gripper starts to move [s].
-        Time at which the gripper sets out [s].
+    now : float
+        Time at which the gripper starts to move [s].
     travel : float
         Travel [m].
     speed : float

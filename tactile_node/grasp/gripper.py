@@ -1,4 +1,4 @@
-"""Geometry of two opposing pads: from a point on a pad to the gripper's frame, and the line between two contacts."""
+"""Geometry of two opposing pads: convert points to the gripper frame, and find the line between two contacts."""
 
 import math
 from dataclasses import dataclass, field
@@ -12,10 +12,10 @@ from tactile_node.taxel_frame import read_only
 
 
 class Transform(NamedTuple):
-    """Pose of a frame in another frame."""
+    """Pose of one frame in another frame."""
 
-    rotation: np.ndarray     #: (3, 3), columns are the axes of the frame
-    translation: np.ndarray  #: (3,), origin of the frame [m]
+    rotation: np.ndarray     #: axes of the frame as columns, (3, 3)
+    translation: np.ndarray  #: origin of the frame, (3,) [m]
 
     def __matmul__(self, inner: 'Transform') -> 'Transform':
         return Transform(self.rotation @ inner.rotation, self.rotation @ inner.translation + self.translation)
@@ -29,28 +29,32 @@ IDENTITY_TRANSFORM = Transform(np.eye(3), np.zeros(3))
 
 
 class Placement(NamedTuple):
-    """Pose of a frame in another frame, with the time of its measurement."""
+    """Pose of one frame in another frame, with the time of the measurement."""
 
     transform: Transform
-    #: steady time at which the oldest transform between the frames was measured [s]; inf if all are static
+    #: steady-clock time at which the oldest transform between the frames was measured [s]; inf if all transforms are
+    #: static
     measured: float
 
 
 class FrameTree:
-    """The latest transform of each frame in its parent."""
+    """The latest transform from each frame to its parent."""
 
     def __init__(self) -> None:
-        self._edges: dict[str, tuple[str, Placement]] = {}  # parent, and the pose in it
+        self._edges: dict[str, tuple[str, Placement]] = {}  # parent of each frame, and the frame's pose in the parent
 
     def set(self, frame: str, parent: str, transform: Transform, measured: float = math.inf) -> None:
-        """Store the pose of ``frame`` in ``parent``, measured at a steady time [s]; inf for a static transform."""
+        """Store the pose of ``frame`` in ``parent``.
+
+        ``measured`` is the steady-clock time of the measurement [s], or inf for a static transform.
+        """
         self._edges[frame] = parent, Placement(transform, measured)
 
     def __len__(self) -> int:
         return len(self._edges)
 
     def find(self, frame: str, reference: str) -> Placement | None:
-        """Return the pose of ``frame`` in ``reference``, or None if no chain of transforms joins them."""
+        """Return the pose of ``frame`` in ``reference``, or None if no chain of transforms connects them."""
         of_frame, of_reference = self._ancestors(frame), self._ancestors(reference)
         common = next((name for name in of_frame if name in of_reference), None)
         if common is None:
@@ -75,7 +79,7 @@ class FrameTree:
 
 
 def rotation_matrix(x: float, y: float, z: float, w: float) -> np.ndarray:
-    """Return the rotation matrix, (3, 3), of a quaternion of any length above 0."""
+    """Return the rotation matrix, (3, 3), of a quaternion of any non-zero length."""
     x, y, z, w = np.array((x, y, z, w)) / math.hypot(x, y, z, w)
     return np.array(((1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
                      (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
@@ -84,24 +88,24 @@ def rotation_matrix(x: float, y: float, z: float, w: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class PadPose:
-    """Pose of a pad's frame in the gripper's frame when the gripper is closed (gap 0).
+    """Pose of a pad frame in the gripper frame while the gripper is closed (gap 0).
 
     Raises
     ------
     ConfigurationError
-        If ``xyz`` or ``rpy`` is not three finite numbers.
+        Raised if ``xyz`` or ``rpy`` is not three finite numbers.
     """
 
-    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: origin of the pad's frame: the centre of taxel (0, 0) [m]
-    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: roll, pitch, yaw, fixed axes (URDF, REP-103) [rad]
-    rotation: np.ndarray = field(init=False, repr=False, compare=False)  #: (3, 3), columns are the axes of the pad
-    origin: np.ndarray = field(init=False, repr=False, compare=False)  #: (3,), the same as xyz [m]
+    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: origin of the pad frame: the centre of taxel (0, 0) [m]
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: roll, pitch and yaw about fixed axes (URDF, REP-103) [rad]
+    rotation: np.ndarray = field(init=False, repr=False, compare=False)  #: axes of the pad as columns, (3, 3)
+    origin: np.ndarray = field(init=False, repr=False, compare=False)  #: ``xyz`` as an array, (3,) [m]
 
     def __post_init__(self) -> None:
         if len(self.xyz) != 3 or len(self.rpy) != 3 or not np.isfinite((self.xyz, self.rpy)).all():
             raise ConfigurationError(
                 'pose of a pad in the gripper frame', expected='three finite numbers each for xyz and rpy',
-                got=f'{self.xyz}, {self.rpy}', remedy='Take both from the URDF.')
+                got=f'{self.xyz}, {self.rpy}', remedy='Take xyz and rpy from the URDF.')
         (sr, sp, sy), (cr, cp, cy) = np.sin(self.rpy), np.cos(self.rpy)
         rotation = (np.array(((cy, -sy, 0), (sy, cy, 0), (0, 0, 1)))
                     @ np.array(((cp, 0, sp), (0, 1, 0), (-sp, 0, cp)))
@@ -111,16 +115,16 @@ class PadPose:
 
     @property
     def normal(self) -> np.ndarray:
-        """Direction out of the skin, in which this pad closes."""
+        """Unit vector that points out of the skin, in the direction in which the pad closes."""
         return self.rotation[:, 2]
 
     def place(self, point: tuple[float, float], gap: float) -> np.ndarray:
-        """Return a point of the pad in the gripper's frame, (3,) [m].
+        """Convert a point on the pad to the gripper frame, (3,) [m].
 
         Parameters
         ----------
         point : tuple of float
-            Point (x, y) in the pad's frame [m].
+            Point (x, y) in the pad frame [m].
         gap : float
             Opening of the gripper [m].
         """
@@ -136,7 +140,7 @@ class Gripper:
     Raises
     ------
     ConfigurationError
-        If the pads do not face each other.
+        Raised if the pads do not face each other.
     """
 
     left: PadPose = PadPose()
@@ -147,7 +151,7 @@ class Gripper:
             raise ConfigurationError(
                 'poses of the pads', expected='pads that face each other (z axes opposed)',
                 got=f'z axes {self.left.normal.round(3)} and {self.right.normal.round(3)}',
-                remedy='Check the rpy of both; z points out of each skin.')
+                remedy='Check the rpy of both pads. The z axis of each pad points out of its skin.')
 
     @cached_property
     def closing(self) -> np.ndarray:
@@ -167,15 +171,15 @@ Point = tuple[float, float]  # (x, y) on a pad, in the frame of the pad [m]
 
 
 class Line(NamedTuple):
-    """The line from the centre of the left contact to the centre of the right contact, in the gripper's frame.
+    """The line from the centre of the left contact to the centre of the right contact, in the gripper frame.
 
-    All fields but ``offset`` depend on the opening. They are NaN while it is not known.
+    All fields except ``offset`` depend on the opening, and are NaN while the opening is unknown.
     """
 
-    left: np.ndarray     #: (3,), centre of the left contact [m]
-    right: np.ndarray    #: (3,), centre of the right contact [m]
+    left: np.ndarray     #: centre of the left contact, (3,) [m]
+    right: np.ndarray    #: centre of the right contact, (3,) [m]
     width: float         #: length of the line [m]
-    offset: float        #: distance of the two centres across the closing direction [m]
+    offset: float        #: distance between the two centres across the closing direction [m]
     misalignment: float  #: angle between the line and the closing direction [rad]
 
     @property
@@ -184,14 +188,14 @@ class Line(NamedTuple):
 
     @property
     def axis(self) -> np.ndarray:
-        """Unit vector from left to right; NaN if both points are the same."""
+        """Unit vector from the left centre to the right centre, or NaN if both centres coincide."""
         return (self.right - self.left) / self.width if self.width else np.full(3, np.nan)
 
 
 def contact_line(gripper: Gripper, left_centre: Point, right_centre: Point, gap: float) -> Line:
     """Return the line between the contacts of both pads.
 
-    The offset does not depend on the opening. Each pad moves along its own normal, so both pads together change only
+    The offset does not depend on the opening. Each pad moves along its own normal, so opening the gripper changes only
     the distance along the closing direction.
 
     Parameters
@@ -201,7 +205,7 @@ def contact_line(gripper: Gripper, left_centre: Point, right_centre: Point, gap:
     left_centre, right_centre : tuple of float
         Centre of each contact in the frame of its pad [m].
     gap : float
-        Opening of the gripper [m]; NaN if it is not known.
+        Opening of the gripper [m], or NaN if unknown.
     """
     left, right = gripper.left.place(left_centre, 0.0), gripper.right.place(right_centre, 0.0)
     closing = gripper.closing

@@ -1,6 +1,7 @@
-"""The object between two pads, from the reports of both pads about its faces.
+"""Combine the reports of two pads about their contacts into one description of the object between the pads.
 
-Both faces of a held object usually have the same shape, seen from opposite sides. The right pad sees it mirrored.
+Both faces of a held object usually have the same shape. The two pads see the faces from opposite sides, so the right
+pad sees the shape mirrored.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,24 +15,28 @@ from tactile_node.shape.recognition import Shape
 
 #: Prior probability that both faces have the same class. A parallel gripper usually closes on opposite faces of prisms,
 #: bars, rods and plates, whose faces are alike. The remaining probability allows for wedges, handles and lids. The
-#: value is assumed, not measured. If both sides are sure (0.99) of one class, or of two different classes, the answer
-#: is the same with 0.5 and with 0.99.
+#: value is assumed, not measured. If both sides report the same class, or two different classes, with a probability of
+#: 0.99, then a prior of 0.5 and a prior of 0.99 lead to the same class.
 SAME_FACES = 0.9
-#: Probability above which a class is reported, because it is then more probable than all others together.
+#: Probability above which a class is reported, because the class is then more probable than all others together.
 LEAST_PROBABILITY = 0.5
-#: Largest difference of two angles of one object [standard deviations]; the errors are not quite normal.
+#: Largest difference between two angles of one object [standard deviations]. The limit is high because the errors are
+#: not quite normally distributed.
 MOST_DEVIATIONS = 5.0
-#: Angles that differ by less than this do not contradict each other [rad]. Such a difference comes from errors in the
-#: poses of the pads, which the standard deviations do not contain.
+#: Angles that differ by less than this do not contradict each other [rad]. Such a small difference can come from errors
+#: in the poses of the pads, which the standard deviations do not include.
 LEAST_CONTRADICTION = radians(5)
 NO_CLASSES = (Shape.NONE.value, Shape.UNKNOWN.value)
 
 
 class FaceFit(NamedTuple):
-    """The outline of a face, fitted on its pad; angle, symmetry, handedness, names and bounds as in ContactShape."""
+    """The outline of a face, as fitted on its pad.
 
-    angle: float     #: angle of the shape's own x axis, positive from x to y of the pad [rad]
-    angle_sd: float  #: above 0 [rad]; inf if the shape has no angle
+    The angle, symmetry, handedness, names and bounds are defined as in ContactShape.msg.
+    """
+
+    angle: float     #: angle of the shape's own x axis, positive from the x axis to the y axis of the pad [rad]
+    angle_sd: float  #: standard deviation of the angle, above 0 [rad]; inf if the shape has no angle
     symmetry: int
     handedness: int
     dimension_names: tuple[str, ...]
@@ -41,21 +46,24 @@ class FaceFit(NamedTuple):
 
 
 class Face(NamedTuple):
-    """The report of one pad about its contact; NaN if a value is not known."""
+    """The report of one pad about its contact, with NaN for unknown values."""
 
     class_name: str                     #: class of ``fit``
-    probabilities: Mapping[str, float]  #: by name of class, including none and unknown; the sum is 1
-    centre: Point                       #: in the pad's frame [m]
+    probabilities: Mapping[str, float]  #: probability of each class by name, including none and unknown; the sum is 1
+    centre: Point                       #: in the pad frame [m]
     centre_sd: float                    #: standard deviation along each axis [m]
     fit: FaceFit | None
     force: float     #: [N]
-    force_sd: float  #: [N]; also NaN if the noise of the taxels is not known
+    force_sd: float  #: standard deviation of the force [N]; NaN if the noise of the taxels is unknown
     force_is_bound: bool = False
-    slope: Point = (nan, nan)  #: slope of the pressures along x and y of the pad [Pa/m]
+    slope: Point = (nan, nan)  #: pressure gradient along x and y of the pad [Pa/m]
 
 
 class HeldObject(NamedTuple):
-    """The object that both pads hold. By default nothing is known about it. The fields are those of Grasp.msg."""
+    """The object that both pads hold.
+
+    By default, all properties of the object are unknown. The fields are those of Grasp.msg.
+    """
 
     class_name: str = Shape.UNKNOWN.value
     confidence: float = 0.0
@@ -76,7 +84,7 @@ class HeldObject(NamedTuple):
 
 
 class _Turn(NamedTuple):
-    """Rotation of one face as the left pad sees it."""
+    """Rotation of one face, as seen from the left pad."""
 
     symmetry: int
     angle: float
@@ -85,9 +93,9 @@ class _Turn(NamedTuple):
 
 
 def held_object(left: Face, right: Face, gripper: Gripper) -> HeldObject:
-    """Return the object that both faces belong to.
+    """Return the object to which both faces belong.
 
-    If neither face has a fit of the common class, size and yaw are not known.
+    If neither face has a fit of the common class, the size and yaw of the object are unknown.
 
     Parameters
     ----------
@@ -119,8 +127,8 @@ def held_object(left: Face, right: Face, gripper: Gripper) -> HeldObject:
 def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple[str, float]:
     """Return the most probable class of both faces, and the probability that both faces have it.
 
-    If both faces have known classes, they have the same class with the probability SAME_FACES, and all classes are
-    equally likely. If a side gives some probability to none or unknown, only the rest remains for a class.
+    The prior assumes that both faces have the same class with the probability SAME_FACES, and that all classes are
+    equally likely. Probability that a side gives to none or unknown counts for no class.
 
     Parameters
     ----------
@@ -130,7 +138,7 @@ def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple
     Returns
     -------
     name : str
-        The class; UNKNOWN if its probability is at most 0.5.
+        The class, or UNKNOWN if its probability is at most 0.5.
     probability : float
         Probability that both faces have this class.
     """
@@ -147,7 +155,10 @@ def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple
 
 
 def _centre(left: Point, right: Point, gripper: Gripper) -> Point:
-    """Return the midpoint, as in `HeldObject.centre`; the opening moves it only along the closing direction."""
+    """Return the midpoint of both centres for `HeldObject.centre`.
+
+    The opening moves the midpoint only along the closing direction, so the opening is not needed.
+    """
     middle = (gripper.left.place(left, 0.0) + gripper.right.place(right, 0.0)) / 2
     x, y = gripper.across @ (middle - gripper.left.origin)
     return float(x), float(y)
@@ -156,7 +167,8 @@ def _centre(left: Point, right: Point, gripper: Gripper) -> Point:
 def _lean(left: Face, right: Face, gripper: Gripper) -> Point:
     """Return `HeldObject.lean`.
 
-    A slope that both pads feel in the same way does not come from a rotation of the gripper, so it cancels out.
+    A pressure gradient that is the same on both pads does not come from a rotation of the gripper, so such a gradient
+    cancels out.
     """
     rise = gripper.left.rotation[:, :2] @ left.slope - gripper.right.rotation[:, :2] @ right.slope
     x, y = gripper.across @ rise / 2
@@ -164,7 +176,7 @@ def _lean(left: Face, right: Face, gripper: Gripper) -> Point:
 
 
 def _sized(held: HeldObject, fits: Sequence[FaceFit]) -> HeldObject:
-    """Return the object with the sizes of ``fits``, all of the object's class."""
+    """Return the object with the sizes from ``fits``, which are all of the object's class."""
     names = fits[0].dimension_names
     of_each = zip(*(zip(fit.dimensions, fit.dimension_sds, fit.dimension_is_bound)
                     for fit in fits if fit.dimension_names == names))
@@ -173,19 +185,19 @@ def _sized(held: HeldObject, fits: Sequence[FaceFit]) -> HeldObject:
 
 
 def _size(seen: Sequence[tuple[float, float, bool]]) -> tuple[float, float, bool]:
-    """Return one size, its deviation, and True if it is a bound, from the sizes that each side reports.
+    """Combine the sizes that each side reports into one size, its standard deviation, and a flag for a bound.
 
-    A bound is used only if both sides report bounds; the larger one then counts.
+    A bound is used only if every reported size is a bound. The largest bound is then returned.
     """
     whole = [(size, sd) for size, sd, is_bound in seen if not is_bound]
     return (*_mean(whole), False) if whole else max(seen)
 
 
 def _turn(fit: FaceFit, pad: PadPose, side: int, gripper: Gripper) -> _Turn:
-    """Return the rotation of a face; ``side`` is 1 for the left pad and -1 for the right pad.
+    """Return the rotation of a face.
 
-    In a mirrored view, the x axis of an outline with a handedness stays where it was. For any other outline, which is
-    its own mirror image, the y axis stays.
+    ``side`` is 1 for the left pad and -1 for the right pad. In a mirrored view, an outline with a handedness keeps the
+    direction of its x axis. Any other outline is its own mirror image and keeps the direction of its y axis.
     """
     quarter = 0.0 if fit.handedness else pi / 2
     x, y = gripper.across @ (pad.rotation[:, :2] @ (cos(fit.angle + quarter), sin(fit.angle + quarter)))
@@ -193,9 +205,10 @@ def _turn(fit: FaceFit, pad: PadPose, side: int, gripper: Gripper) -> _Turn:
 
 
 def _turned(held: HeldObject, turns: Sequence[_Turn]) -> HeldObject:
-    """Return the object with its yaw, unless the sides contradict each other.
+    """Return the object with its yaw, unless the two sides contradict each other.
 
-    If a side knows the apex, its rotation decides which of the equivalent rotations is meant.
+    If one side has identified the apex, the rotation on that side determines which of the equivalent rotations is
+    correct.
     """
     base = min(turns)
     held = held._replace(symmetry=base.symmetry)
@@ -212,8 +225,8 @@ def _turned(held: HeldObject, turns: Sequence[_Turn]) -> HeldObject:
 def _mean(values: Sequence[tuple[float, float]]) -> tuple[float, float]:
     """Return the weighted mean of values and its standard deviation.
 
-    ``values`` come with their standard deviations; the weights are 1 / variance. If the values differ by more than
-    their deviations explain, the Birge ratio enlarges the standard deviation of the mean.
+    ``values`` holds pairs of a value and its standard deviation. The weights are 1 / variance. If the values differ by
+    more than their standard deviations explain, the Birge ratio enlarges the standard deviation of the mean.
     """
     weights = [sd**-2 for _, sd in values]
     mean = sum(weight * value for weight, (value, _) in zip(weights, values)) / sum(weights)

@@ -1,14 +1,15 @@
-"""Hold an object with a force after closing: when to press harder, when to ease off, and when to end.
+"""Hold an object with a force after closing, and decide when to press harder, to ease off and to end the hold.
 
-The module is pure: its callers pass the time. The rules of trust are those of closing.py. The decision to press harder
-uses the highest force that the readings allow, and the decision to ease off uses the lowest one. The gripper rests as
-long as the force is not known.
+The module reads no clock; its callers pass the time. Readings are trusted by the same rules as in closing.py. The
+decision to press harder uses the highest force that the readings allow, and the decision to ease off uses the lowest
+force. The gripper rests while the force is unknown.
 
-A correction begins if both pads read more than a deadband D away from the force, and ends at the force. It overshoots
-by the travel until the gripper stops, and by one step of the gripper: at most stiffness x (latency x speed +
-gripper_step). Let n be the largest error of a reading. Two readings together are wrong by at most 2 n. With D =
-overshoot + 2 n, the next reading is at most D beyond the force. No correction therefore causes the opposite correction.
-The gripper presses again only if a reading is D below the force.
+A correction begins if the readings of both pads differ from the target force by more than a deadband D. The correction
+ends at the target force. The overshoot of a correction has two causes: the travel until the gripper stops, and one step
+of the gripper. The overshoot is at most stiffness x (latency x speed + gripper_step). Let n be the largest error of a
+reading, so that two readings together are wrong by at most 2 n. With D = overshoot + 2 n, the next reading is at most D
+beyond the target force. No correction therefore causes the opposite correction. The gripper presses again only if a
+reading is D below the target force.
 """
 
 import math
@@ -20,26 +21,27 @@ from tactile_node.grasp.tracker import GraspContact
 
 NOISE_CERTAINTY = 4.0  #: Largest error of a reading [standard deviations].
 BLIND_TIME = 1.0       #: Time without a known force after which the hold ends [s].
-SLIDE_PAUSE = 1.0      #: Time between two reactions to sliding [s].
-#: Time for which a slide in one direction must be reported before the hold reacts [s]. It consists of 0.2 s of sliding
-#: and of 0.3 s by which a report outlasts the slide (pose/track.py). On a shaken hand the object sways in the soft skin
-#: and returns.
+SLIDE_PAUSE = 1.0      #: Shortest time between two reactions to sliding [s].
+
+#: Time for which a slide in one direction must be reported before the hold reacts [s]. This time consists of 0.2 s of
+#: sliding and of 0.3 s for which a report outlasts the slide (pose/track.py). A shorter slide may be sway: on a shaken
+#: hand, the object sways in the soft skin and returns.
 SWAY_TIME = 0.5
 
 
 @dataclass(frozen=True)
 class HoldLimits:
-    """Limits of holding.
+    """Limits for holding an object.
 
     Raises
     ------
     ConfigurationError
-        If a limit is out of range.
+        Raised if a limit is out of range.
     """
 
     gripper_step: float = 1e-4     #: smallest change of the opening that the gripper makes [m]
-    hold_travel: float = 0.005     #: largest travel of all corrections together [m]
-    slide_force_step: float = 0.0  #: step by which the force rises if the object slides [N]; 0 for no reaction
+    hold_travel: float = 0.005     #: largest total travel of all corrections [m]
+    slide_force_step: float = 0.0  #: step by which the force is raised if the object slides [N]; 0 to disable this
 
     def __post_init__(self) -> None:
         if not (0 < self.gripper_step < math.inf and 0 < self.hold_travel < math.inf
@@ -50,45 +52,45 @@ class HoldLimits:
 
 
 class Holding:
-    """The hold after a goal, with the force of this goal.
+    """Holds an object after a goal, with the force of that goal.
 
     Parameters
     ----------
     goal : Goal
         The goal that has ended.
     limits : TouchLimits
-        Limits of closing.
+        Limits for closing the gripper.
     hold : HoldLimits
-        Limits of holding.
+        Limits for holding an object.
     now : float
         Time of the start [s].
     opening : float
-        Opening at the start [m]; NaN if it is not known.
+        Opening at the start [m], or NaN if unknown.
     """
 
     def __init__(self, goal: Goal, limits: TouchLimits, hold: HoldLimits, now: float, opening: float):
         self._goal, self._limits, self._hold, self._first = goal, limits, hold, opening
         self.force = goal.force  #: force to keep [N]
         self.target = opening    #: opening to which the gripper moves [m]
-        self.speed = 0.0         #: speed of this movement [m/s]; 0 while the gripper rests
-        self.eases = False       #: True if the present or latest correction opens the gripper
+        self.speed = 0.0         #: speed of the movement to ``target`` [m/s]; 0 while the gripper rests
+        self.eases = False       #: True if the current or latest correction opens the gripper
         self._slow = goal.slow_speed(limits)
         self._rested = self._known = self._held = now
-        self._begun, self._begun_opening = now, opening  # start of the present correction
+        self._begun, self._begun_opening = now, opening  # start of the current correction
         self._noise = 0.0           # largest error of a reading [N]
         self._used = 0.0            # travel of all earlier corrections [m]
         self._answered = -math.inf  # time of the latest reaction to sliding
-        self._slides = math.nan, math.nan  # directions at the beginning of the present slide
-        self._slid_since = now      # beginning of the present slide
+        self._slides = math.nan, math.nan  # directions at the beginning of the current slide
+        self._slid_since = now      # beginning of the current slide
 
     @property
     def deadband(self) -> float:
-        """Deviation from the force at which a correction begins [N]."""
+        """Deviation from the target force at which a correction begins [N]."""
         step = self._limits.stiffness * self._hold.gripper_step
         return step + self._limits.overshoot(self._slow) + 2 * self._noise
 
     def look(self, now: float, touch: Touch, opening: float, *, is_still: bool) -> Outcome | None:
-        """Return the outcome that ends the hold, or None to move on to ``target`` at ``speed``.
+        """Return the outcome that ends the hold, or None to continue to ``target`` at ``speed``.
 
         Parameters
         ----------
@@ -97,9 +99,9 @@ class Holding:
         touch : Touch
             Latest readings of the pads.
         opening : float
-            Present opening [m]; NaN if it is not known.
+            Current opening [m], or NaN if unknown.
         is_still : bool
-            True if the gripper has confirmed that it rests.
+            True if the gripper has confirmed that it is at rest.
         """
         is_seen = touch.is_current(now, self._limits.max_age)
         if is_seen:
@@ -128,7 +130,7 @@ class Holding:
     def _follow_slide(self, now: float, touch: Touch) -> None:
         """Store the time at which a slide in one direction began.
 
-        The stored time is set to now if the object does not slide, or if it slides in another direction on both pads.
+        The stored time is reset to ``now`` if the object does not slide, or if the direction has changed on both pads.
         """
         if any(math.cos(first - last) > 0 for first, last in zip(self._slides, touch.slides)):
             left, right = (last if math.isnan(first) else first for first, last in zip(self._slides, touch.slides))
@@ -144,9 +146,10 @@ class Holding:
         return Outcome.HOLD_ENDED if self._used + self._travelled(now, opening) >= self._hold.hold_travel else None
 
     def _travelled(self, now: float, opening: float) -> float:
-        """Return the travel of the present correction [m], commanded or measured, whichever is larger.
+        """Return the commanded or measured travel of the current correction, whichever is larger [m].
 
-        A hold therefore also ends if the gripper presses without moving, or if it moves back whenever it is stopped.
+        A hold therefore also ends if the gripper presses without moving, or if the gripper moves back whenever it is
+        stopped.
         """
         return max(self.speed * (now - self._begun), abs(self._begun_opening - opening)) if self.speed else 0.0
 
@@ -170,12 +173,13 @@ class Holding:
         elif excess > self.deadband and math.isfinite(opening):
             target = opening + excess / self._limits.stiffness
             if touch.strongest <= self._limits.highest_force:
-                target = min(self._first, target)  # in this order, NaN if the first opening is not known
+                # NaN comes first, so that the result is NaN if the first opening is unknown
+                target = min(self._first, target)
             if target >= opening + self._hold.gripper_step:
                 self.target, self.speed, self.eases = target, self._slow, True
 
     def _answers(self, now: float) -> bool:
-        """Raise the force if the object has slid in one direction for long enough, and return True if it was raised."""
+        """Raise the force if the object has slid in one direction for long enough, and return True if so."""
         raised = min(self.force + self._hold.slide_force_step, self._limits.highest_force)
         if now - self._slid_since < SWAY_TIME or raised <= self.force or now - self._answered < SLIDE_PAUSE:
             return False

@@ -1,4 +1,4 @@
-"""The opening of the gripper: the latest value from a source, as long as it is not too old."""
+"""Provide the gripper's opening: the latest value from one source, unless the value is too old."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from tactile_node.errors import ConfigurationError
 
 
 class GapSource(IntEnum):
-    """Source of an opening. The codes are stable (Grasp.msg mirrors them)."""
+    """Source of an opening. Grasp.msg uses the same numbers, which must not change."""
 
     NOT_KNOWN = 0
     PARAMETER = 1
@@ -24,18 +24,19 @@ class Opening(NamedTuple):
     """
 
     gap: float = math.nan                    #: [m]
-    source: GapSource = GapSource.NOT_KNOWN  #: source of the latest value; NOT_KNOWN if there was none
-    age: float = math.inf                    #: age of the latest value, on a steady clock [s]; inf if it is not known
+    source: GapSource = GapSource.NOT_KNOWN  #: source of the latest value; NOT_KNOWN if there was no value
+    age: float = math.inf                    #: age of the latest value on a steady clock [s], or inf if unknown
 
 
 UNKNOWN_OPENING = Opening()  #: Opening of a gripper without a source, or of a source without a value.
 
-LOWEST_GAP = -0.01  #: Smallest plausible opening [m]; two skins pressed into each other are slightly below 0.
-HIGHEST_GAP = 1.0   #: Largest plausible opening [m]; no gripper opens wider.
+#: Smallest plausible opening [m]. Two skins that are pressed into each other have an opening below 0.
+LOWEST_GAP = -0.01
+HIGHEST_GAP = 1.0   #: Largest plausible opening [m].
 
 
 def is_plausible(gap: float) -> bool:
-    """Return True if a gripper can be open by ``gap`` [m]; False for NaN.
+    """Return True if ``gap`` [m] is a plausible opening, and False for NaN.
 
     A scale with a wrong sign or unit usually leads to an implausible opening.
     """
@@ -44,7 +45,7 @@ def is_plausible(gap: float) -> bool:
 
 @dataclass(frozen=True)
 class LinearGap:
-    """gap = offset + scale * reading, where the reading is a sum of joint positions or a distance.
+    """Converts a reading, which is a sum of joint positions or a distance: gap = offset + scale * reading.
 
     >>> round(LinearGap(offset=0.085, scale=-0.1).gap(0.8), 6)  # a knuckle joint that closes as its angle rises
     0.005
@@ -56,7 +57,7 @@ class LinearGap:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.offset) and math.isfinite(self.scale) and self.scale):
             raise ConfigurationError(
-                'opening from a reading', expected='finite offset and scale, scale not 0',
+                'opening from a reading', expected='a finite offset, and a finite scale other than 0',
                 got=f'offset {self.offset}, scale {self.scale}',
                 remedy='Use a negative scale if the gripper closes as the reading rises.')
 
@@ -70,7 +71,7 @@ class LinearGap:
 class LatestGap:
     """Holds the latest value of one source.
 
-    All times are steady times [s], so that a jump of the wall clock has no effect.
+    All times come from a steady clock [s], so that a jump of the wall clock has no effect.
 
     Parameters
     ----------
@@ -90,17 +91,17 @@ class LatestGap:
         self._measured = math.nan
 
     def set(self, gap: float, measured: float) -> None:
-        """Store a value measured at the time ``measured``; NaN withdraws the previous value."""
+        """Store a value that was measured at the time ``measured``. A value of NaN withdraws the previous value."""
         self._gap = gap
         self._measured = measured
 
     def current(self, now: float) -> Opening:
-        """Return the opening at ``now``; its gap is NaN if the latest value is too old."""
+        """Return the opening at ``now``, with NaN as its gap if the latest value is too old."""
         if math.isnan(self._gap):
             return UNKNOWN_OPENING
         return opening(self._gap, self._source, max(0.0, now - self._measured), self._max_age)
 
 
 def opening(gap: float, source: GapSource, age: float, max_age: float) -> Opening:
-    """Return the opening; its gap is NaN if it is older than ``max_age`` [s]."""
+    """Return an opening, with NaN as its gap if ``age`` exceeds ``max_age`` [s]."""
     return Opening(gap if age <= max_age else math.nan, source, age)

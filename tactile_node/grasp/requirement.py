@@ -1,4 +1,4 @@
-"""Requirements on a grasp, and the parts of a requirement that do not hold for the state at one time."""
+"""Requirements on a grasp, and a check of which parts of a requirement a grasp does not meet."""
 
 import math
 from collections.abc import Iterator
@@ -11,17 +11,17 @@ from tactile_node.grasp.gripper import Line
 from tactile_node.grasp.tracker import GraspContact, GraspState
 from tactile_node.shape.recognition import Shape
 
-MOST_REQUIRED = 100  #: Largest number of shapes in one requirement; there are far fewer classes.
+MOST_REQUIRED = 100  #: Largest number of shapes in one requirement. There are far fewer classes.
 NO_SHAPES = ('', Shape.NONE.value, Shape.UNKNOWN.value)
 
 
 class Missing(IntEnum):
-    """Part of a requirement that does not hold (RequirementState.msg mirrors these numbers)."""
+    """Part of a requirement that is not met. RequirementState.msg uses the same numbers."""
 
     NOT_KNOWN = 0        #: not evaluated
     NOTHING = 1
     NO_RESULT = 2   #: a side has no result yet
-    UNSEEN = 3      #: a side is hidden, silent or too old
+    UNSEEN = 3      #: a side is hidden, or its results are missing or too old
     NO_CONTACT = 4  #: both pads are seen and empty
     ONE_SIDED = 5
     NOT_FRESH = 6  #: the acquisitions of both sides are too far apart in time
@@ -29,7 +29,7 @@ class Missing(IntEnum):
     NOT_STABLE = 8
     HELD_TOO_SHORT = 9
     OTHER_SHAPE = 10
-    UNSURE = 11  #: the confidence is lower than required, or the shape is not known
+    UNSURE = 11  #: the confidence is lower than required, or the shape is unknown
     WIDTH_NOT_KNOWN = 12
     OTHER_WIDTH = 13
     OFFSET_NOT_KNOWN = 14
@@ -38,7 +38,7 @@ class Missing(IntEnum):
     MISALIGNED = 17
 
 
-#: Missing part for each state of contact; nothing is missing if the contact is TWO_SIDED.
+#: Code of the unmet part for each state of contact except TWO_SIDED, for which no part is unmet.
 CONTACT_MISSING = {GraspContact.NOT_KNOWN: Missing.NO_RESULT, GraspContact.UNSEEN: Missing.UNSEEN,
                    GraspContact.NO_CONTACT: Missing.NO_CONTACT, GraspContact.ONE_SIDED: Missing.ONE_SIDED}
 
@@ -52,17 +52,17 @@ class SideShape(NamedTuple):
 
 @dataclass(frozen=True)
 class Requirement:
-    """A grasp that is fresh, two-sided and stable, and within all of these limits. A limit of 0 has no effect.
+    """Limits for a grasp, which must also be fresh, two-sided and stable. A limit of 0 has no effect.
 
     Raises
     ------
     RefusedRequirementError
-        If a limit is NaN, infinite or below 0, a confidence is above 1, or a shape cannot be required.
+        Raised if a limit is NaN, infinite or below 0, a confidence is above 1, or a shape cannot be required.
     """
 
-    shapes: frozenset[str] = frozenset()  #: names of classes; both sides must report one of them; empty for any
-    min_confidence: float = 0.0           #: smallest confidence of either side
-    min_held: float = 0.0                 #: smallest time for which the grasp has held [s]
+    shapes: frozenset[str] = frozenset()  #: classes of which both sides must report one; empty for any
+    min_confidence: float = 0.0           #: smallest confidence that each side must have
+    min_held: float = 0.0                 #: shortest time for which the grasp must have held [s]
     min_width: float = 0.0                #: smallest distance between the contacts [m]
     max_width: float = 0.0                #: largest distance between the contacts [m]
     max_offset: float = 0.0               #: largest offset of the contacts across the closing direction [m]
@@ -88,7 +88,7 @@ class Requirement:
 
 
 def missing(requirement: Requirement, state: GraspState, sides: tuple[SideShape, SideShape]) -> tuple[Missing, ...]:
-    """Return the parts of a requirement that are known not to hold, in the order of `Missing`; () if all parts hold.
+    """Return the parts of a requirement that are not met, in the order of `Missing`, or () if all parts are met.
 
     Parameters
     ----------
@@ -131,7 +131,10 @@ def _wrong_shape(requirement: Requirement, sides: tuple[SideShape, SideShape]) -
 
 
 def _wrong_line(requirement: Requirement, line: Line | None) -> Iterator[Missing]:
-    """Yield the parts that do not hold. An unknown value is neither met nor unmet, so it has its own codes."""
+    """Yield the limits of the line that are not met.
+
+    An unknown value neither meets nor violates a limit, so unknown values have their own codes.
+    """
     width, offset, misalignment = (line.width, line.offset, line.misalignment) if line else (math.nan,) * 3
     for value, least, most, not_known, wrong in (
             (width, requirement.min_width, requirement.max_width, Missing.WIDTH_NOT_KNOWN, Missing.OTHER_WIDTH),

@@ -1,19 +1,22 @@
-"""Decide whether a contact is at rest, although its centre is measured with noise and in steps.
+"""Decide whether a contact is at rest, from a centre that is measured with noise and in discrete steps.
 
-A straight line is fitted to the centres since the hold began, at most to the last `WINDOW_TIMES` resolution times. One
-resolution time is the time in which a creep of ``max_creep`` moves by the resolution. The slope of the line is the
-speed. Its error is at most the sum of two parts: `SPEED_CERTAINTY` standard deviations of the noise, which the scatter
-around the line shows, and 1.5 resolution / length. An error within ± resolution / 2 cannot tilt a line by more than the
-second part. A speed is therefore a range, and two limits decide:
+A straight line is fitted to the centres since the hold began, but at most to the centres of the last `WINDOW_TIMES`
+resolution times. One resolution time is the time in which a creep of ``max_creep`` covers the resolution. The slope of
+the line is the speed. The error of the speed is at most the sum of two parts. The first part is `SPEED_CERTAINTY`
+standard deviations of the noise, which is estimated from the scatter around the line. The second part is 1.5 resolution
+/ length, because an error within ± resolution / 2 cannot tilt a line by more than this. The true speed therefore lies
+within a range, which is compared with limits:
 
-- A centre rests once the whole range is below ``max_creep``. A steady creep of ``max_creep`` therefore never rests.
-- A centre no longer rests once the whole range is above `KEPT_CREEP` x ``max_creep``. A creep of a tenth of
-  ``max_creep`` therefore keeps resting.
-- A sudden move ends the rest at once. A move is sudden if its distance from the line exceeds the tolerance and also
-  exceeds what noise and resolution explain.
+- A centre counts as resting once the whole range is below ``max_creep``. A centre that creeps steadily at ``max_creep``
+  therefore never counts as resting.
+- A centre no longer counts as resting once the whole range is above `KEPT_CREEP` x ``max_creep``. A creep of a tenth of
+  ``max_creep`` therefore never ends a rest.
+- A sudden move ends the rest immediately. A move is sudden if its distance from the line exceeds both the tolerance and
+  the distance that noise and resolution explain.
 
-The decision takes time: at least 1.5 resolution / max_creep. A fit rests after 0.7 s on pads with a pitch of 2 mm and
-after 1.7 s with a pitch of 5 mm. With a noise of 0.05 pitch, it takes 1.4 s and 2.7 s. On/off taxels need 7 s and 17 s.
+The decision takes at least 1.5 resolution / max_creep. The centre of a fit counts as resting after 0.7 s on pads with a
+pitch of 2 mm, and after 1.7 s with a pitch of 5 mm. With a noise of 0.05 pitch, the decision takes 1.4 s for a pitch of
+2 mm and 2.7 s for 5 mm. With on/off taxels, the decision takes 7 s for a pitch of 2 mm and 17 s for 5 mm.
 """
 
 import math
@@ -25,31 +28,35 @@ import numpy as np
 from tactile_node.errors import ConfigurationError
 
 SPEED_CERTAINTY = 5.0  #: Largest error of a speed due to noise [standard deviations].
-#: Largest error of a single centre [standard deviations]; the value is high because thousands of centres are tested.
+
+#: Largest error of a single centre [standard deviations]. The value is high because thousands of centres are tested.
 SLIP_CERTAINTY = 6.0
-#: Largest slope x length of an error within ±1/2: half of the window is low, and half of it is high.
+#: Largest slope x length that an error within ±1/2 can cause. In this worst case, the error is -1/2 in one half of the
+#: window and +1/2 in the other half.
 SYSTEMATIC_SLOPE = 1.5
-KEPT_CREEP = 0.4  #: Share of max_creep above which a centre no longer rests.
-#: Length of the window [resolution times]. The window is so long that a creep of max_creep exceeds `KEPT_CREEP`,
+KEPT_CREEP = 0.4  #: Share of max_creep above which a centre no longer counts as resting.
+
+#: Length of the window [resolution times]. The window is long enough for a creep of max_creep to exceed `KEPT_CREEP`,
 #: whatever the error within the resolution.
 WINDOW_TIMES = 9.0
-SHORTEST_WINDOW = 3.0  #: Shortest window, for any resolution [s]; noise needs time, too.
-FEWEST_CENTRES = 8     #: Smallest number of centres that show their noise.
-#: Time by which a stamp may go backwards [s], for example because a smaller least delay of a path was found.
+SHORTEST_WINDOW = 3.0  #: Shortest window for any resolution [s], because averaging the noise also takes time.
+FEWEST_CENTRES = 8     #: Smallest number of centres from which the noise is estimated.
+
+#: Time by which a stamp may go backwards [s], for example because a smaller minimum delay was found.
 BACK_STEP = 0.02
 
-# The resolution is the error of a moving contact's centre besides its noise, peak to peak [pitches]. It was measured on
-# synthetic contacts of all classes (test/test_steadiness.py).
+# The resolution is the peak-to-peak error of a moving contact's centre, apart from noise [pitches]. The resolutions
+# were measured on synthetic contacts of all classes (test/test_steadiness.py).
 FIT_RESOLUTION = 0.1       #: centre of a fit
 PRESSURE_RESOLUTION = 0.5  #: centre of pressure, which jumps as taxels join and leave the contact
-PATTERN_RESOLUTION = 1.0   #: centre of on/off taxels that move along the lattice
+PATTERN_RESOLUTION = 1.0   #: centre of on/off taxels that move along rows or columns
 
 
 @dataclass(frozen=True)
 class SteadinessSettings:
     """Limits within which a centre counts as resting."""
 
-    #: speed from which on a centre never rests; a tenth of this speed never ends a rest [m/s]
+    #: speed at which a centre never counts as resting; a tenth of this speed never ends a rest [m/s]
     max_creep: float = 0.0005
     slip: float = 0.001        #: distance of a sudden move that ends the rest [m]
 
@@ -60,17 +67,17 @@ class SteadinessSettings:
 
 
 class Speed(NamedTuple):
-    """Speed of the centres, from a line through them."""
+    """Speed of the contact's centre, from a line through the measured centres."""
 
     value: float       #: [m/s]
     error: float       #: largest error of the speed [m/s]
-    noise: float       #: standard deviation of a centre around the line along one axis [m]
+    noise: float       #: standard deviation of the centres from the line, along one axis [m]
     resolution: float  #: mean resolution of the centres [m]
-    end: np.ndarray    #: (2,), point of the line at the time of the latest centre [m]
+    end: np.ndarray    #: point on the line at the time of the latest centre, (2,) [m]
 
 
 class Steadiness:
-    """Decides whether the centre of one side rests; centres are passed in the order of their times.
+    """Decides whether the centre of one side rests, from measurements in chronological order.
 
     >>> rest = Steadiness()
     >>> for i in range(50):
@@ -91,7 +98,7 @@ class Steadiness:
         self.speed: Speed | None = None  #: None while there are too few centres
 
     def update(self, time: float, centre: tuple[float, float], resolution: float) -> bool:
-        """Add a centre and return True if the contact rests.
+        """Add a centre, and return True if the contact rests.
 
         Parameters
         ----------
@@ -100,7 +107,7 @@ class Steadiness:
         centre : tuple of float
             The centre [m].
         resolution : float
-            Error of a moving contact's centre besides its noise, peak to peak [m].
+            Peak-to-peak error of a moving contact's centre, apart from noise [m].
         """
         if len(self._samples) and (time < self._samples[-1, 0] - BACK_STEP or self._has_slipped(centre)):
             self.restart()
@@ -117,9 +124,9 @@ class Steadiness:
         return self._resting
 
     def _has_slipped(self, centre: tuple[float, float]) -> bool:
-        """Return True if ``centre`` has suddenly moved away from the others.
+        """Return True if ``centre`` has suddenly moved away from the other centres.
 
-        Its distance must exceed the tolerance, and it must exceed what noise and resolution explain.
+        The distance must exceed both the tolerance and the distance that noise and resolution explain.
         """
         if self.speed is None:
             means = self._samples.mean(0)
@@ -141,7 +148,7 @@ class Steadiness:
         self._samples = self._samples[np.searchsorted(old, time - length):]
 
     def _fitted(self) -> Speed | None:
-        """Return the line through the centres of the window, or None while there are too few."""
+        """Return the speed from a line through the centres of the window, or None while there are too few centres."""
         samples = self._samples
         count = len(samples)
         length = float(samples[-1, 0] - samples[0, 0])

@@ -1,6 +1,6 @@
-"""Combine the results of two opposing pads into one grasp: the held object, its alignment, and the time it has held.
+"""Combine the results of two opposing pads into one grasp, with its alignment and the time for which it has held.
 
-Rule: an unknown side is never EMPTY. A side is UNSEEN if it has no current result or if its pad is not seen.
+An unknown side is never reported as EMPTY. A side is UNSEEN if it has no current result or if its pad is not seen.
 """
 
 from collections import deque
@@ -17,16 +17,16 @@ from tactile_node.grasp.steadiness import Steadiness, SteadinessSettings
 from tactile_node.shape.recognition import Shape
 
 SIDES = ('left', 'right')
-# The results of a side have stopped after SILENT_PERIODS of its periods without a result, at least SHORTEST_SILENCE.
+# A side is silent after SILENT_PERIODS of its periods without a result, but not before SHORTEST_SILENCE has passed.
 SHORTEST_SILENCE = 0.1  #: [s]
 SILENT_PERIODS = 3
-#: Share of this time after which the tracker reports a silence, so that readers learn of it in time.
+#: Share of the silent time after which the tracker reports a silence, so that planners notice the silence in time.
 NOTICE_SHARE = 0.75
-PERIODS_KEPT = 15    #: Number of latest periods; their median is the period of a side.
+PERIODS_KEPT = 15    #: Number of latest periods of which the median is the period of a side.
 
 
 class SideState(IntEnum):
-    """State of a pad (Grasp.msg mirrors these numbers)."""
+    """State of a pad. Grasp.msg uses the same numbers."""
 
     NOT_KNOWN = 0  #: no result yet
     UNSEEN = 1     #: hidden taxels could hold a contact, or the latest result is too old
@@ -37,18 +37,20 @@ class SideState(IntEnum):
 class SideResult(NamedTuple):
     """The result of one pad for one acquisition."""
 
-    time: float  #: acquisition, on our clock [s]; -inf if its age is not known
+    time: float  #: acquisition time on this computer's clock [s]; -inf if the age of the result is unknown
     state: SideState  #: state as reported by the pad
     class_name: str = Shape.NONE.value  #: name of the shape
-    centre: tuple[float, float] | None = None  #: centre of the contact, in the pad's frame [m]; None if it is not known
-    resolution: float = 0.0002  #: error of a moving contact's centre besides its noise [m]
+    centre: tuple[float, float] | None = None  #: centre of the contact in the pad frame [m], or None if unknown
+    resolution: float = 0.0002  #: error of a moving contact's centre, apart from noise [m]
     is_bound: bool = False  #: True if the contact may extend beyond the seen area, so that its true centre may differ
-    hides_creep: bool = False  #: True if so much of the contact is unseen that it could creep while its centre stays
+
+    #: True if the contact could creep while its centre stays, because much of the contact is unseen
+    hides_creep: bool = False
     moves: bool = False  #: True if the contact is seen to slide or to turn
 
 
 class GraspContact(IntEnum):
-    """State of contact of both pads (Grasp.msg mirrors these numbers)."""
+    """State of contact of both pads. Grasp.msg uses the same numbers."""
 
     NOT_KNOWN = 0   #: a side has no result yet
     UNSEEN = 1      #: a side is not seen
@@ -75,14 +77,15 @@ class GraspState(NamedTuple):
 
     side_states: tuple[SideState, SideState]  #: left, right
     contact: GraspContact
-    fresh: bool        #: True if both sides are current and acquired at nearly the same time
+    fresh: bool        #: True if both sides are current and were acquired at nearly the same time
     same_shape: bool   #: True if both sides are touched and report the same known shape
     line: Line | None  #: None unless the contact is TWO_SIDED and fresh, and both centres are known
     line_is_bound: bool
-    held: float  #: time for which shapes and centres of both sides have held [s]
-    #: True if two-sided, fresh and held long enough, if neither centre creeps, and if neither contact moves
+    held: float  #: time for which the shapes and centres on both sides have stayed the same [s]
+
+    #: True if the grasp is two-sided and fresh and has held long enough, while neither contact creeps or moves
     stable: bool
-    creep: float  #: speed of the faster centre [m/s]; NaN if it is not known
+    creep: float  #: speed of the faster centre [m/s], or NaN if unknown
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ class GraspSettings:
 
     gripper: Gripper = Gripper()
     steadiness: SteadinessSettings = SteadinessSettings()
-    min_hold: float = 0.2  #: smallest time for which a stable grasp has held [s]
+    min_hold: float = 0.2  #: shortest time for which a grasp must hold to be stable [s]
     max_skew: float = 0.1  #: largest time between the acquisitions of the two sides [s]
     max_age: float = 0.25  #: largest age of a result [s]
 
@@ -102,9 +105,9 @@ class GraspSettings:
 
 
 class GraspTracker:
-    """Follows a grasp from the results of both sides, in any order.
+    """Follows a grasp from the results of both sides, which may arrive in any order.
 
-    The class is pure: its callers pass the time of one clock that never goes backwards.
+    The tracker reads no clock; its callers pass the time of a clock that never goes backwards.
     """
 
     def __init__(self, settings: GraspSettings = GraspSettings()):
@@ -112,7 +115,7 @@ class GraspTracker:
         self._sides = {side: _Side(settings) for side in SIDES}
 
     def update(self, side: str, result: SideResult, now: float, gap: float = np.nan) -> GraspState:
-        """Add the result of a side and return the state of the grasp.
+        """Add the result of a side, and return the state of the grasp.
 
         Parameters
         ----------
@@ -123,14 +126,14 @@ class GraspTracker:
         now : float
             Time at which the result was received [s].
         gap : float
-            Opening of the gripper [m]; NaN if it is not known.
+            Opening of the gripper [m], or NaN if unknown.
 
         Raises
         ------
         ConfigurationError
-            If ``side`` is neither "left" nor "right".
+            Raised if ``side`` is neither "left" nor "right".
         InputError
-            If a time or a centre is not finite.
+            Raised if a time or a centre is not finite.
         """
         if side not in SIDES:
             raise ConfigurationError('side of a grasp', expected=' or '.join(SIDES), got=repr(side),
@@ -138,7 +141,7 @@ class GraspTracker:
         if not (np.isfinite((now, *(result.centre or ()))).all() and result.time < np.inf):
             raise InputError('result of a side', expected='a finite time and centre',
                              got=f'{result.time}, {now}, {result.centre}',
-                             remedy='Give centre None if it is not known, and time -inf if the age is not known.')
+                             remedy='Pass None for an unknown centre, and -inf as the time if the age is unknown.')
         self._sides[side].update(result, now)
         return self.state(now, gap)
 
@@ -176,7 +179,7 @@ def _is_same_shape(states: tuple[SideState, SideState], left: '_Side', right: '_
 
 
 class _Side:
-    """One pad: its latest result, its period, and the time since which its contact has held."""
+    """The latest result of one pad, the period of its results, and the time since which its contact has held."""
 
     def __init__(self, settings: GraspSettings):
         self._settings = settings
@@ -184,7 +187,7 @@ class _Side:
         self._received = -np.inf
         self._gaps: deque[float] = deque(maxlen=PERIODS_KEPT)
         self._steadiness = Steadiness(settings.steadiness)
-        self._touch: SideResult | None = None  # latest result of this contact with a centre
+        self._touch: SideResult | None = None  # latest result for this contact that includes a centre
         self.rests = False  #: True if the latest result shows that the centre rests
 
     @property
@@ -200,12 +203,12 @@ class _Side:
 
     @property
     def held(self) -> float:
-        """Time for which shape and centre have held [s]; 0 without a hold."""
+        """Time for which the shape and the centre have held [s], or 0 if there is no hold."""
         return max(0.0, self.latest.time - self._steadiness.since) if self._is_followed else 0.0
 
     @property
     def creep(self) -> float:
-        """Speed of the centre [m/s]; NaN if it is not known."""
+        """Speed of the centre [m/s], or NaN if unknown."""
         speed = self._steadiness.speed
         return speed.value if speed and self._is_followed else np.nan
 
@@ -230,10 +233,10 @@ class _Side:
             self._follow(result)
 
     def _follow(self, result: SideResult) -> None:
-        """Follow the contact. A change of shape or a silence restarts the hold; a single hidden frame does not.
+        """Follow the contact. A change of shape or a silence restarts the hold, but a single hidden frame does not.
 
-        A contact that reaches the edge of the pad may hide its creep, as a bar across the whole pad does when it slides
-        along.
+        A contact that reaches the edge of the pad may hide its creep. For example, a bar across the whole pad hides its
+        creep when the bar slides along its own length.
         """
         if result.centre is None:
             return

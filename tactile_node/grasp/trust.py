@@ -1,6 +1,6 @@
-"""Decide whether a grasp may be acted on now, by the rules of include/tactile_skin/trust.hpp, for planners in Python.
+"""Decide for planners in Python whether to act on a grasp, by the rules of include/tactile_skin/trust.hpp.
 
-test/trust_cases.yaml holds the cases with which both implementations are tested.
+Both implementations are tested with the cases in test/trust_cases.yaml.
 """
 
 import math
@@ -12,13 +12,13 @@ MAX_SILENCE = 0.1  #: Largest time since the latest grasp arrived [s].
 
 
 class Doubt(Enum):
-    """Reason why a grasp must not be acted on. If several apply, the first one in this order counts."""
+    """Reason why a grasp must not be acted on. If several reasons apply, the first reason in this order is reported."""
 
     NONE = 'none'            #: the grasp may be acted on
-    SILENT = 'silent'        #: no grasp has arrived for too long; the publisher may have ended
-    OLD = 'old'              #: the acquisition is too old, or its age is not known
+    SILENT = 'silent'        #: no grasp has arrived for too long, perhaps because the publisher has stopped
+    OLD = 'old'              #: the acquisition is too old, or its age is unknown
     NOT_KNOWN = 'not_known'  #: a side has no result yet
-    UNSEEN = 'unseen'        #: a side is not seen; do not treat it as empty
+    UNSEEN = 'unseen'        #: a side is unseen and must not be treated as empty
     NO_CONTACT = 'no_contact'
     ONE_SIDED = 'one_sided'
     NOT_FRESH = 'not_fresh'
@@ -28,12 +28,12 @@ class Doubt(Enum):
 
 
 def doubt(grasp: Any, silence: float, max_age: float = MAX_AGE, max_silence: float = MAX_SILENCE) -> Doubt:
-    """Return the reason why a grasp must not be acted on; Doubt.NONE if it may.
+    """Return the reason why a grasp must not be acted on, or Doubt.NONE if it may be acted on.
 
     Parameters
     ----------
     grasp : Grasp
-        The latest grasp, or an object with its fields.
+        The latest grasp message, or an object with the same fields.
     silence : float
         Time since the grasp arrived [s].
     max_age : float
@@ -49,7 +49,7 @@ def doubt(grasp: Any, silence: float, max_age: float = MAX_AGE, max_silence: flo
     """
     if not 0 <= silence <= max_silence:
         return Doubt.SILENT
-    age = grasp.age.sec + grasp.age.nanosec * 1e-9  # 2^31 - 1 s or more if the age is not known
+    age = grasp.age.sec + grasp.age.nanosec * 1e-9  # at least 2^31 - 1 s if the age is unknown
     if not (age >= 0 and age + silence <= max_age):
         return Doubt.OLD
     short_of = {grasp.UNSEEN: Doubt.UNSEEN, grasp.NO_CONTACT: Doubt.NO_CONTACT, grasp.ONE_SIDED: Doubt.ONE_SIDED}

@@ -1,1 +1,1 @@
-"""From presses of one known object to the response of a skin: the depth of its taxels and their curve."""
+"""Learn from touches: the response of a skin, the reliability of recognition on a skin, and taught shapes."""

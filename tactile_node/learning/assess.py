@@ -1,9 +1,9 @@
 """Assess how reliable recognition is on a skin, from touches of known objects, and adapt the recogniser if that helps.
 
 The adaptation consists of a temperature, and of a bias and weights for each class that was touched
-(shape/adaptation.py). To judge the adaptation, the recogniser answers held-out touches with an adaptation that was
-fitted without them, and it applies all its rules. The adaptation is kept only if it improves the Brier score of these
-answers.
+(shape/adaptation.py). To judge the adaptation, the recogniser processes held-out touches with an adaptation that was
+fitted without these touches, and applies all its rules. The adaptation is kept only if it improves the Brier score of
+the held-out touches.
 """
 
 from collections.abc import Sequence
@@ -23,22 +23,24 @@ from tactile_node.shape.recognition import Recognition, Shape, ShapeClass
 from tactile_node.shape.support import SURE
 from tactile_node.taxel_frame import read_only
 
-FOLDS = 8           #: Number of parts into which the touches are divided; each part is held out once.
-LEAST_TOUCHES = 24  #: Smallest number of touches, of all objects together, for an adaptation.
-#: Smallest number of classes for an adaptation. With touches of a single class, it would learn to answer nothing else.
+FOLDS = 8           #: Number of parts into which the touches are divided. Each part is held out once.
+LEAST_TOUCHES = 24  #: Smallest total number of touches to which an adaptation is fitted.
+
+#: Smallest number of touched classes to which an adaptation is fitted. From a single class, the adaptation would learn
+#: to report only this class.
 LEAST_CLASSES = 2
-#: Smallest improvement of the mean Brier score for an adaptation to be kept. If the recogniser is nearly always right,
-#: an adaptation improves the score by less than this, even if the improvement is certain.
+#: Smallest improvement of the mean Brier score for which an adaptation is kept. If the recogniser is nearly always
+#: right, an adaptation improves the score by less than this, even if the improvement is certain.
 LEAST_GAIN = 0.01
 #: Prior standard deviation of the logarithm of the temperature.
 TEMPERATURE_SPREAD = 0.5
 #: Prior standard deviation of a bias. On computed skins with gains of up to 6:1 and blur, values of 1 to 4 led to
 #: similar results, and 0.5 to worse results.
 BIAS_SPREAD = 2.0
-#: Prior standard deviation of a weight. On the same skins, smaller values improved the score less. Larger values made
-#: the answers worse for unknown objects that had not been touched.
+#: Prior standard deviation of a weight. On the same computed skins, smaller values improved the score less. Larger
+#: values made the recognition worse for unknown objects that had not been touched.
 WEIGHT_SPREAD = 0.18
-CONFIDENCE_LIMITS = 0.0, 0.5, 0.7, 0.9, 1.0  #: Limits of the groups of answers with similar confidence.
+CONFIDENCE_LIMITS = 0.0, 0.5, 0.7, 0.9, 1.0  #: Limits between the groups of recognitions with similar confidence.
 NAMELESS = Shape.UNKNOWN, Shape.NONE
 
 
@@ -50,20 +52,20 @@ class LabelledTouch(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """Numbers of answers to some touches."""
+    """Counts of the recognitions of some touches."""
 
-    total: int           #: all answers
-    right: int           #: answers whose most probable class is the label
-    no_name: int         #: answers UNKNOWN or NONE for an object that has a name
-    sure: int            #: answers with a name at a confidence of SURE or more
-    sure_and_wrong: int  #: sure answers with a wrong name
+    total: int           #: all recognitions
+    right: int           #: recognitions whose most probable class is the label
+    no_name: int         #: recognitions as UNKNOWN or NONE for an object of a known class
+    sure: int            #: recognitions as a known class with a confidence of SURE or more
+    sure_and_wrong: int  #: recognitions as a wrong class with a confidence of SURE or more
 
 
 class Group(NamedTuple):
-    """A group of answers with similar confidence."""
+    """A group of recognitions with similar confidence."""
 
     confidence: float  #: mean confidence; NaN for an empty group
-    right: Rate        #: share of right answers
+    right: Rate        #: share of correct recognitions
 
 
 class Gain(NamedTuple):
@@ -75,12 +77,12 @@ class Gain(NamedTuple):
 
     @property
     def is_worth_it(self) -> bool:
-        """True if the mean reaches both LEAST_GAIN and the standard error."""
+        """True if the mean improvement is at least LEAST_GAIN and at least the standard error."""
         return self.mean >= max(LEAST_GAIN, self.error)
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval of the mean by Student's t, as lower and upper end."""
+        """Lower and upper end of the 95 % interval of the mean, by Student's t-distribution."""
         from scipy.stats import t  # slow to import
 
         reach = float(t.ppf(0.975, self.touches - 1)) * self.error
@@ -91,10 +93,10 @@ class Gain(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """Answers to labelled touches."""
+    """Recognitions of labelled touches."""
 
     labels: Sequence[ShapeClass]  #: class of each touched object
-    found: Sequence[Recognition]  #: answer to each touch, in the same order
+    found: Sequence[Recognition]  #: recognition of each touch, in the order of ``labels``
 
     def counts(self, label: ShapeClass | None = None) -> Counts:
         """Return the counts for the touches of ``label``, or for all touches if ``label`` is None."""
@@ -106,7 +108,7 @@ class Answers(NamedTuple):
                       sum(is_sure), sum(sure and not right for sure, right in zip(is_sure, is_right)))
 
     def groups(self) -> list[Group]:
-        """Return one group of answers for each interval between two CONFIDENCE_LIMITS."""
+        """Return one group of recognitions for each interval between two CONFIDENCE_LIMITS."""
         confidences = np.array([each.confidence for each in self.found])
         right = np.array([each.shape == truth for truth, each in zip(*self)])
         of = np.digitize(confidences, CONFIDENCE_LIMITS[1:-1])
@@ -114,47 +116,51 @@ class Answers(NamedTuple):
                       Rate(int(right[of == k].sum()), int((of == k).sum()))) for k in range(len(CONFIDENCE_LIMITS) - 1)]
 
     def scores(self) -> np.ndarray:
-        """Return the Brier score of each answer, (K,): the squared error of the probabilities, summed over the classes.
+        """Return the Brier score of each recognition, (K,).
 
-        The score is 0 for an answer that is certain and right, and 2 for an answer that is certain and wrong.
+        The score is the squared error of the probabilities, summed over the classes. A recognition that is certain and
+        correct has the score 0. A recognition that is certain and wrong has the score 2.
         """
         return np.array([sum((p - (shape == truth)) ** 2 for shape, p in each.probabilities.items())
                          for truth, each in zip(*self)])
 
 
 class Assessment(NamedTuple):
-    """Result of an assessment: the answers on one skin, and the adaptation to this skin.
+    """Result of an assessment: the recognitions on one skin, and the adaptation to this skin.
 
-    If there are too few touches for an adaptation, the fields with a default keep this default.
+    If there are too few touches for an adaptation, the fields with a default value keep this value.
     """
 
-    before: Answers  #: answers of the recogniser as it is
-    #: answers of adapted recognisers; each touch is answered with an adaptation that was fitted without this touch
+    before: Answers  #: recognitions by the recogniser that was assessed
+
+    #: recognitions by adapted recognisers. Each touch is recognised with an adaptation that was fitted without this
+    #: touch.
     after: Answers | None = None
     gain: Gain | None = None              #: improvement of ``after`` over ``before``
-    kind: str = ''                        #: kind of the frames, one of `recogniser.KINDS`
-    adaptation: Adaptation | None = None  #: None also if the gain is too small
+    kind: str = ''                        #: kind of frame, one of `recogniser.KINDS`
+    adaptation: Adaptation | None = None  #: adaptation to the skin; also None if the gain is too small
 
 
 def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Assessment:
-    """Assess a recogniser on the skin of some touches, and fit an adaptation to all of them if that helps.
+    """Assess a recogniser with touches on one skin, and fit an adaptation to all touches if that helps.
 
     Parameters
     ----------
     recogniser : ShapeRecogniser
-        Recogniser to assess. Its own adaptation applies to the answers in ``before``; the new adaptation replaces it.
+        Recogniser to assess. The recogniser's own adaptation applies to the recognitions in ``before``. The new
+        adaptation replaces the recogniser's own.
     touches : Sequence[LabelledTouch]
         Touches on one skin.
 
     Returns
     -------
     Assessment
-        The answers and, if it is kept, the adaptation.
+        The recognitions and, if it is kept, the adaptation.
 
     Raises
     ------
     InputError
-        If some touches are pressures and some are on/off taxels.
+        Raised if some touches have pressures and others have on/off values.
     """
     labels = [touch.label for touch in touches]
     before = Answers(labels, _answers(recogniser, touches))
@@ -180,13 +186,13 @@ def _answers(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> l
 
 
 class _Examples(NamedTuple):
-    """K touches to which an adaptation of N outputs is fitted. Touches with too few taxels are left out."""
+    """K touches to which an adaptation of N outputs is fitted. Touches with too few taxels are excluded."""
 
     logits: np.ndarray     #: (K, N), logarithms of the probabilities without an adaptation
     embedding: np.ndarray  #: (K, F), embedding of the contacts
-    truth: np.ndarray      #: (K,), index of the output that stands for the label
+    truth: np.ndarray      #: (K,), index of the output that belongs to the label
     touch: np.ndarray      #: (K,), index of the touch
-    kind: str              #: kind of the frames; '' without touches
+    kind: str              #: kind of frame, or '' if there are no touches
 
     @classmethod
     def of(cls, recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> '_Examples':
@@ -211,8 +217,8 @@ class _Examples(NamedTuple):
     def fitted(self) -> Adaptation:
         """Return the adaptation with the highest posterior probability.
 
-        Only the classes that were touched get biases and weights. Their mean over these classes is 0, so that the
-        adaptation neither prefers nor excludes the other classes.
+        Only the classes that were touched get biases and weights. The mean of the biases and weights over these classes
+        is 0, so that the adaptation neither prefers nor excludes the other classes.
         """
         outputs = self.logits.shape[1]
         touched = np.unique(self.truth)
@@ -249,9 +255,10 @@ if TYPE_CHECKING:
 
 
 def reliability_picture(assessment: Assessment) -> 'Figure':
-    """Return a figure that shows how often answers of similar confidence are right.
+    """Return a figure that shows how often recognitions of similar confidence are correct.
 
-    The figure shows the answers without an adaptation. If an adaptation was fitted, it also shows the answers with it.
+    The figure shows the recognitions without an adaptation. If an adaptation was fitted, the figure also shows the
+    recognitions with the adaptation.
     """
     from matplotlib.figure import Figure  # optional, and slow to import
 

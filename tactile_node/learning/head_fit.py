@@ -1,7 +1,7 @@
 """Fit the head of the taught shapes: a multinomial logistic regression on the embedding of the networks.
 
-All other classes together have the logit 0. Some foreign contacts of the background may be the taught shape in all but
-name (for example a cross, if a cross is taught). A first fit shows them, and the second fit leaves them out.
+All other classes together have the logit 0. Some foreign contacts of the background may have the same shape as a taught
+object, for example a cross if a cross is taught. A first fit identifies these contacts, and a second fit excludes them.
 """
 
 from collections.abc import Sequence
@@ -21,14 +21,14 @@ from tactile_node.shape.taught import Head
 from tactile_node.taxel_frame import read_only
 
 BACKGROUND_FILE = 'teach_background.npz'  #: File in config/.
-LEVEL_FRACTIONS = 10  #: Number of steps from level 0 to level 1 in that file (training/background.py).
+LEVEL_FRACTIONS = 10  #: Number of steps from level 0 to level 1 in BACKGROUND_FILE, as in training/background.py.
 FOREIGN = OUTPUTS.index(Shape.UNKNOWN)
 
 
 class Background(NamedTuple):
-    """Contacts that are not taught.
+    """Contacts of objects that are not taught.
 
-    ``labels``, (K,), are indices into OUTPUTS; FOREIGN is none of the five shapes.
+    ``labels``, (K,), holds indices into OUTPUTS. The index FOREIGN means none of the five shapes.
     """
 
     patches: list[Patch]
@@ -36,7 +36,7 @@ class Background(NamedTuple):
 
 
 def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background:
-    """Return the background contacts for one kind of frames.
+    """Return the background contacts for one kind of frame.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background
     Raises
     ------
     ConfigurationError
-        If the file cannot be used.
+        Raised if the file cannot be used.
     """
     try:
         data = read_arrays(config_path(str(path)))
@@ -77,20 +77,21 @@ def unpack_patches(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray, k
     Raises
     ------
     ValueError
-        If the arrays have different lengths.
+        Raised if the arrays have different lengths.
     """
     cells = np.unpackbits(unseen, axis=1)[:, :SIDE * SIDE].reshape(-1, SIDE, SIDE).astype(np.float32)
     return [Patch(level, cell, float(scale), graded=kind == 'graded')
             for level, cell, scale in zip(levels, cells, scales, strict=True)]
 
 
-RIDGE_WEIGHT = 1e-3   #: Penalty of the weights. This number and the next ones were chosen on validation touches.
+#: Penalty on the weights. The constants from RIDGE_WEIGHT to LARGER_SIZE were chosen on validation touches.
+RIDGE_WEIGHT = 1e-3
 EXAMPLE_SHARE = 0.25  #: Weight of all examples of one shape, as a share of the background's weight.
 FOREIGN_WEIGHT = 0.5  #: Weight of a foreign contact.
 SMALLER_SIZE = 0.8    #: Smallest size that is recognised, relative to the smallest taught size [taxels].
 LARGER_SIZE = 1.25    #: Largest size that is recognised, relative to the largest taught size [taxels].
 MOST_ITERATIONS = 200
-CHUNK_PATCHES = 256  #: Number of patches that are described at a time, because describe_all needs much memory.
+CHUNK_PATCHES = 256  #: Number of patches that are processed at a time, because describe_all needs much memory.
 
 
 class Seen(NamedTuple):
@@ -105,7 +106,10 @@ class Seen(NamedTuple):
 
 
 def seen_by(recogniser: ShapeRecogniser, patches: Sequence[Patch]) -> Seen:
-    """Return the input of a head for patches that are all graded or all on/off; arrays of width 0 without patches."""
+    """Return the input of a head for patches that are all graded or all on/off.
+
+    If there are no patches, the arrays have the width 0.
+    """
     if not patches:
         return Seen(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
     kind = KINDS[patches[0].graded]
@@ -118,7 +122,7 @@ def seen_by(recogniser: ShapeRecogniser, patches: Sequence[Patch]) -> Seen:
 
 
 def fit_head(background: Seen, labels: np.ndarray, shapes: Sequence[Seen]) -> Head:
-    """Return the head for the taught shapes. A shape without examples is never the answer of the head.
+    """Return the head for the taught shapes. The head never reports a shape without examples.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Find the presses of a disc in the frames of a pad that a calibration can use."""
+"""Find presses of a disc in the frames of a pad, for the calibration of a skin."""
 
 from collections.abc import Iterable
 
@@ -11,17 +11,19 @@ from tactile_node.shape.recognition import Shape
 
 MOST_HIDDEN_AROUND = 0.1  #: Largest share of taxels without a value in the contact and its surroundings.
 PRESS_FRAMES = 6    #: Number of frames of a press that are used, from its lightest to its hardest frame.
-REST_SHARE = 0.04   #: Share of the frames from which the zero is found; these are the least loaded frames.
+REST_SHARE = 0.04   #: Share of the frames from which the zero is computed. The least loaded frames are used.
 LEAST_REST = 10     #: Smallest number of frames at rest.
-#: Share of the largest number of taxels with a value; frames with fewer may be loaded unseen, so they are not at rest.
+
+#: A frame counts as at rest only if it has more valid taxels than this share of the largest number in any frame. With
+#: fewer valid taxels, the pad may be loaded unseen.
 MOST_SEEN = 0.9
 
 
 class PressFinder(TouchFinder):
-    """Finds the presses of a disc on one pad. A touch extends from its lightest to its hardest frame."""
+    """Finds the presses of a disc on one pad. The frames of a touch run from the lightest to the hardest."""
 
     lightest = 0.2
-    least_taxels = 40  # a fit of fewer taxels has a larger error than the response of a skin causes
+    least_taxels = 40  # with fewer taxels, the error of a fit exceeds the error due to a skin's response
 
     def _why_unclear(self, found: FoundContact) -> Unused | None:
         pattern = found.pattern
@@ -43,7 +45,7 @@ def find_presses(frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | 
     frames : iterable of np.ndarray
         Readings of each frame, (rows, cols).
     saturated : iterable of np.ndarray or None
-        Saturated taxels of each frame, bool (rows, cols); None if the frame has none.
+        Saturated taxels of each frame, bool (rows, cols), or None if the frame has none.
     unit : str or None
         Unit of the readings, as in `find_contact`.
     """
@@ -53,11 +55,11 @@ def find_presses(frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | 
 def subtract_zero(frames: np.ndarray) -> np.ndarray:
     """Return ``frames``, (K, rows, cols), with the zero of each taxel subtracted.
 
-    The zero is the median of the taxel over the least loaded frames. If too few frames could be at rest, the frames are
+    The zero of a taxel is its median over the least loaded frames. If too few frames could be at rest, the frames are
     returned unchanged.
     """
     values = np.isfinite(frames).sum((1, 2))
-    whole = frames[values > MOST_SEEN * values.max(initial=0)]  # after lost TPDOs, a frame would look lightly loaded
+    whole = frames[values > MOST_SEEN * values.max(initial=0)]  # a frame with lost TPDOs would look lightly loaded
     count = max(int(REST_SHARE * len(whole)), LEAST_REST)
     if count > len(whole) / 2:
         return frames

@@ -1,4 +1,7 @@
-"""The response of a skin, and its file. `tactile calibrate` writes it; the driver and `tactile classify` read it."""
+"""Read and write the response of a skin.
+
+`tactile calibrate` writes the response file. The driver and `tactile classify` read the file.
+"""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -24,7 +27,7 @@ class SkinResponse(NamedTuple):
 
 
 def load_response(path: str | Path) -> SkinResponse:
-    """Read a response file, or raise ConfigurationError that names the file and the key if anything is wrong."""
+    """Read a response file, or raise a ConfigurationError that names the file and the faulty key."""
     top = load_mapping(Path(path), 'a skin response')
     unit = top.choice('unit', ('Pa', 'N', ''))
     section, nodes = top.section('layer'), top.section('curve')
@@ -59,7 +62,7 @@ def save_response(path: str | Path, response: SkinResponse, head: str, found_fro
     Raises
     ------
     InputError
-        If the file cannot be written.
+        Raised if the file cannot be written.
     """
     content = {
         'unit': response.unit,

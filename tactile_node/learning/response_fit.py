@@ -1,9 +1,9 @@
-"""Find the response of a skin under which fits of a known disc return its true size.
+"""Find the response of a skin under which fits of a known disc return the disc's true size.
 
-If readings grow less or more than the pressure does, the edge of a contact is felt at another place, and the fitted
-lengths show this error (`bench/bench_calibration.py`). The curve has a local exponent: for each unit of log reading,
-log pressure rises by ``exponent`` + ``bend`` log(reading / middle). The depth of the taxels follows from the fits under
-that curve.
+If the readings do not grow in proportion to the pressure, the edge of a contact appears at a wrong place, and the
+fitted lengths show this error (`bench/bench_calibration.py`). The curve has a local exponent: for each unit of log
+reading, log pressure rises by ``exponent`` + ``bend`` log(reading / middle). The depth of the taxels follows from the
+fits under this curve.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,24 +21,28 @@ from tactile_node.pose.profiles import PUNCH, Indenter, Layer, log_depth_from
 from tactile_node.shape.recognition import Shape
 from tactile_node.taxel_frame import read_only
 
-#: Smallest number of presses, each at another place, because a single place shows its own error.
+#: Smallest number of presses. Each press must be at a different place, because every place has its own error.
 LEAST_PRESSES = 6
 PRESS_ERROR = 0.01      #: Relative error of the lengths in a single press.
 PRIOR_SPREADS = 0.5, 0.15       #: Prior standard deviations of exponent - 1 and of bend.
 EXPONENTS, BENDS = (0.4, 2.5), (-0.4, 0.4)
-CURVE_NODES = 16              #: Number of nodes of the curve, in equal ratios.
+CURVE_NODES = 16              #: Number of nodes of the curve, which are spaced geometrically.
 LOWEST_SHARE = 0.5            #: Share of the lightest press below which the curve is a line through 0.
-#: Step for numerical derivatives. It is large because fits stop at a finite accuracy.
+
+#: Step for numerical derivatives. The step is large because fits stop at a finite accuracy.
 DERIVATIVE_STEP = 0.02
 #: Largest radius of a disc [m]. On the coarsest skins, a disc with a radius of 10 pitches has half of this radius.
 LARGEST_RADIUS = 0.25
-MOST_ROUNDED = 0.3      #: Largest edge radius, relative to the radius; with a larger one, the face is not flat.
-LAYER_ERROR = 0.08      #: Standard deviation of the logarithm of the depth that all presses of one disc share.
-#: Largest relative error of the lengths after calibration. Above it, the disc is not the one that was given.
+#: Largest edge radius relative to the disc's radius. With a larger edge radius, the face is not flat.
+MOST_ROUNDED = 0.3
+LAYER_ERROR = 0.08      #: Standard deviation of the error in log depth that all presses of one disc share.
+
+#: Largest relative error of the lengths after calibration. A larger error means that another disc was pressed.
 LARGEST_ERROR = 0.03
-BOUND_MARGIN = 0.02         #: Distance of an exponent from its bound below which it is not a valid result.
-#: Relative error by which a fit makes a flat disc with sharp edges too large, and its decrease per edge radius over
-#: inscribed radius. Fits are right on average, but edges differ (bench/bench_calibration.py --edges).
+BOUND_MARGIN = 0.02         #: An exponent that is closer to its bound than this is not a valid result.
+
+#: Relative error by which a fit overestimates a flat disc with sharp edges, and the change of this error per unit of
+#: edge radius / inscribed radius. Fits are correct on average, but edges differ (bench/bench_calibration.py --edges).
 SHARP_ERROR, OF_ROUNDING = 0.019, -0.125
 
 
@@ -49,16 +53,16 @@ class Disc(NamedTuple):
     """
 
     radius: float             #: [m]
-    edge_radius: float = 0.0  #: radius of its rounded edge [m]
+    edge_radius: float = 0.0  #: radius of the rounded edge [m]
 
     @property
     def fit_error(self) -> float:
-        """Relative error by which a fit is expected to make the disc too large under a known response."""
+        """Relative error by which a fit is expected to overestimate the disc under a known response."""
         return SHARP_ERROR + OF_ROUNDING * self.edge_radius / self.radius
 
 
 class FoundResponse(NamedTuple):
-    """A response, and the errors of the disc's radius with and without it."""
+    """A response, and the errors of the disc's radius with and without the response."""
 
     response: SkinResponse
     exponent: float
@@ -70,7 +74,7 @@ class FoundResponse(NamedTuple):
 
 def calibrate(presses: Sequence[Touch], known: Disc, pitch: float, unit: str,
               progress: Callable[[int], None] = lambda fits: None) -> FoundResponse:
-    """Return the response under which fits of a known disc have the size of the disc.
+    """Return the response under which fits of a known disc return the disc's size.
 
     Parameters
     ----------
@@ -79,22 +83,22 @@ def calibrate(presses: Sequence[Touch], known: Disc, pitch: float, unit: str,
     known : Disc
         The disc.
     pitch : float
-        Distance of neighbouring taxels [m].
+        Distance between neighbouring taxels [m].
     unit : str
         Unit of the readings.
     progress : callable
-        Called with a number of fits as soon as these fits are done.
+        Function that is called with the number of new fits each time some fits are done.
 
     Raises
     ------
     InputError
-        If there are too few presses, if the radius is not a length above 0, if the object has no flat face, or if no
-        response gives the disc its size.
+        Raised if there are too few presses, the radius is not a length above 0, the object has no flat face, or no
+        response leads to the disc's size.
     """
     check_disc(known)
     if len(presses) < LEAST_PRESSES:
         raise InputError('presses of a known disc', expected=f'at least {LEAST_PRESSES}', got=str(len(presses)),
-                         remedy='Press it more often, at other places, and lift it in between.')
+                         remedy='Press the disc more often, at different places, and lift it between presses.')
     search = _Search(presses, known, pitch, progress)
     if search.dome_share() > 0.5:
         raise InputError('presses of a known disc', expected='a flat face', got='the pressure of a ball or a cone',
@@ -112,7 +116,7 @@ def calibrate(presses: Sequence[Touch], known: Disc, pitch: float, unit: str,
         raise InputError('presses of a known disc',
                          got=f'fits that are {100 * largest:+.1f} % too large, under an exponent of {exponent:.2f}',
                          expected=f'a response under which a radius of {1000 * known.radius:g} mm fits',
-                         remedy='Check the radius and the pitch; the face that touches must be flat.')
+                         remedy='Check the radius and the pitch. The face that touches the skin must be flat.')
     return found
 
 
@@ -131,10 +135,11 @@ class _Search:
         self._highest = max(float(np.nanmax(frame.values)) for frame in self._frames)
 
     def curve(self, exponent: float, bend: float) -> ResponseCurve:
-        """Return the curve. It keeps the level of the lightest press, so that light contacts stay visible.
+        """Return the curve with ``exponent`` and ``bend``.
 
-        The exponent is known between the lightest and the hardest press. Beyond them, it keeps the value at the nearer
-        end. Far below the lightest press, the curve is a line through 0.
+        The curve keeps the level of the lightest press, so that light contacts stay visible. The exponent is known
+        between the lightest and the hardest press. Beyond this range, the exponent keeps its value at the nearer end.
+        Far below the lightest press, the curve is a line through 0.
         """
         readings = np.geomspace(LOWEST_SHARE * self._lightest, self._highest, CURVE_NODES)
         fine = np.linspace(np.log(readings[0] / self._middle), np.log(readings[-1] / self._middle), 40 * CURVE_NODES)
@@ -147,7 +152,7 @@ class _Search:
                              read_only(np.concatenate(([0.0], pressures))))
 
     def best(self) -> tuple[float, float]:
-        """Return exponent and bend."""
+        """Return the best exponent and bend."""
         def residuals(parameters: np.ndarray) -> np.ndarray:
             exponent, bend = parameters
             found = self.errors(self.curve(exponent, bend)) * self._weights
@@ -159,12 +164,12 @@ class _Search:
         return float(solution.x[0]), float(solution.x[1])
 
     def errors(self, curve: ResponseCurve | None) -> np.ndarray:
-        """Return the relative error of the disc's radius in each frame, less the error that is expected of a fit."""
+        """Return the relative error of the disc's radius in each frame, minus the expected error of a fit."""
         radii = np.array([fit.dimensions[0] for fit in self._fits(curve)])
         return radii / self._known.radius - 1 - self._known.fit_error
 
     def dome_share(self) -> float:
-        """Return the share of the frames in which a round object presses, judged by the unconverted readings."""
+        """Return the share of the frames in which a round object presses, judged by the readings before conversion."""
         return float(np.mean([fit.indenter is not Indenter.FLAT_PUNCH for fit in self._fits(None)]))
 
     def layer(self, curve: ResponseCurve) -> Layer:
@@ -187,8 +192,9 @@ class _Search:
 
 
 def check_disc(known: Disc) -> None:
-    """Raise InputError if the dimensions of a disc are not possible."""
+    """Raise InputError if the dimensions of a disc are invalid."""
     if not (0 < known.radius <= LARGEST_RADIUS and 0 <= known.edge_radius <= MOST_ROUNDED * known.radius):
         raise InputError('known disc', got=f'radius {known.radius:g} m, edge radius {known.edge_radius:g} m',
                          expected=f'a radius > 0, at most {LARGEST_RADIUS:g} m, and an edge rounded to at most '
-                         f'{MOST_ROUNDED:g} of it', remedy='Give metres, 12.5 mm as 0.0125.')
+                         f'{MOST_ROUNDED:g} of it',
+                         remedy='Give the lengths in metres, for example 0.0125 for 12.5 mm.')

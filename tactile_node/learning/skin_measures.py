@@ -11,19 +11,20 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.learning.touches import TouchFrame
 
 AROUND = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])  #: Neighbours of a taxel.
+
 #: A taxel is compared with its neighbours only if at least this many of them belong to the contact.
 LEAST_NEIGHBOURS = 5
 OFTEN = 8           #: Number of touches in which a taxel has to be inside a contact for its gain to be measured.
-LEAST_TAXELS = 20   #: Smallest number of such taxels for the spread of the gains.
+LEAST_TAXELS = 20   #: Smallest number of taxels with a measured gain from which the spread of the gains is computed.
 REST_DISTANCE = 4   #: Distance from the contact beyond which taxels are at rest [taxels].
 
 
 class SkinMeasures(NamedTuple):
-    """Measures of a skin. Each is NaN if it is not known; for on/off taxels, all are NaN."""
+    """Measured properties of a skin. Unknown properties are NaN, as are all properties of on/off taxels."""
 
     noise: float  #: standard deviation of a taxel at rest, as a share of the contact's level
     gains: float  #: standard deviation of the logarithm of the taxels' gains
-    halo: float   #: reading at a distance of two taxels all round a contact, as a share of the contact's level
+    halo: float   #: reading all around a contact at a distance of two taxels, as a share of the contact's level
 
     def __str__(self) -> str:
         return '; '.join(f'{name} {_percent(value)}' for name, value in zip(
@@ -31,7 +32,7 @@ class SkinMeasures(NamedTuple):
 
 
 def measure_skin(frames: Sequence[TouchFrame]) -> SkinMeasures:
-    """Return the measures of the skin of one pad.
+    """Return the measured properties of one pad's skin.
 
     Parameters
     ----------
@@ -59,13 +60,13 @@ def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols).
     largest : float
-        Reading from which on a taxel is not used, for example the end of its range.
+        Readings at or above this value are not used. The value can be the end of the taxels' range.
 
     Returns
     -------
     np.ndarray
-        Deviations, (rows, cols), scaled so that they have the variance of a single taxel. NaN for taxels outside the
-        contact or with fewer than LEAST_NEIGHBOURS usable neighbours in the contact.
+        Deviations, (rows, cols), scaled so that they have the variance of a single taxel. The deviation is NaN for
+        taxels outside the contact or with fewer than LEAST_NEIGHBOURS usable neighbours in the contact.
     """
     valid = mask & (frame > 0) & (frame < largest)
     logs = np.where(valid, np.log(np.maximum(frame, 1e-9)), 0.0)
@@ -76,7 +77,7 @@ def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
 
 
 def fixed_part(residuals: Iterable[np.ndarray]) -> tuple[float, float]:
-    """Divide residuals into a part that stays with each taxel and a part that changes from frame to frame.
+    """Split residuals into a part that is constant for each taxel and a part that changes from frame to frame.
 
     Parameters
     ----------
@@ -86,8 +87,8 @@ def fixed_part(residuals: Iterable[np.ndarray]) -> tuple[float, float]:
     Returns
     -------
     tuple[float, float]
-        Standard deviations of the constant and of the changing part, by one-way analysis of variance. Both are NaN for
-        fewer than two taxels.
+        Standard deviations of the constant and of the changing part, by one-way analysis of variance. Both standard
+        deviations are NaN for fewer than two taxels.
     """
     own = [one for one in residuals if len(one) >= OFTEN]
     if len(own) < 2:
@@ -104,7 +105,7 @@ def by_place(residuals: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 
 def _rest(frame: TouchFrame) -> float:
-    """Return the median reading of the taxels far from the contact, or 0 if there are none."""
+    """Return the median reading of the taxels far from the contact, or 0 if there are no such taxels."""
     near = ndimage.binary_dilation(frame.mask, EIGHT_CONNECTED, iterations=REST_DISTANCE)
     far = frame.reading[~near & np.isfinite(frame.reading)]
     return float(np.median(far)) if far.size else 0.0

@@ -1,6 +1,8 @@
-"""The file of taught shapes: the unchanged arrays of the base, the heads, and the examples for teaching more shapes.
+"""Read and write the file of taught shapes.
 
-The file is a .npz without pickled objects. `ShapeRecogniser.from_file` loads it in place of the base.
+The file contains the unchanged arrays of the base, the heads, and the examples that are needed to teach more shapes.
+
+The file is an .npz file without pickled objects. `ShapeRecogniser.from_file` loads the file instead of the base.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,10 +21,10 @@ from tactile_node.shape.patch import HIGHEST_LEVEL, SIDE, Patch, joined, make_pa
 from tactile_node.shape.taught import HEAD_PARTS, HEAD_VERSION, MOST_TAUGHT, Head, digest_of, is_name, is_own
 
 TOUCH_VARIANTS = 16  #: Number of variants of each touch.
-SIZE_CHANGE = 0.06  #: Largest change of lengths, as a logarithm.
-MOST_TILT = 0.15  #: Largest relative rise of the pressure over the reach of the contact.
+SIZE_CHANGE = 0.06  #: Largest change of lengths in a variant, as a logarithm.
+MOST_TILT = 0.15  #: Largest relative rise of the pressure from the centre to the end of the contact in a variant.
 NOISE_RANGE = (0.005, 0.03)  #: Range of the noise's standard deviation, as a share of the contact's level.
-MOST_DEAD = 0.04  #: Largest share of taxels without a value.
+MOST_DEAD = 0.04  #: Largest share of taxels without a value in a variant.
 REST_MARGIN = 5  #: Width of the unpressed margin around a contact, which shows the noise of the pad [taxels].
 
 
@@ -30,8 +32,9 @@ class Examples(NamedTuple):
     """K patches of one shape."""
 
     patches: list[Patch]
-    touch: np.ndarray  #: (K,), number of the touch that each patch comes from
-    #: bool (K,), True for the middle frame of a touch as it was recorded; a head is judged by these
+    touch: np.ndarray  #: (K,), number of the touch from which each patch comes
+
+    #: bool (K,), True for the recorded middle frame of each touch. A head is judged by these frames.
     is_recorded: np.ndarray
 
     @property
@@ -56,7 +59,7 @@ def examples_of(touches: Sequence[Touch], rng: np.random.Generator) -> Examples:
 
 
 def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
-    """Return the contact of ``frame`` rotated, and shifted by a fraction of a taxel; None if it is not found again."""
+    """Return the contact of ``frame``, rotated and shifted by a fraction of a taxel, or None if no contact is left."""
     on_off = are_on_off(frame.values)
     places = np.argwhere(frame.mask)
     centre = places.mean(0)
@@ -83,7 +86,7 @@ def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
 def _contact_alone(frame: TouchFrame) -> np.ndarray:
     """Return the values of the contact and of two taxels around it, and 0 elsewhere.
 
-    A taxel without a value gets the value of the nearest taxel that has one.
+    A taxel without a value gets the value of the nearest taxel with a value.
     """
     values = frame.values
     hidden = ~np.isfinite(values)
@@ -103,16 +106,16 @@ NO_EXAMPLES = Examples([], np.zeros(0, int), np.zeros(0, bool))
 
 
 def check_name(name: str, known: Sequence[str] = ()) -> None:
-    """Raise ConfigurationError if ``name`` cannot name one more taught shape beside the ``known`` ones."""
+    """Raise ConfigurationError if ``name`` cannot be the name of a new taught shape, given the ``known`` names."""
     if not is_name(name):
         raise ConfigurationError('--name', expected='a lower-case name such as my_plug, not the name of a class',
                                  got=repr(name), remedy='Use at most 32 of the characters a-z, 0-9 and _.')
     if name in known:
         raise ConfigurationError('--name', expected='a name that is not taught yet', got=repr(name),
-                                 remedy='Give another name, or start from a --model without it.')
+                                 remedy='Choose another name, or start from a --model file without this name.')
     if len(known) >= MOST_TAUGHT:
         raise ConfigurationError('--name', expected=f'at most {MOST_TAUGHT} taught shapes', got='one more',
-                                 remedy='Start from a --model with fewer.')
+                                 remedy='Start from a --model file with fewer taught shapes.')
 
 
 def write_taught(stream: BinaryIO, base: Mapping[str, np.ndarray], names: Sequence[str], heads: Mapping[str, Head],
@@ -128,9 +131,9 @@ def write_taught(stream: BinaryIO, base: Mapping[str, np.ndarray], names: Sequen
     names : sequence of str
         Names of the taught shapes.
     heads : mapping of str to Head
-        Head for each kind of frames.
+        Head for each kind of frame.
     examples : mapping of str to sequence of Examples
-        Examples of each shape, for each kind of frames.
+        Examples of each shape for each kind of frame.
     """
     arrays = {name: array for name, array in base.items() if not is_own(name)}
     arrays |= {'taught_version': np.array(HEAD_VERSION), 'taught_names': np.array(names),
@@ -156,7 +159,7 @@ def examples_in(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[
     Raises
     ------
     ConfigurationError
-        If the arrays do not come from a file of taught shapes.
+        Raised if the arrays do not come from a file of taught shapes.
     """
     has_head = f'{kind}_taught_{HEAD_PARTS[0]}' in data
     if f'{kind}_touch_levels' not in data and not has_head:
@@ -164,8 +167,8 @@ def examples_in(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[
     try:  # a head without its examples could not be fitted again, and its shapes would be lost
         return _unpacked(data, kind, shapes)
     except (KeyError, ValueError, TypeError, IndexError) as error:
-        raise ConfigurationError('examples of taught shapes', expected='those that `tactile teach` writes',
-                                 got=' '.join(str(error).split()), remedy='Start from another --model.') from None
+        raise ConfigurationError('examples of taught shapes', expected='the examples that `tactile teach` writes',
+                                 got=' '.join(str(error).split()), remedy='Start from another --model file.') from None
 
 
 def _packed(shapes: Sequence[Examples]) -> dict[str, np.ndarray]:

@@ -1,9 +1,9 @@
-"""Fit the head for the examples of taught shapes, and count its correct answers for held-out touches and contacts.
+"""Fit a head to examples of taught shapes, and count its correct results for held-out touches and contacts.
 
-Whole touches are held out, never single frames or variants of a touch. A taught shape is the answer only if its
-evidence meets two conditions. With the needed evidence, the shape takes at most MOST_TAKEN of the contacts of the five
-shapes. A contact also needs half of the evidence that nearly all of the shape's own contacts have. This keeps foreign
-contacts out and costs no touches.
+Whole touches are held out, never single frames or variants of a touch. A taught shape is reported only if its evidence
+exceeds the larger of two thresholds. With the first threshold, the shape takes at most MOST_TAKEN of the contacts of
+the five shapes. The second threshold is half of the evidence that nearly all of the shape's own contacts have. The
+second threshold rejects foreign contacts without losing touches.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,14 +19,17 @@ from tactile_node.shape.taught import Head, join
 from tactile_node.taxel_frame import read_only
 
 FOLDS = 5
-STAGES = FOLDS + 2  #: Number of stages of `teach`, for its progress.
+STAGES = FOLDS + 2  #: Number of progress reports that `teach` makes.
 LEAST_TOUCHES = 10
-MOST_TAKEN = 0.0015  #: Share of the five shapes' contacts that a taught shape may take when the needed evidence is set.
-#: Share of a shape's own examples whose evidence is ignored because it is smaller than that of the others.
+MOST_TAKEN = 0.0015  #: Largest share of the five shapes' contacts that a taught shape may take.
+
+#: Share of a shape's own examples, those with the least evidence, that the second threshold ignores.
 OWN_QUANTILE = 0.02
-OWN_SHARE = 0.5      #: Share of the smallest remaining evidence that a contact needs.
-LEAST_RIGHT = 0.95   #: Share of the held-out touches that a useful shape needs to get right; one of 30 may be wrong.
-MOST_LOST = 0.003    #: Share of the five shapes' contacts that a useful head may lose.
+OWN_SHARE = 0.5      #: Second threshold, as a share of the smallest evidence that is not ignored.
+
+#: Share of the held-out touches of each shape that a useful head must recognise. One touch in 30 may be wrong.
+LEAST_RIGHT = 0.95
+MOST_LOST = 0.003    #: Largest share of the five shapes' contacts that a useful head may lose.
 
 
 class Rate(NamedTuple):
@@ -37,12 +40,12 @@ class Rate(NamedTuple):
 
     @property
     def value(self) -> float:
-        """The share; NaN if there are no cases."""
+        """The share, or NaN if there are no cases."""
         return self.right / self.total if self.total else float('nan')
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval by E. B. Wilson, J. Am. Stat. Assoc. 22 (1927).
+        """The 95 % interval by Wilson (Journal of the American Statistical Association 22, 1927).
 
         >>> [round(end, 3) for end in Rate(29, 30).interval]
         [0.833, 0.994]
@@ -60,13 +63,14 @@ class Rate(NamedTuple):
 
 
 class HeldOut(NamedTuple):
-    """The answers of a head to contacts of the taught sizes that it was not fitted to, as counts.
+    """Counts of a head's results for contacts of the taught sizes to which the head was not fitted.
 
-    The outputs are OUTPUTS, followed by the taught shapes.
+    Each row is a true class, and each column is a recognised class. The classes are OUTPUTS, followed by the taught
+    shapes.
     """
 
-    before: np.ndarray  #: (6, 6), answers without the head for the five shapes and FOREIGN
-    after: np.ndarray   #: (6 + N, 6 + N), answers with the head for these and for the touches of the taught shapes
+    before: np.ndarray  #: (6, 6), counts without the head, for the five shapes and FOREIGN
+    after: np.ndarray   #: (6 + N, 6 + N), counts with the head, also for the touches of the taught shapes
 
     @property
     def taught(self) -> list[Rate]:
@@ -82,7 +86,7 @@ class HeldOut(NamedTuple):
 
     @property
     def foreign(self) -> tuple[Rate, Rate]:
-        """Foreign contacts that are called a shape, without and with the head."""
+        """Foreign contacts that are recognised as a shape, without and with the head."""
         before, after = (Rate(int(each[FOREIGN].sum() - each[FOREIGN, FOREIGN]), int(each[FOREIGN].sum()))
                          for each in (self.before, self.after))
         return before, after
@@ -91,7 +95,8 @@ class HeldOut(NamedTuple):
     def is_good(self) -> bool:
         """True if the head is useful.
 
-        It must recognise LEAST_RIGHT of each shape's touches, and the five shapes may lose at most MOST_LOST.
+        A useful head recognises LEAST_RIGHT of each shape's touches, and the five shapes lose at most MOST_LOST of
+        their contacts.
         """
         before, after = self.five
         lost = (before.right - after.right) / max(before.total, 1)
@@ -99,7 +104,7 @@ class HeldOut(NamedTuple):
 
 
 class Taught(NamedTuple):
-    """The head for one kind of frames."""
+    """The head for one kind of frame."""
 
     head: Head
     held_out: HeldOut
@@ -107,28 +112,28 @@ class Taught(NamedTuple):
 
 def teach(recogniser: ShapeRecogniser, background: Background, shapes: Sequence[Examples],
           progress: Callable[[], None] = lambda: None) -> Taught:
-    """Return the head for the taught shapes, and counts of its answers.
+    """Return the head for the taught shapes, and counts of its results.
 
     Parameters
     ----------
     recogniser : ShapeRecogniser
-        The networks; taught shapes in their file are not used.
+        Recogniser that supplies the networks. The recogniser's own taught shapes are not used.
     background : Background
         Background contacts.
     shapes : sequence of Examples
-        Examples of each shape, all for the same kind of frames. A shape without examples is never the answer.
+        Examples of each shape, all for the same kind of frame. A shape without examples is never reported.
     progress : callable
-        Called STAGES times.
+        Function that is called STAGES times.
 
     Raises
     ------
     InputError
-        If a shape has fewer than LEAST_TOUCHES touches.
+        Raised if a shape has fewer than LEAST_TOUCHES touches.
     """
     for each in shapes:
         if 0 < each.touches < LEAST_TOUCHES:
             raise InputError('touches of a shape', expected=f'{LEAST_TOUCHES} or more, better 30',
-                             got=str(each.touches), remedy='Record more, each at another angle and place.')
+                             got=str(each.touches), remedy='Record more touches, each at a different angle and place.')
     rest, seen = seen_by(recogniser, background.patches), [seen_by(recogniser, each.patches) for each in shapes]
     progress()
     evidence = _held_out_evidence(rest, background.labels, shapes, seen, progress)
@@ -144,7 +149,7 @@ def _held_out_evidence(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples
                        progress: Callable[[], None]) -> list[np.ndarray]:
     """Return the evidence for the background and for each shape's examples.
 
-    Each value comes from a head that was not fitted to the fold or to the touch of that contact.
+    Each value comes from a head that was fitted without the fold of the contact.
     """
     folds = [np.arange(len(labels)) % FOLDS, *(each.touch % FOLDS for each in shapes)]
     evidence = [np.full((len(fold), len(shapes)), -np.inf) for fold in folds]
@@ -161,7 +166,7 @@ def _held_out_evidence(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples
 
 
 def _raised(rest: Seen, labels: np.ndarray, evidence: np.ndarray) -> float:
-    """Return the additional evidence with which a shape takes at most MOST_TAKEN of the five shapes' contacts."""
+    """Return the first threshold, with which a shape takes at most MOST_TAKEN of the five shapes' contacts."""
     five = (labels != FOREIGN) & np.isfinite(evidence)
     ahead = np.sort(evidence[five] - np.log(rest.known[five].max(1)))[::-1]
     if not len(ahead):
@@ -170,7 +175,7 @@ def _raised(rest: Seen, labels: np.ndarray, evidence: np.ndarray) -> float:
 
 
 def _of_own(evidence: np.ndarray) -> float:
-    """Return the additional evidence that nearly all of a shape's own examples still have."""
+    """Return the second threshold, OWN_SHARE of the evidence that nearly all of a shape's own examples have."""
     return OWN_SHARE * max(float(np.quantile(evidence, OWN_QUANTILE, method='lower')), 0.0) if len(evidence) else 0.0
 
 
@@ -194,12 +199,12 @@ if TYPE_CHECKING:
 
 
 def confusion_picture(held_out: HeldOut, names: Sequence[str]) -> 'Figure':
-    """Draw the answers for each truth as one row, in per cent of its contacts.
+    """Draw one row for each true class, with the recognised classes in per cent of the row's contacts.
 
     Parameters
     ----------
     held_out : HeldOut
-        Counts of the answers.
+        Counts of the head's results.
     names : sequence of str
         Names of the taught shapes.
     """
@@ -221,7 +226,7 @@ def confusion_picture(held_out: HeldOut, names: Sequence[str]) -> 'Figure':
         axes.text(col, row, f'{share:.0f}' if share >= 10 else f'{share:.1f}', ha='center', va='center', fontsize=9,
                   color='white' if share > 50 else 'black')
     axes.set_xlabel('recognised as')
-    axes.set_ylabel('is (contacts held out)')
+    axes.set_ylabel('true class (held-out contacts)')
     figure.colorbar(image, label='% of the row', shrink=0.7)
-    axes.set_title('What is taken for what', fontsize=11)
+    axes.set_title('Recognised classes by true class', fontsize=11)
     return figure

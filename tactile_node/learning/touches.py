@@ -1,7 +1,9 @@
-"""Find touches in taxel frames: the frames of a pad while an object is held on it, from contact to lift.
+"""Find touches in taxel frames.
 
-Only a few frames of a touch are kept, at equal steps, because the many frames of one hold teach no more than a few do.
-The frames are not recognised here.
+A touch consists of the frames of a pad from the first contact with an object until the object is lifted.
+
+Only a few frames of a touch are kept, at equal steps, because more frames of the same touch add no information. The
+recognition of shapes is not part of this module.
 """
 
 from collections.abc import Iterable, Sequence
@@ -30,7 +32,7 @@ class Unused(IntEnum):
     AT_EDGE = 2    #: the contact touches an edge of the pad
     TOO_SMALL = 3
     HIDDEN = 4     #: too many taxels of the contact are dead, missing or stuck
-    SHAPELESS = 5  #: the contact is ragged, a line, or reaches across the pad; the answer is always UNKNOWN
+    SHAPELESS = 5  #: the contact is ragged, is a line, or reaches across the pad, so that its shape is always UNKNOWN
     SATURATED = 6  #: readings are at the end of their range
     NO_CIRCLE = 7  #: the contact is recognised as another shape or as none
 
@@ -39,17 +41,17 @@ class TouchFrame(NamedTuple):
     """One frame of a touch."""
 
     mask: np.ndarray         #: bool (rows, cols), the contact together with the pieces near it
-    pattern: ContactPattern  #: the contact without these pieces, as the input of a recogniser
+    pattern: ContactPattern  #: the contact without the pieces near it, as the input of a recogniser
     reading: np.ndarray      #: (rows, cols), the unchanged frame
 
     @classmethod
     def of(cls, values: np.ndarray, mask: np.ndarray) -> 'TouchFrame':
-        """Return the frame of ``values`` in which ``mask`` alone is pressed."""
+        """Return a frame of ``values`` in which only the taxels of ``mask`` are pressed."""
         return cls(mask, ContactPattern.of(mask, values), values)
 
     @property
     def values(self) -> np.ndarray:
-        """Values of the taxels, (rows, cols); NaN for a taxel without a valid value."""
+        """Values of the taxels, (rows, cols), with NaN for a taxel without a valid value."""
         return self.pattern.values
 
     @property
@@ -64,7 +66,7 @@ class TouchFrame(NamedTuple):
 
 
 class Touch(NamedTuple):
-    """One object held on the pad."""
+    """One touch of an object on the pad."""
 
     frames: tuple[TouchFrame, ...]  #: at least one frame, at equal steps through the touch
 
@@ -98,13 +100,13 @@ class TouchFinder:
     unused : dict[Unused, int]
         Number of frames that were not used, by reason.
     reason : Unused or None
-        Reason why the latest frame was not used; None if it was used, or had no contact.
+        Reason why the latest frame was not used, or None if the frame was used or had no contact.
     """
 
     #: Smallest strength of a used frame, as a share of the strongest frame of the touch. In weaker frames, the object
     #: is still being set down or lifted.
     lightest = 0.5
-    least_taxels = 12  #: Smallest number of taxels of a contact that shows a shape.
+    least_taxels = 12  #: Smallest number of taxels with which a contact shows a shape.
 
     def __init__(self, unit: str | None):
         self._pipeline, self._taxels = ContactPipeline(), Taxels(unit=unit)
@@ -113,16 +115,17 @@ class TouchFinder:
         self.reason: Unused | None = None
 
     def feed(self, values: np.ndarray, saturated: np.ndarray | None = None) -> list[Touch]:
-        """Process a frame and return the touches that it ends, usually none or one.
+        """Process a frame, and return the touches that the frame ends, usually none or one.
 
-        A frame in which the pad is not seen does not end a touch, because it does not show that the object was lifted.
+        A frame in which the pad is not seen does not end a touch, because such a frame does not show that the object
+        was lifted.
 
         Parameters
         ----------
         values : np.ndarray
             Taxel values, (rows, cols).
         saturated : np.ndarray or None
-            Saturated taxels, bool (rows, cols); None for no saturated taxel.
+            Saturated taxels, bool (rows, cols), or None if no taxel is saturated.
         """
         found = self._pipeline.find(values, self._taxels, saturated=saturated)
         self.reason = None
@@ -146,7 +149,7 @@ class TouchFinder:
         return bool(np.ptp(centres, axis=0).max() < CENTRE_MOVED / 2 and np.ptp(strengths) < 0.15 * strengths.max())
 
     def end(self) -> list[Touch]:
-        """End the current touch and return it; return several touches if the contact jumped without a lift."""
+        """End the current touch and return it, as several touches if the contact jumped without a lift."""
         held, self._held = self._held, []
         if not held:
             return []
@@ -164,7 +167,7 @@ class TouchFinder:
         frames : Iterable[np.ndarray]
             Taxel values of each frame, (rows, cols).
         saturated : Iterable[np.ndarray or None]
-            Saturated taxels of each frame, bool (rows, cols); None for no saturated taxel.
+            Saturated taxels of each frame, bool (rows, cols), or None if no taxel is saturated.
         """
         touches = [touch for values, at_end in zip(frames, saturated) for touch in self.feed(values, at_end)]
         return Touches(touches + self.end(), self.unused)
@@ -187,13 +190,13 @@ class TouchFinder:
 
 
 def choose_frames(frames: Sequence[TouchFrame], most: int) -> Touch:
-    """Return a touch of at most ``most`` of the frames, at equal steps."""
+    """Return a touch with at most ``most`` of the frames, at equal steps."""
     which = np.unique(np.linspace(0, len(frames) - 1, most).round().astype(int))
     return Touch(tuple(frames[k] for k in which))
 
 
 class AnyTouchFinder(TouchFinder):
-    """Finds every touch that a recogniser answers, even if it is unclear, but no touch that the pad's edge cuts."""
+    """Finds all touches that the pad's edge does not cut, even if the touches are unclear."""
 
     def _why_unusable(self, found: FoundContact) -> Unused | None:
         return Unused.AT_EDGE if touches_edge(found.pattern.mask) else None

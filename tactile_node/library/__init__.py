@@ -1,1 +1,4 @@
-"""The interface of `import tactile_node` for other programs: arrays in, tuples out, without ROS or CAN."""
+"""The Python interface (`import tactile_node`) for other programs, which needs neither ROS nor CAN.
+
+The functions of the interface take arrays and return tuples.
+"""

@@ -1,4 +1,4 @@
-"""From an array of taxel values to its contact, the features, and the shape with pose and size."""
+"""Find the contact in an array of taxel values, with its features and its shape, pose and size."""
 
 import math
 from pathlib import Path
@@ -26,16 +26,16 @@ Kind = TypeVar('Kind')
 
 
 def instance(value: object, kind: type[Kind], name: str, remedy: str) -> Kind:
-    """Return ``value``, which must be a ``kind``; otherwise raise InputError with this ``name`` and ``remedy``."""
+    """Return ``value`` if it is a ``kind``, or raise an InputError with ``name`` and ``remedy``."""
     if not isinstance(value, kind):
         raise InputError(name, expected=f'a {kind.__name__}', got=f'a {type(value).__name__}', remedy=remedy)
     return value
 
 
 def scale_by(unit: str | None, thresholds: object) -> tuple[PressThresholds | None, UnitScale]:
-    """Return the thresholds to apply, and the check that values are in their unit.
+    """Return the thresholds to apply, and a check that values are in their unit.
 
-    The unit is only used without thresholds.
+    The unit is used only if there are no thresholds.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ def scale_by(unit: str | None, thresholds: object) -> tuple[PressThresholds | No
     Raises
     ------
     ConfigurationError
-        If the unit is not known.
+        Raised if the unit is unknown.
     InputError
-        If ``thresholds`` has another type.
+        Raised if ``thresholds`` has the wrong type.
     """
     if thresholds is None and unit not in (None, '', *PRESS_BY_UNIT):
         raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(PRESS_BY_UNIT)}',
@@ -65,16 +65,16 @@ def known_response(response: object, unit: str | None = None) -> SkinResponse | 
     Parameters
     ----------
     response : str, Path, SkinResponse or None
-        Path of the file, its content, or None for no response.
+        Path of the response file, its content, or None for no response.
     unit : str or None
-        Unit of the readings; None if it is not known.
+        Unit of the readings, or None if unknown.
 
     Raises
     ------
     ConfigurationError
-        If the response is for another unit.
+        Raised if the response is for another unit.
     InputError
-        If ``response`` has another type.
+        Raised if ``response`` has the wrong type.
     """
     if response is None:
         return None
@@ -95,7 +95,7 @@ def checked_frame(values: ArrayLike, scale: UnitScale) -> np.ndarray:
     Raises
     ------
     InputError
-        If the values may be counts, or cannot be in their unit.
+        Raised if the values may be counts, or are implausible in their unit.
     """
     frame = as_frame(values)
     if scale.unit == '' and np.asarray(values).dtype.kind in 'iu':
@@ -110,7 +110,7 @@ def checked_frame(values: ArrayLike, scale: UnitScale) -> np.ndarray:
 def check_values(frame: np.ndarray, unit: str | None) -> None:
     """Raise InputError if the values of ``frame`` cannot be in ``unit``.
 
-    On/off values and pressures are easily mixed up.
+    The check exists because on/off values and pressures are easily confused.
     """
     if frame.dtype == bool or unit not in ('Pa', '1'):
         return
@@ -126,7 +126,7 @@ def check_values(frame: np.ndarray, unit: str | None) -> None:
 
 
 def known_shape(shape: object) -> ShapeClass:
-    """Return the Shape with this name; a taught shape is returned as it is."""
+    """Return the Shape with this name, or a taught shape unchanged."""
     if isinstance(shape, TaughtShape):
         return shape
     try:
@@ -137,7 +137,7 @@ def known_shape(shape: object) -> ShapeClass:
 
 
 def seconds(stamp: object) -> float:
-    """Return ``stamp`` as a float; it must be a finite number."""
+    """Return ``stamp`` as a float, or raise InputError if ``stamp`` is not a finite number."""
     if isinstance(stamp, (int, float, np.integer, np.floating)) and math.isfinite(stamp):
         return float(stamp)
     raise InputError('stamp', expected='the time of the frame in seconds', got=repr(stamp),
@@ -149,21 +149,21 @@ def find_contact(values: ArrayLike, unit: str | None = '',
                  unmapped: ArrayLike | None = None) -> ContactPattern:
     """Return the largest contact of one frame.
 
-    A taxel is pressed if it stands out of the noise of the resting taxels. At least a quarter of the taxels must be at
-    rest. The contact ends where its taxels read less than half of the contact's own level. With ``thresholds``, fixed
-    values replace this rule. In an array of bool, True marks a pressed taxel.
+    A taxel is pressed if its value stands out from the noise of the resting taxels. At least a quarter of the taxels
+    must be at rest. The contact ends where its taxels read less than half of the contact's own level. With
+    ``thresholds``, fixed values replace these rules. In a Boolean array, True marks a pressed taxel.
 
-    NaN, infinite and masked taxels have no valid value: they are hidden. If too many taxels are hidden, the pad is not
-    seen (`pad_seen`), and 0 contacts do not mean that it is empty.
+    Taxels that are NaN, infinite or masked have no valid value and count as hidden. If too many taxels are hidden, the
+    pad is not seen (`pad_seen`), and the absence of contacts does not mean that the pad is empty.
 
     Parameters
     ----------
     values : array_like
         Taxel values, real numbers or bool, (rows, cols).
     unit : str or None
-        Unit of the values: 'Pa' (contacts from 2 kPa on), 'N' (from 7 mN on) or '1' (on/off). With None, the values
-        have no unit, like counts; if they are 0 and a single other number, they are on/off. With '', the same holds,
-        but integers are refused.
+        Unit of the values: 'Pa' (contacts of 2 kPa or more), 'N' (contacts of 7 mN or more) or '1' (on/off). None means
+        that the values have no unit, like counts. Values without a unit are on/off if they are all 0 or a single other
+        number. The unit '' has the same meaning as None, except that integers are refused.
     thresholds : PressThresholds or None
         Fixed thresholds.
     saturated : array_like or None
@@ -174,10 +174,10 @@ def find_contact(values: ArrayLike, unit: str | None = '',
     Raises
     ------
     InputError
-        If an array cannot be used, if integers have no unit, or if a contact is far too low for its unit, as counts
-        would be.
+        Raised if an array is invalid, integers have no unit, or the values of a contact are far too low for the unit,
+        as counts would be.
     ConfigurationError
-        If the unit is not known.
+        Raised if the unit is unknown.
 
     Examples
     --------
@@ -208,7 +208,7 @@ def paper_features(contact: ContactPattern, groups: Group = Group.ALL) -> Featur
     Raises
     ------
     InputError
-        If ``contact`` is something else.
+        Raised if ``contact`` is not a ContactPattern.
 
     Examples
     --------
@@ -222,20 +222,20 @@ def paper_features(contact: ContactPattern, groups: Group = Group.ALL) -> Featur
 
 
 class Recogniser:
-    """Recognises the shape of a contact. The weights are read once, when the object is made.
+    """Recognises the shape of a contact. The weights are read once, when the object is created.
 
     Parameters
     ----------
     method : str
         'learned', or 'volf' for the three planes of the paper.
     file : str, Path or None
-        File with other weights or curves, such as a file from `tactile teach` or `tactile assess`. None for the
+        File with other weights or curves, such as a file from `tactile teach` or `tactile assess`, or None for the
         package's own file.
 
     Raises
     ------
     ConfigurationError
-        If the method does not exist or the file cannot be used.
+        Raised if the method does not exist or the file cannot be used.
 
     Examples
     --------
@@ -245,32 +245,34 @@ class Recogniser:
     """
 
     def __init__(self, method: str = DEFAULT_METHOD, file: str | Path | None = None):
-        self.method = make_recogniser(method, str(file or ''))  #: the method without checks, for a ContactPipeline
+        #: the recogniser without argument checks, for a ContactPipeline
+        self.method = make_recogniser(method, str(file or ''))
 
     @property
     def classes(self) -> tuple[ShapeClass, ...]:
-        """All classes that get a probability, taught shapes last."""
+        """All classes that get a probability, with the taught shapes last."""
         return self.method.classes
 
     def recognise(self, contact: ContactPattern) -> Recognition:
-        """Return the most probable shape of a contact and the probability of each class.
+        """Return the most probable shape of a contact, and the probability of each class.
 
-        The shape is NONE if the pad was seen and nothing presses it. If the shape is UNKNOWN, `reason` says why: not
-        seen, unfamiliar or too small. If hidden taxels could change the answer, its confidence stays below 0.9.
+        The shape is NONE if the pad was seen and nothing presses it. If the shape is UNKNOWN, `reason` states why, for
+        example not seen, unfamiliar or too small. If hidden taxels could change the shape, the confidence usually stays
+        below 0.9.
 
         Raises
         ------
         InputError
-            If ``contact`` is something else.
+            Raised if ``contact`` is not a ContactPattern.
         """
         return self.method.recognise(_contact(contact))
 
 
 def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
               response: str | Path | SkinResponse | None = None) -> ShapeFit | None:
-    """Return pose and size of a contact, with their covariance.
+    """Return the pose and size of a contact, with their covariance.
 
-    Values of 0 and one other number are treated as on/off.
+    Values that are all 0 or a single other number are treated as on/off.
 
     Parameters
     ----------
@@ -279,21 +281,22 @@ def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
     shape : Shape
         Shape to fit.
     pitch : float
-        Distance of neighbouring taxels. All lengths are in its unit.
+        Distance between neighbouring taxels. All lengths have the unit of the pitch.
     response : str, Path or None
-        File from `tactile calibrate` if its curve has been applied to the values. Lengths must then be in metres.
+        Response file from `tactile calibrate`, if its curve has been applied to the values. With a response, lengths
+        must be in metres.
 
     Returns
     -------
     ShapeFit or None
-        None for NONE, UNKNOWN and taught shapes.
+        The fit, or None for NONE, UNKNOWN and taught shapes.
 
     Raises
     ------
     InputError
-        If the contact has no taxel, or the shape is not known.
+        Raised if the contact has no taxel, or the shape is unknown.
     ConfigurationError
-        If the pitch is not a finite length above 0.
+        Raised if the pitch is not a finite length above 0.
 
     Examples
     --------
@@ -309,7 +312,9 @@ def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
 
 
 def contact_box(contact: ContactPattern, pitch: float = 1.0) -> ContactBox:
-    """Return the smallest rectangle around a contact of any shape, with standard deviations; NaN without a contact.
+    """Return the smallest rectangle around a contact of any shape, with standard deviations.
+
+    Every number in the result is NaN if there is no contact.
 
     If the pad's edge or hidden taxels cut the contact, a length is a bound.
 
@@ -318,14 +323,14 @@ def contact_box(contact: ContactPattern, pitch: float = 1.0) -> ContactBox:
     contact : ContactPattern
         Result of `find_contact`.
     pitch : float
-        Distance of neighbouring taxels. All lengths are in its unit.
+        Distance between neighbouring taxels. All lengths have the unit of the pitch.
 
     Raises
     ------
     InputError
-        If ``contact`` is something else.
+        Raised if ``contact`` is not a ContactPattern.
     ConfigurationError
-        If the pitch is not a finite length above 0.
+        Raised if the pitch is not a finite length above 0.
 
     Examples
     --------
@@ -338,13 +343,13 @@ def contact_box(contact: ContactPattern, pitch: float = 1.0) -> ContactBox:
 
 
 def _contact(contact: object) -> ContactPattern:
-    return instance(contact, ContactPattern, 'contact', 'Pass what find_contact returns.')
+    return instance(contact, ContactPattern, 'contact', 'Pass the result of find_contact.')
 
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INVALID = 'grey'  #: Colour of a taxel without a valid value; the colour map inferno does not contain it.
+INVALID = 'grey'  #: Colour of a taxel without a valid value. The colour map inferno does not contain grey.
 
 def plot_frame(values: ArrayLike, fit: ShapeFit | None = None, pitch: float = 1.0,
                axes: 'Axes | None' = None) -> 'Axes':
@@ -362,7 +367,7 @@ def plot_frame(values: ArrayLike, fit: ShapeFit | None = None, pitch: float = 1.
     pitch : float
         Pitch that was given to `fit_shape`.
     axes : Axes or None
-        Axes of matplotlib; None for those of the current figure.
+        Matplotlib axes, or None for the axes of the current figure.
 
     Returns
     -------
@@ -372,9 +377,9 @@ def plot_frame(values: ArrayLike, fit: ShapeFit | None = None, pitch: float = 1.
     Raises
     ------
     InputError
-        If the array cannot be used.
+        Raised if the array is invalid.
     ConfigurationError
-        If the pitch is not a finite length above 0, or matplotlib is not installed.
+        Raised if the pitch is not a finite length above 0, or matplotlib is not installed.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Successive frames of one pad: pressed taxels with hysteresis, and a recognition fused over time."""
+"""Process successive frames of one pad, with hysteresis for pressed taxels and recognition fused over time."""
 
 from pathlib import Path
 
@@ -16,30 +16,30 @@ from tactile_node.shape.fusion import FusionSettings
 class ContactStream:
     """Follows the contact on one pad, frame by frame, as the ROS nodes do.
 
-    The noise of each taxel is learned while nothing presses it.
+    The stream learns the noise of each taxel while nothing presses the taxel.
 
     Parameters
     ----------
     recogniser : Recogniser or None
-        Recogniser, which several streams may share; None for the package's own.
+        Recogniser, which several streams may share, or None for the package's own recogniser.
     pitch : float
-        Distance of neighbouring taxels, as in `fit_shape`.
+        Distance between neighbouring taxels, as in `fit_shape`.
     unit : str or None
-        Unit of the values, as in `find_contact`; not used with ``thresholds``.
+        Unit of the values, as in `find_contact`. The unit is not used with ``thresholds``.
     thresholds : PressThresholds or None
         Fixed thresholds, as in `find_contact`.
     fusion : FusionSettings or None
-        Other constants of the fusion.
+        Settings of the fusion, or None for the default settings.
     response : str, Path or None
-        File from `tactile calibrate`. The frames are then readings above their zero, and the curve of the file turns
-        them into pressures.
+        File from `tactile calibrate`, or None. With a response, the frames must contain readings above their zero, and
+        the curve in the file converts these readings to pressures.
 
     Raises
     ------
     ConfigurationError
-        If the unit or the pitch cannot be used.
+        Raised if the unit or the pitch is invalid.
     InputError
-        If an argument has the wrong type.
+        Raised if an argument has the wrong type.
 
     Examples
     --------
@@ -68,25 +68,25 @@ class ContactStream:
 
     def update(self, values: ArrayLike, stamp: float, *, saturated: ArrayLike | None = None,
                unmapped: ArrayLike | None = None) -> StreamedContact:
-        """Add a frame and return the results so far.
+        """Add a frame, and return the results so far.
 
-        If the pad is not seen in a frame, the frame is reported as UNKNOWN, not seen. The frame changes nothing in the
-        results before and after it. The fusion starts again if the stamp goes backwards or jumps by more than
-        `FusionSettings.max_gap`.
+        If the pad is not seen in a frame, the frame is reported as UNKNOWN with the reason NOT_SEEN. A frame in which
+        the pad is not seen does not affect the results for other frames. The fusion starts again if the stamp goes
+        backwards or jumps by more than `FusionSettings.max_gap`.
 
         Parameters
         ----------
         values : array_like
             Taxel values, (rows, cols).
         stamp : float
-            Acquisition of the frame [s].
+            Acquisition time of the frame [s].
         saturated, unmapped : array_like or None
             As in `find_contact`.
 
         Raises
         ------
         InputError
-            If the array cannot be used, its shape has changed, or the stamp is not a time.
+            Raised if the array is invalid, its shape has changed, or the stamp is not a finite number.
         """
         stamp = seconds(stamp)
         frame = checked_frame(values, self._scale)
@@ -98,4 +98,4 @@ class ContactStream:
             self._shape = shape
         if shape != self._shape:
             raise InputError('taxel frame of a stream', expected=f'shape {self._shape}, as before', got=f'{shape}',
-                             remedy='Make a ContactStream for each pad.')
+                             remedy='Create one ContactStream for each pad.')

@@ -1,1 +1,1 @@
-"""Pose and size of a contact with a known shape, with covariance; and quantities that do not depend on the shape."""
+"""Estimate the pose and size of a contact with a known shape, and the quantities of a contact of any shape."""

@@ -1,4 +1,4 @@
-"""The smallest rectangle around a contact of any shape, and a check that finds hollow contacts."""
+"""Find the smallest rectangle around a contact of any shape, and detect hollow contacts."""
 
 from typing import Any, NamedTuple
 
@@ -12,15 +12,16 @@ from tactile_node.pose.evidence import holes
 from tactile_node.pose.moments import check_pitch
 from tactile_node.pose.rim import is_cut, reach, rim_of
 
-LEAST_HOLE = 3           #: Smallest number of taxels of a hole; a smaller one may be speckle.
-LEAST_HOLE_SHARE = 0.06  #: Smallest area of a hole, as a share of the contact together with the hole.
-IDLE_SHARE = 0.3         #: A hole reads less than this share of the contact's median.
+LEAST_HOLE = 3           #: Smallest hole that counts [taxels]. A smaller gap may be noise.
+LEAST_HOLE_SHARE = 0.06  #: Smallest hole that counts, as a share of the contact area including the hole.
+IDLE_SHARE = 0.3         #: The mean reading in a hole is below this share of the contact's median reading.
 
 
 def is_hollow(pattern: ContactPattern) -> bool:
     """Return True if the contact encloses visible taxels that are hardly pressed.
 
-    A few weak taxels in a solid contact are not a hole. A hole that the pad's edge cuts is not enclosed.
+    A few weak taxels in a solid contact do not count as a hole. A gap that reaches the pad's edge does not count as a
+    hole.
     """
     inside = holes(pattern.mask)
     if inside is None:
@@ -35,30 +36,35 @@ def is_hollow(pattern: ContactPattern) -> bool:
     return are_on_off(pattern.values) or bool(hole.mean() < IDLE_SHARE * np.nanmedian(pattern.values[pattern.mask]))
 
 
-BOX_ANGLES = np.radians(np.arange(90.0))  #: Angles at which rectangles are laid around the contact [rad].
+BOX_ANGLES = np.radians(np.arange(90.0))  #: Angles at which a rectangle is fitted around the contact [rad].
 BOX_COSINES = np.cos(BOX_ANGLES)
 BOX_SINES = np.sin(BOX_ANGLES)
 QUARTER_TURN = np.pi / 2
-# Each pair of standard deviations holds first for pressures, then for on/off or saturated taxels. They were measured on
-# contacts of training seeds (bench/bench_box.py).
-LENGTH_SD = (0.7, 0.45)  #: Standard deviation of a length at a given angle [pitches].
+# In each pair, the first standard deviation is for pressures and the second is for on/off or saturated taxels. The
+# standard deviations were measured on contacts computed with the training seeds (bench/bench_box.py).
+LENGTH_SD = (0.7, 0.45)  #: Standard deviation of a side length at a given angle [pitches].
 CENTRE_SD = (0.2, 0.2)   #: Standard deviation of the centre at a given angle [pitches].
-SIDE_SD = (0.2, 0.3)     #: Standard deviation by which a side of the rectangle varies from angle to angle [pitches].
+SIDE_SD = (0.2, 0.3)     #: Standard deviation of the change in side length between two angles [pitches].
 ANGLE_SD = 0.02          #: Smallest standard deviation of the angle [rad].
 
 
 class ContactBox(NamedTuple):
-    """The smallest rectangle around a contact, in the pad's frame, with standard deviations; NaN without a contact."""
+    """The smallest rectangle around a contact in the pad frame, with standard deviations.
 
-    centre: tuple[float, float]   #: centre of the rectangle [m]; of its visible part if a length is a bound
-    angle: float                  #: direction of the long side, from x to y, in (-π/2, π/2] [rad]
+    Every number is NaN if the pattern has no contact.
+    """
+
+    centre: tuple[float, float]   #: centre of the rectangle, or of its visible part if a length is a bound [m]
+    angle: float                  #: direction of the long side, positive from x to y, in (-π/2, π/2] [rad]
     lengths: tuple[float, float]  #: long side, short side [m]
     centre_sd: float              #: standard deviation along x and along y [m]
-    #: standard deviation of the direction of the sides [rad]; 0.45 if all angles are equally likely, because the sides
-    #: repeat every quarter turn
+
+    #: standard deviation of the direction of the sides [rad]. The sides repeat every quarter turn, so a value of 0.45
+    #: means that all directions are equally likely.
     angle_sd: float
     lengths_sd: tuple[float, float]  #: standard deviation of each length [m]
-    #: True if the pad's edge or hidden taxels cut the contact, so that it may be longer
+
+    #: for each length, True if the contact may be longer because the pad's edge or hidden taxels cut the contact
     length_is_bound: tuple[bool, bool]
     hollow: bool  #: True if the contact is a ring or a frame (`is_hollow`)
 
@@ -68,21 +74,21 @@ NOWHERE = ContactBox((np.nan, np.nan), np.nan, (np.nan, np.nan), np.nan, np.nan,
 
 
 def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibility | None = None) -> ContactBox:
-    """Return the smallest rectangle around the contact of a pattern; NOWHERE if the pattern has no contact.
+    """Return the smallest rectangle around the contact of a pattern, or NOWHERE if the pattern has no contact.
 
     Parameters
     ----------
     pattern : ContactPattern
         Pattern of the frame.
     pitch : float
-        Distance of neighbouring taxels. All lengths of the result are in its unit.
+        Distance between neighbouring taxels. The lengths in the result have the unit of the pitch.
     visibility : Visibility or None
-        Visibility of the pattern if the caller knows it; None to compute it.
+        Visibility of the pattern, or None to compute it from the pattern.
 
     Raises
     ------
     ConfigurationError
-        If ``pitch`` is not a finite length above 0.
+        Raised if ``pitch`` is not a finite length above 0.
     """
     check_pitch(pitch)
     if not pattern.mask.any():
@@ -93,7 +99,7 @@ def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibil
     likely = _likelihood(high - low, SIDE_SD[kind])
     best = int(likely.argmax())
     away = BOX_ANGLES - BOX_ANGLES[best]
-    is_over = np.abs(away) > QUARTER_TURN / 2  # after a quarter turn, the two axes exchange their roles
+    is_over = np.abs(away) > QUARTER_TURN / 2  # after a quarter turn, the two axes swap roles
     sides = np.empty((5, len(BOX_ANGLES)))  # lengths along and across, x and y of the centre, angle
     at_along, at_across = (high + low) / 2
     sides[:2] = high - low
@@ -114,9 +120,9 @@ def contact_box(pattern: ContactPattern, pitch: float = 1.0, visibility: Visibil
 
 
 def _likelihood(lengths: np.ndarray, side_sd: float) -> np.ndarray:
-    """Return the probability that each angle, (k,), is the angle of the smallest rectangle; the sum is 1.
+    """Return the probability, (k,), that the smallest rectangle lies at each of the angles.
 
-    ``lengths``, (2, k), are the sides of the rectangle at each angle.
+    ``lengths``, (2, k), holds the side lengths of the rectangle at each angle. The probabilities add up to 1.
     """
     area = lengths.prod(0)
     deviation = side_sd * np.sqrt(2 * np.square(lengths).sum(0))

@@ -1,4 +1,4 @@
-"""One start of a fit and its progress: a coarse pass, then new weights from its residuals, then a fine pass."""
+"""Fit an outline from one starting point: a coarse pass, new weights from the residuals, then a fine pass."""
 
 from typing import NamedTuple
 
@@ -13,15 +13,16 @@ from tactile_node.pose.profiles import DOMES, PUNCH, Layer, Profile, expected_lo
 from tactile_node.pose.skin_model import Model, PressureModel
 from tactile_node.shape.recognition import Shape
 
-COARSE_TOLERANCE = 0.3  #: Length of a step at which the first pass stops [pitches].
-FINE_TOLERANCE = 0.05   #: Length of a step at which the second pass stops [pitches].
-#: A less likely start is chosen if its cost is below this share of the cost of the likeliest start.
+COARSE_TOLERANCE = 0.3  #: The first pass stops at a step shorter than this [pitches].
+FINE_TOLERANCE = 0.05   #: The second pass stops at a step shorter than this [pitches].
+
+#: A less likely starting point is chosen if its cost is below this share of the likeliest starting point's cost.
 CLEAR_RATIO = 0.25
-FIRST_NOISE = 0.05      #: Noise of a value assumed in the first pass [fraction of level].
+FIRST_NOISE = 0.05      #: Noise that the first pass assumes for each taxel value [fraction of level].
 
 
 class Candidate(NamedTuple):
-    """A problem and the solution reached so far."""
+    """A least-squares problem and the solution reached so far."""
 
     problem: Problem
     solution: Solution
@@ -30,20 +31,20 @@ class Candidate(NamedTuple):
 
 def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PUNCH,
            layer: Layer | None = None) -> Candidate:
-    """Fit from a first guess with equal weights, until the steps are short compared with a taxel.
+    """Run the first pass of a fit with equal weights, until the steps are short compared with a taxel.
 
     Parameters
     ----------
     evidence : Evidence
-        The taxels to fit.
+        Taxels to which the outline is fitted.
     shape : Shape
         Shape of the outline.
     guess : Guess
-        Start of the fit.
+        Starting point of the fit.
     profile : Profile
         Pressure profile of the object; ignored for on/off taxels.
     layer : Layer or None
-        Layer of a calibrated skin, with lengths in pitches; None if it is not known.
+        Layer of a calibrated skin, with lengths in pitches, or None if the layer is unknown.
     """
     outline = outline_of(shape, guess.handedness)
     if evidence.on_off:
@@ -65,9 +66,10 @@ def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PU
 
 
 def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
-    """Return 1 / variance of a guess.
+    """Return 1 / variance of each parameter of a guess.
 
-    A length may be wrong by 100 %, the place by the largest length. The angle is nearly free.
+    The standard deviation of a length is the length itself. The standard deviation of the place is the largest length.
+    The angle is almost unconstrained.
     """
     _, _, dimensions = outline.split(guess)
     lengths = np.concatenate(([dimensions.max()] * 2, *([[1.8]] if outline.symmetry else []), dimensions))
@@ -75,9 +77,9 @@ def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
 
 
 def with_likely_peak(candidate: Candidate) -> Candidate:
-    """Return the candidate with the prior of its peak set to the nearest known kind of object.
+    """Return the candidate with the prior of the peak set for the nearest known kind of object.
 
-    The candidate stays as it is if the fit is not certain enough.
+    If the fit is too uncertain, the candidate is returned unchanged.
     """
     problem, model, solution = candidate.problem, candidate.problem.model, candidate.solution
     if not isinstance(model, PressureModel):
@@ -93,7 +95,7 @@ def with_likely_peak(candidate: Candidate) -> Candidate:
 
 
 def reweighted(candidate: Candidate, weights: np.ndarray) -> Candidate:
-    """Return the candidate at the same point with other ``weights`` of its taxels, (taxels,)."""
+    """Return the candidate at the same parameters, with new ``weights``, (taxels,)."""
     problem, solution = candidate.problem._replace(weights=weights), candidate.solution
     solution = evaluate(problem, solution.parameters, solution.prediction)
     return candidate._replace(problem=problem, solution=solution)
@@ -106,7 +108,7 @@ def fine(candidate: Candidate) -> Candidate:
 
 
 def loading_of(found: Candidate) -> Loading | None:
-    """Return how the object loads the skin, lengths in pitches; None for on/off taxels."""
+    """Return how the object loads the skin, with lengths in pitches, or None for on/off taxels."""
     model = found.problem.model
     if not isinstance(model, PressureModel):
         return None
@@ -114,30 +116,34 @@ def loading_of(found: Candidate) -> Loading | None:
     return Loading(model.profile.indenter, float(peak), float(np.exp(log_depth)))
 
 
-# The thresholds for a dome are chosen so that few punches of training seeds and few even pressures pass them.
-CIRCLE_PEAK = 0.3        #: A circle with a higher peak is not a dome.
-BALL_PEAK = -0.05        #: A circle with a lower peak may be a ball.
-DOME_CURVATURE = -0.005  #: A lower curvature of the residuals may come from a dome.
-# A dome can look like an even pressure on deep taxels. It may be one if both limits are exceeded:
-BAD_MISFIT = 2.0  #: sum of squares per taxel
+# These thresholds were chosen so that few punches of the training seeds and few even pressures are mistaken for a dome.
+CIRCLE_PEAK = 0.3        #: A circular contact with a higher fitted peak is not a dome.
+BALL_PEAK = -0.05        #: A circular contact with a lower fitted peak may be a ball.
+DOME_CURVATURE = -0.005  #: Residuals with a lower curvature may come from a dome.
+
+# A dome can look like an even pressure on deep taxels. The contact may be a dome if both of these limits are exceeded.
+BAD_MISFIT = 2.0  #: weighted sum of squared residuals per taxel
 DEEP_LAYER = 0.5  #: depth of the taxels [pitches]
-#: A circle with a higher peak is not a punch: no punch, sharp or rounded, presses this much more in its middle.
+
+#: A circular contact with a lower fitted peak is not a punch. No punch, sharp or rounded, presses this much more in its
+#: middle.
 NO_PUNCH_PEAK = -0.3
 
 
 def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
     """Return True if a contact fitted as a punch may be a ball, a cone or a lying cylinder.
 
-    The residuals of a dome fall from its middle outwards. A ball can also show as a negative peak.
+    Under a dome, the residuals fall from the middle of the contact outwards. Under a ball, the fitted peak can also be
+    negative.
 
     Parameters
     ----------
     evidence : Evidence
-        The fitted taxels.
+        Taxels to which the outline was fitted.
     shape : Shape
         Shape of the outline.
     punch : Candidate
-        Result of the fit as a punch.
+        Candidate that was fitted as a punch.
     """
     loading = loading_of(punch)
     if loading is None or shape not in DOMES or shape is Shape.CIRCLE and loading.peak > CIRCLE_PEAK:
@@ -150,7 +156,7 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
 
 
 def is_no_punch(shape: Shape, punch: Candidate) -> bool:
-    """Return True if a fit as a punch has found a pressure that no punch can have."""
+    """Return True if the pressure that a fit as a punch has found cannot come from a punch."""
     loading = loading_of(punch)
     return loading is not None and shape is Shape.CIRCLE and loading.peak < NO_PUNCH_PEAK
 
@@ -158,7 +164,7 @@ def is_no_punch(shape: Shape, punch: Candidate) -> bool:
 def _curvature(evidence: Evidence, shape: Shape, solution: Solution) -> float:
     """Return the slope of the residuals against the squared distance from the middle.
 
-    For a rectangle, the distance is measured from its long axis.
+    For a rectangle, the distance is measured from the long axis of the rectangle.
     """
     row, col = np.divmod(np.arange(evidence.used.size), evidence.window.cols)
     x, y = col + evidence.window.col - solution.parameters[0], row + evidence.window.row - solution.parameters[1]

@@ -1,4 +1,4 @@
-"""Codes and facts about the movement of a contact on one pad."""
+"""Codes and records that describe the movement of a contact on one pad."""
 
 import math
 from enum import IntEnum, IntFlag
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class EventKind(IntEnum):
-    """Kind of an event (ContactEvent.msg mirrors these numbers)."""
+    """Kind of event. ContactEvent.msg uses the same numbers."""
 
     NOT_KNOWN = 0
     MADE = 1     #: the pad was seen empty and is now touched
@@ -18,7 +18,7 @@ class EventKind(IntEnum):
 
 
 class SeenBy(IntEnum):
-    """Quantity that has shown an event (ContactEvent.msg mirrors these numbers)."""
+    """Quantity in which an event was detected. ContactEvent.msg uses the same numbers."""
 
     NOT_KNOWN = 0
     OUTLINE = 1  #: the fitted outline
@@ -28,7 +28,7 @@ class SeenBy(IntEnum):
 
 
 class Moving(IntFlag):
-    """Present movement of a contact (ContactMotion.msg mirrors these numbers)."""
+    """Current movement of a contact. ContactMotion.msg uses the same numbers."""
 
     NOT_KNOWN = 0
     STILL = 1
@@ -37,7 +37,7 @@ class Moving(IntFlag):
 
 
 class Observable(IntFlag):
-    """Movements of a contact that would be detected (ContactMotion.msg mirrors these numbers)."""
+    """Movements of a contact that would be detected. ContactMotion.msg uses the same numbers."""
 
     NOTHING = 0
     ALONG_X = 1
@@ -46,29 +46,29 @@ class Observable(IntFlag):
 
 
 class Event(NamedTuple):
-    """A change of the state of a contact.
+    """A change in the state of a contact.
 
     A quantity is NaN if it is unknown or does not belong to this kind of event.
     """
 
     kind: EventKind
-    stamp: float  #: acquisition of the frame that showed the event [s]
+    stamp: float  #: acquisition time of the frame that showed the event [s]
     seen_by: SeenBy
     probability: float
     speed: float = math.nan         #: [m/s]
-    direction: float = math.nan     #: in the pad's frame, from x to y [rad]
+    direction: float = math.nan     #: in the pad frame, positive from x to y [rad]
     rate: float = math.nan          #: positive from x to y [rad/s]
     force_before: float = math.nan  #: [N]
     force: float = math.nan         #: [N]
 
 
 class Motion(NamedTuple):
-    """The known movement of a contact in one frame."""
+    """The movement of a contact at the time of one frame."""
 
     moving: Moving = Moving.NOT_KNOWN
-    speed: float = math.nan      #: while SLIDING [m/s]; NaN if not known
-    direction: float = math.nan  #: while SLIDING, in the pad's frame, from x to y [rad]
-    rate: float = math.nan       #: while TURNING, positive from x to y [rad/s]
+    speed: float = math.nan      #: speed while SLIDING [m/s]; NaN if the speed is unknown
+    direction: float = math.nan  #: direction while SLIDING, in the pad frame, positive from x to y [rad]
+    rate: float = math.nan       #: angular velocity while TURNING, positive from x to y [rad/s]
     observable: Observable = Observable.NOTHING
     events: tuple[Event, ...] = ()   #: events of this frame
-    last_event: Event | None = None  #: latest event since the pad has been followed
+    last_event: Event | None = None  #: latest event since tracking of the pad began

@@ -1,6 +1,6 @@
-"""The taxels to which an outline is fitted.
+"""Select the taxels to which an outline is fitted.
 
-These are the taxels of the contact and those around it, without holes and invalid taxels.
+The selection contains the contact and the taxels around it, without holes and invalid taxels.
 """
 
 from typing import NamedTuple
@@ -12,43 +12,49 @@ from tactile_node.contact.neighbours import box_of, grown, touches_edge
 from tactile_node.errors import InputError
 from tactile_node.pose.outlines import Window
 
-WINDOW_MARGIN = 2  #: Number of taxels around the contact that belong to the window.
+WINDOW_MARGIN = 2  #: Number of taxels by which the window extends beyond the contact on each side.
 
 
 class Evidence(NamedTuple):
-    """The part of a frame that a fit uses; ``values`` and ``used`` are flat, row by row of the window."""
+    """The part of a frame that a fit uses.
+
+    ``values`` and ``used`` are flattened row by row.
+    """
 
     window: Window
-    values: np.ndarray  #: values in units of ``level``; 0 where a taxel is not used
-    used: np.ndarray    #: bool, taxels that the fit uses
-    solid: np.ndarray   #: (rows, cols), values >= 0 with invalid taxels and holes filled, for moments
-    level: float        #: typical value of the contact, in the unit of the frame
+    values: np.ndarray  #: taxel values in units of ``level``, with 0 for invalid taxels
+    used: np.ndarray    #: True for each taxel that the fit uses
+    solid: np.ndarray   #: values >= 0 for the moments, (rows, cols), with invalid taxels and holes filled
+    level: float        #: typical value of a taxel in the contact, in the unit of the frame
     on_off: bool        #: True if all values are 0 or 1
-    at_edge: bool       #: True if the contact touches the pad's edge, so that a part of it may be beyond
+    at_edge: bool       #: True if the contact touches the pad's edge and may continue beyond it
 
     @property
     def strength(self) -> float:
-        """Typical value times the number of taxels; grows with the load and with the visible part of the contact."""
+        """Typical value times the number of used taxels.
+
+        The strength grows with the load and with the visible part of the contact.
+        """
         return self.level * int(np.count_nonzero(self.used))
 
 
 def gather(values: np.ndarray, mask: np.ndarray, at_edge: bool | None = None) -> Evidence:
-    """Return the evidence of a contact.
+    """Return the evidence for fitting an outline to a contact.
 
     Parameters
     ----------
     values : np.ndarray
-        Taxel values, (rows, cols); NaN where a taxel is invalid. Values of bool, or of the numbers 0 and 1 only, are an
-        on/off pattern.
+        Taxel values, (rows, cols), with NaN for invalid taxels. Booleans, or values that are all 0 or 1, are treated as
+        an on/off pattern.
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols).
     at_edge : bool or None
-        True if the contact touches the pad's edge; None to derive it from ``mask``.
+        True if the contact touches the pad's edge, or None to derive this from ``mask``.
 
     Raises
     ------
     InputError
-        If the arrays have different shapes or are not real numbers, or if the mask is empty.
+        Raised if the arrays have different shapes or are not real numbers, or if the mask is empty.
     """
     values, mask = checked(values, mask)
     window, at_edge = _window(mask), touches_edge(mask) if at_edge is None else at_edge
@@ -71,12 +77,12 @@ def gather(values: np.ndarray, mask: np.ndarray, at_edge: bool | None = None) ->
 
 
 def checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a frame as float and its contact as bool.
+    """Return the values of a frame as floats and the contact mask as booleans.
 
     Raises
     ------
     InputError
-        If the arrays have different shapes or are not real numbers, or if the mask is empty.
+        Raised if the arrays have different shapes or are not real numbers, or if the mask is empty.
     """
     values, mask = np.asarray(values), np.asarray(mask)
     if values.ndim != 2 or values.shape != mask.shape or values.dtype.kind not in 'biuf':
@@ -85,14 +91,14 @@ def checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
             got=f'{values.dtype} {values.shape} and {mask.shape}', remedy='Pass the values and the mask of one frame.')
     if not mask.any():
         raise InputError('contact mask', expected='at least one taxel', got='none',
-                         remedy='Fit only where something touches the pad.')
+                         remedy='Fit an outline only if something touches the pad.')
     return values.astype(float, copy=False), mask.astype(bool, copy=False)
 
 
 def _window(mask: np.ndarray) -> Window:
     """Return the window around the contact, which may extend beyond the pad's edge.
 
-    The taxels at the edge also feel a load beyond the edge.
+    The window includes places beyond the edge, because a load beyond the edge also presses the taxels at the edge.
     """
     rows, cols = box_of(mask)
     return Window(rows.start - WINDOW_MARGIN, cols.start - WINDOW_MARGIN,
@@ -100,7 +106,7 @@ def _window(mask: np.ndarray) -> Window:
 
 
 def _seen_through(window: Window, taxels: np.ndarray, beyond: float) -> np.ndarray:
-    """Return the part of ``taxels`` in the window, with the value ``beyond`` where there are no taxels."""
+    """Return the part of ``taxels`` inside the window, with the value ``beyond`` outside the pad."""
     row, col, rows, cols = window
     part = taxels[max(row, 0):row + rows, max(col, 0):col + cols]
     if part.shape == (rows, cols):
@@ -112,18 +118,21 @@ def _seen_through(window: Window, taxels: np.ndarray, beyond: float) -> np.ndarr
 
 
 def upper_median(values: np.ndarray) -> float:
-    """Return the upper median, or 0 without values; four times as fast as numpy's median."""
+    """Return the upper median of ``values``, or 0 if there are no values.
+
+    This function is four times as fast as ``np.median``.
+    """
     middle = values.size // 2
     return float(np.partition(values, middle)[middle]) if values.size else 0.0
 
 
 def holes(mask: np.ndarray) -> np.ndarray | None:
-    """Return the taxels that ``mask`` encloses; None if there are none, which is the usual case."""
+    """Return the taxels that ``mask`` encloses, or None in the usual case that it encloses none."""
     begins = mask[:, 1:] & ~mask[:, :-1]
     if (np.add.reduce(begins, 1, int) + mask[:, 0]).max() < 2:  # no row has a gap
         return None
     between = ~mask
-    for axis in (0, 1):  # a fast first check: an enclosed taxel has taxels of the mask on all four sides
+    for axis in (0, 1):  # a fast first check, because an enclosed taxel has taxels of the mask on all four sides
         between &= np.logical_or.accumulate(mask, axis) & np.flip(
             np.logical_or.accumulate(np.flip(mask, axis), axis), axis)
     if not between.any():

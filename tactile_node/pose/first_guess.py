@@ -1,8 +1,10 @@
-"""A first guess of pose and size from moments up to the fourth, in closed form; exact for whole shapes.
+"""Compute a first guess of pose and size from moments in closed form.
 
-A uniform triangle is an affine image of the equilateral triangle. After whitening, its third moment points to the
-corners. The sides of a rectangle are sqrt(12 variance). The square of a taxel adds 1/12 to the variance and -1/60 to
-the fourth moment.
+The guess uses moments up to the fourth order. The guess is exact for a shape that is completely visible.
+
+A uniform triangle is an affine image of the equilateral triangle. After whitening, the third moment of the triangle
+points to its corners. A side of a rectangle has the length sqrt(12 v), where v is the variance along the side. The
+finite size of a taxel adds 1/12 to the variance and -1/60 to the fourth moment.
 """
 
 from typing import NamedTuple
@@ -11,38 +13,38 @@ import numpy as np
 
 from tactile_node.shape.recognition import Shape
 
-WHITE_CORNERS = np.sqrt(8)  #: Distance from the centre of the equilateral triangle of variance 1 to its corners.
+WHITE_CORNERS = np.sqrt(8)  #: Distance from the centre to a corner of an equilateral triangle with variance 1.
 
 
 class Guess(NamedTuple):
-    """A start for a fit."""
+    """A starting point for a fit."""
 
     parameters: np.ndarray  #: parameters of the outline [pitches, rad]
     handedness: int = 1
 
 
 class Moments(NamedTuple):
-    """Moments of weighted taxels; places are complex numbers x + iy."""
+    """Moments of weighted taxels, with places as complex numbers x + iy."""
 
     centre: complex
     covariance: np.ndarray
-    weights: np.ndarray  #: weight of each taxel; the sum is 1
-    offsets: np.ndarray  #: complex, place of each taxel relative to the centre
+    weights: np.ndarray  #: weight of each taxel; all weights add up to 1
+    offsets: np.ndarray  #: place of each taxel relative to the centre, as a complex number
 
 
 def moments_of(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> Moments:
-    """Return the moments of taxels at ``x`` and ``y`` with ``weights`` >= 0, at least one of them above 0."""
+    """Return the moments of taxels at ``x`` and ``y`` with ``weights`` >= 0, of which at least one is above 0."""
     weights, place = weights / weights.sum(), x + 1j * y
     centre = complex(weights @ place)
     offsets = place - centre
     xx, yy, xy = weights @ offsets.real**2, weights @ offsets.imag**2, weights @ (offsets.real * offsets.imag)
-    least = 0.05  # even a line of taxels has a width
+    least = 0.05  # even a single line of taxels has a width
     covariance = np.array(((max(xx - 1 / 12, least), xy), (xy, max(yy - 1 / 12, least))))
     return Moments(centre, covariance, weights, offsets)
 
 
 def guesses(shape: Shape, moments: Moments, margin: float) -> list[Guess]:
-    """Return one or more starts for a fit, the likeliest first.
+    """Return one or more starting points for a fit, the likeliest first.
 
     Parameters
     ----------
@@ -51,9 +53,9 @@ def guesses(shape: Shape, moments: Moments, margin: float) -> list[Guess]:
     moments : Moments
         Moments of the contact.
     margin : float
-        For a triangle, a corner also gives a start if its misfit exceeds that of the best corner by at most this much.
-        The misfit of a right triangle is in radians. That of an isosceles triangle is the logarithm of a ratio of
-        lengths.
+        A corner of a triangle also yields a starting point if its misfit exceeds the best corner's misfit by at most
+        this margin. For a right triangle, the misfit is an angle [rad]. For an isosceles triangle, the misfit is the
+        logarithm of a ratio of lengths.
     """
     x, y = moments.centre.real, moments.centre.imag
     if shape is Shape.CIRCLE:
@@ -70,7 +72,7 @@ def guesses(shape: Shape, moments: Moments, margin: float) -> list[Guess]:
 
 
 def _triangle(moments: Moments) -> np.ndarray:
-    """Return the corners of the triangle with these moments, complex, in the sense from x to y."""
+    """Return the corners of the triangle with these moments, as complex numbers ordered by rotation from x to y."""
     variance, axes = np.linalg.eigh(moments.covariance)
     scale = np.sqrt(np.maximum(variance, 0.02))
     if np.linalg.det(axes) < 0:

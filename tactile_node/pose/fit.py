@@ -1,4 +1,4 @@
-"""Pose and size of a contact of known shape, found by fitting its outline to the taxel values by least squares."""
+"""Find the pose and size of a contact of known shape by a least-squares fit of its outline to the taxel values."""
 
 from collections.abc import Callable
 from functools import partial
@@ -21,86 +21,99 @@ from tactile_node.pose.search import Found, follow, search
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 from tactile_node.taxel_frame import read_only
 
-SEARCH_PERIOD = 0.5   #: Time after which the outline of a lasting contact is searched for again [s].
-SEARCH_GROWTH = 1.25  #: Factor by which the evidence of a contact has to grow before its outline is searched for again.
+SEARCH_PERIOD = 0.5   #: Interval at which the outline of a lasting contact is searched for again [s].
+SEARCH_GROWTH = 1.25  #: Growth factor of the evidence after which the outline is searched for again.
 
 
 class ShapeFit(NamedTuple):
-    """Pose and size of a contact in the pad's frame: metres, origin at taxel (0, 0), x along columns, y along rows."""
+    """Pose and size of a contact in the pad frame, in metres.
+
+    The pad frame has its origin at taxel (0, 0). The x coordinate grows with the column, and the y coordinate with the
+    row.
+    """
 
     shape: Shape
     centre: tuple[float, float]  #: centre of area [m]
     angle: float                 #: direction of the shape's own x axis, positive from x to y [rad]; 0 for a circle
-    #: The shape looks the same after a rotation by 2π/symmetry; 0 for any angle. An isosceles triangle has 3 if the
-    #: taxels do not distinguish it from an equilateral one; its apex may then be any corner.
+
+    #: The shape looks the same after a rotation by 2π/symmetry. A symmetry of 0 means that the shape looks the same
+    #: after any rotation. An isosceles triangle has the symmetry 3 if the taxels cannot distinguish it from an
+    #: equilateral triangle, so that any corner may be the apex.
     symmetry: int
     handedness: int                   #: 1 or -1 (mirrored) for a right triangle, 0 for other shapes
-    dimension_names: tuple[str, ...]  #: names as in `outlines.OUTLINES`
+    dimension_names: tuple[str, ...]  #: names of the dimensions, as in `outlines.OUTLINES`
     dimensions: tuple[float, ...]     #: length of each dimension [m]
-    #: for each dimension, True if it is only the visible length because the contact continues unseen (`fit_contact`)
+
+    #: for each dimension, True if the value is only the visible length, because the contact may continue unseen
+    #: (`fit_contact`)
     is_bound: tuple[bool, ...]
-    covariance: np.ndarray  #: covariance of ``parameter_names`` [m, rad]
-    residual: float  #: root mean square of value - model, as a fraction of the contact's level
-    outline: np.ndarray  #: corners (n, 2), in the sense from x to y [m]
-    indenter: Indenter | None  #: kind of object, as far as its pressure shows; None for on/off taxels
+    covariance: np.ndarray  #: covariance of the parameters in ``parameter_names`` [m, rad]
+    residual: float  #: root mean square of the difference between value and model, as a fraction of the contact's level
+    outline: np.ndarray  #: corners, (n, 2), ordered by rotation from x to y [m]
+    indenter: Indenter | None  #: kind of object, as inferred from its pressure; None for on/off taxels
     peak: float  #: 0 for an even pressure, about 1 for the pressure of a punch or a dome, NaN for on/off taxels
     depth: float  #: fitted depth of the taxels below the skin's surface [m]; NaN for on/off taxels
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters in ``covariance``: x, y, angle (unless a circle) and the dimensions."""
+        """Names of the parameters in ``covariance``: x, y, the angle (except for a circle) and the dimensions."""
         return OUTLINES[self.shape].parameters
 
     @property
     def parameters(self) -> np.ndarray:
-        """Values of ``parameter_names``."""
+        """Values of the parameters in ``parameter_names``."""
         return np.array((*self.centre, *((self.angle,) if self.symmetry else ()), *self.dimensions))
 
 
 class Part(NamedTuple):
-    """The part of a frame that is fitted, in taxels, or in blocks of taxels for a wide contact."""
+    """The part of a frame to which an outline is fitted.
+
+    A wide contact is divided into blocks of several taxels.
+    """
 
     evidence: Evidence
-    size: int = 1   #: number of rows and of columns of a block
-    x: float = 0.0  #: column of the middle of block (0, 0) [taxels]
-    y: float = 0.0  #: row of the middle of block (0, 0) [taxels]
+    size: int = 1   #: side length of a block [taxels]
+    x: float = 0.0  #: column at the centre of block (0, 0) [taxels]
+    y: float = 0.0  #: row at the centre of block (0, 0) [taxels]
 
 
-#: Function that finds the outline of a shape in a part; the lengths of the layer are in pitches of the part.
+#: Function that finds the outline of a shape in a part. The layer's lengths are in units of one block.
 Finder: TypeAlias = Callable[[Part, Shape, Layer | None], Found]
 
 
 def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: float = 1.0,
               layer: Layer | None = None, find: Finder | None = None) -> ShapeFit | None:
-    """Fit the outline of a shape to a contact. A wide contact is fitted in blocks of taxels.
+    """Fit the outline of a shape to a contact.
+
+    A wide contact is divided into blocks of taxels before the fit.
 
     Parameters
     ----------
     values : np.ndarray
-        Taxel values, (rows, cols), in any unit that grows with pressure; NaN for no valid value. Values of bool are an
+        Taxel values, (rows, cols), in any unit that grows with pressure, with NaN for an invalid value. Booleans are an
         on/off pattern.
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols).
     shape : ShapeClass
         Shape to fit.
     pitch : float
-        Distance of neighbouring taxels [m].
+        Distance between neighbouring taxels [m].
     layer : Layer or None
-        Layer of a calibrated skin; None if it is not known.
+        Layer of a calibrated skin, or None if the layer is unknown.
     find : Finder or None
-        Finder of a `FitFollower`; None to search in this frame alone.
+        Finder of a `FitFollower`, or None to search in this frame alone.
 
     Returns
     -------
     ShapeFit or None
-        None if the shape has no outline.
+        The fit, or None if the shape has no outline.
 
     Raises
     ------
     InputError
-        If the arrays have different shapes or are not real numbers, or if the mask is empty.
+        Raised if the arrays have different shapes or are not real numbers, or if the mask is empty.
     ConfigurationError
-        If the pitch or the layer cannot be used.
+        Raised if the pitch or the layer is invalid.
 
     Examples
     --------
@@ -122,32 +135,33 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: fl
 def _part(values: np.ndarray, mask: np.ndarray) -> Part:
     size = size_of(mask)
     blocks = in_blocks(values, mask, size) if size > 1 else None
-    if blocks is None or not blocks.mask.any():  # no block of a line of taxels is half full
+    if blocks is None or not blocks.mask.any():  # a single line of taxels fills no block by half
         return Part(gather(values, mask))
     return Part(gather(blocks.values, blocks.mask, touches_edge(mask)), size, blocks.x, blocks.y)
 
 
 class FitFollower:
-    """Fits a contact from frame to frame, starting from the outline in the frame before.
+    """Fits a contact from frame to frame, starting from the outline in the previous frame.
 
-    Following an outline takes a quarter of the time that a search takes. The follower searches again in these cases:
+    Following an outline takes a quarter of the time of a search. The follower searches again in these cases:
 
     - in the first frame,
-    - every SEARCH_PERIOD, because the contact may have become a dome, or another corner may have become likelier,
-    - if following leads to a worse fit,
-    - if the evidence has grown by SEARCH_GROWTH. A contact that is touched lightly or seen in part may look like a
+    - every SEARCH_PERIOD, because a dome or another corner may have become more likely,
+    - if following the outline leads to a worse fit,
+    - if the evidence has grown by SEARCH_GROWTH. A contact that is pressed lightly or seen only in part may look like a
       dome, whose outline is larger.
     """
 
     def __init__(self) -> None:
-        self._before: dict[Shape, tuple[Found, Part, float]] = {}  # outline, and part and stamp of its last search
+        # outline, with the part and the stamp of its last search
+        self._before: dict[Shape, tuple[Found, Part, float]] = {}
 
     def restart(self) -> None:
-        """Search in the next frame, because another contact begins."""
+        """Search again in the next frame, because a new contact begins."""
         self._before.clear()
 
     def at(self, stamp: float) -> Finder:
-        """Return the finder for the next frame, acquired at ``stamp`` [s]."""
+        """Return the finder for the next frame, which was acquired at ``stamp`` [s]."""
         return partial(self._find, stamp)
 
     def _find(self, stamp: float, part: Part, shape: Shape, layer: Layer | None) -> Found:
@@ -164,16 +178,16 @@ class FitFollower:
 
 
 def in_metres(found: Found, part: Part, pitch: float) -> ShapeFit:
-    """Return the outline of a part as a fit in the pad's frame.
+    """Convert the outline that was found in a part to a fit in the pad frame.
 
     Parameters
     ----------
     found : Found
-        Outline in pitches of the part.
+        Outline in the part, with lengths in units of one block.
     part : Part
         The fitted part of the frame.
     pitch : float
-        Distance of neighbouring taxels [m].
+        Distance between neighbouring taxels [m].
     """
     shape, estimate, pitch = found.shape, found.estimate, pitch * part.size
     outline = outline_of(shape, estimate.handedness)
@@ -193,8 +207,8 @@ def in_metres(found: Found, part: Part, pitch: float) -> ShapeFit:
                     depth=loading.depth * pitch if loading else np.nan)
 
 
-#: Shapes whose own axes run from side to side, so that a length can be a bound. For a completed triangle, the
-#: deviations show the uncertainty instead.
+#: Shapes with axes that run from one side to the opposite side, so that a length can be a bound. A triangle is
+#: completed instead, and its standard deviations show the uncertainty.
 UPRIGHT_SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE)
 
 
@@ -202,8 +216,8 @@ def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, 
                 visibility: Visibility | None = None, find: Finder | None = None) -> ShapeFit | None:
     """Fit a shape to the contact of a pattern, as `fit_shape` does, and mark lengths that are bounds.
 
-    If a part of a circle, a square or a rectangle is unseen, the length is the visible length and is marked as a bound.
-    A triangle is completed, and its deviations show how certain the result is.
+    If part of a circle, a square or a rectangle is unseen, the fit contains the visible length and marks it as a bound.
+    A triangle is completed, and its standard deviations show how certain the result is.
 
     Parameters
     ----------
@@ -212,13 +226,13 @@ def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, 
     shape : ShapeClass
         Shape to fit.
     pitch : float
-        Distance of neighbouring taxels [m].
+        Distance between neighbouring taxels [m].
     layer : Layer or None
-        Layer of a calibrated skin; None if it is not known.
+        Layer of a calibrated skin, or None if the layer is unknown.
     visibility : Visibility or None
-        Visibility of the pattern if the caller knows it; None to compute it.
+        Visibility of the pattern, or None to compute it from the pattern.
     find : Finder or None
-        Finder of a `FitFollower`; None to search in this frame alone.
+        Finder of a `FitFollower`, or None to search in this frame alone.
     """
     taxels = pattern.mask if are_on_off(pattern.values) else pattern.values
     fit = fit_shape(taxels, pattern.mask, shape, pitch, layer, find)

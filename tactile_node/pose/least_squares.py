@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt for a small number of parameters, with weights and a Gaussian prior."""
+"""Levenberg-Marquardt minimisation over a few parameters, with weights and a Gaussian prior."""
 
 from typing import NamedTuple
 
@@ -8,32 +8,34 @@ from scipy.linalg.lapack import dposv
 from tactile_node.contact.neighbours import box_of
 from tactile_node.pose.skin_model import Model, Prediction
 
-LONGEST_STEP = 1.0     #: Largest change of a parameter in one step [pitches, radians, relative].
+LONGEST_STEP = 1.0     #: Largest change of a parameter in one step [pitches, radians or relative].
 LEAST_DIMENSION = 0.3  #: Smallest value of a dimension [pitches].
 
 
 class Problem(NamedTuple):
-    """The sum to minimise: sum weights (values - model)² + sum precision (parameters - expected)²."""
+    """A least-squares problem: minimise sum weights (values - model)² + sum precision (parameters - expected)²."""
 
     model: Model
-    values: np.ndarray     #: (taxels,), values to fit
-    weights: np.ndarray    #: (taxels,), 1 / variance of each value
-    expected: np.ndarray   #: (parameters,), mean of the prior
-    precision: np.ndarray  #: (parameters,), 1 / variance of the prior; values > 0 give even a single taxel a solution
+    values: np.ndarray     #: values to fit, (taxels,)
+    weights: np.ndarray    #: 1 / variance of each value, (taxels,)
+    expected: np.ndarray   #: mean of the prior, (parameters,)
+
+    #: 1 / variance of the prior, (parameters,); values > 0 ensure a solution even for a single taxel
+    precision: np.ndarray
 
 
 class Solution(NamedTuple):
-    """A point that the iteration has reached."""
+    """The state of the minimisation after one step."""
 
     parameters: np.ndarray
     prediction: Prediction
     information: np.ndarray  #: inverse of the covariance of the parameters
     misfit: float            #: sum weights (values - model)²
-    cost: float              #: the misfit plus the contribution of the prior: the quantity that is minimised
+    cost: float              #: quantity that is minimised: the misfit plus the contribution of the prior
 
 
 def minimise(problem: Problem, at: Solution, *, tolerance: float, max_steps: int) -> Solution:
-    """Minimise from a start until the outline moves by less than a tolerance in one step.
+    """Minimise from a starting point until one step changes the outline by less than ``tolerance``.
 
     The steps converge quadratically, so the remaining error is of the order of ``tolerance`` squared.
 
@@ -44,7 +46,7 @@ def minimise(problem: Problem, at: Solution, *, tolerance: float, max_steps: int
     at : Solution
         Start.
     tolerance : float
-        Length of the last step of the outline [pitches].
+        Change of the outline below which the iteration stops [pitches].
     max_steps : int
         Largest number of steps.
     """
@@ -63,7 +65,7 @@ def minimise(problem: Problem, at: Solution, *, tolerance: float, max_steps: int
 
 
 def evaluate(problem: Problem, parameters: np.ndarray, prediction: Prediction) -> Solution:
-    """Return the solution at ``parameters``, where the model gives ``prediction``."""
+    """Return the solution at ``parameters``, for which the model predicts ``prediction``."""
     information = (prediction.jacobian * problem.weights) @ prediction.jacobian.T
     information.reshape(-1)[::len(parameters) + 1] += problem.precision
     misfit = problem.weights @ (problem.values - prediction.values)**2
@@ -83,7 +85,7 @@ def _step(problem: Problem, at: Solution, damping: float) -> np.ndarray:
 
 
 def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
-    """Return the parameters with positive dimensions, and with extras within the range of the model."""
+    """Return the parameters with positive dimensions, and with the extras limited to the model's range."""
     extras = len(model.outline.parameters)
     dimensions = slice(extras - len(model.outline.dimensions), extras)
     parameters[dimensions] = np.maximum(parameters[dimensions], LEAST_DIMENSION)
@@ -92,7 +94,7 @@ def _bounded(model: Model, parameters: np.ndarray) -> np.ndarray:
 
 
 class Place(NamedTuple):
-    """A point at which a model was computed. Near this point the model is taken as linear."""
+    """A point at which a model was computed, and near which the model is treated as linear."""
 
     parameters: np.ndarray
     prediction: Prediction
@@ -103,39 +105,39 @@ class Place(NamedTuple):
         return self.prediction._replace(values=values)
 
 
-NEAR_OUTLINE = 0.05  #: Distance from a place up to which the model is linear in the outline [pitches, radians].
-NEAR_EXTRAS = 0.1    #: The same for the extras of the model.
+NEAR_OUTLINE = 0.05  #: Largest change of the outline for which a linear model is accurate [pitches, radians].
+NEAR_EXTRAS = 0.1    #: Largest change of the model's extras for which a linear model is accurate.
 
 
 def is_near(model: Model, parameters: np.ndarray, place: np.ndarray) -> bool:
-    """Return True if the model, linear about ``place``, is accurate at ``parameters``."""
+    """Return True if the model, linearised at ``place``, is accurate at ``parameters``."""
     away, outline = np.abs(parameters - place), len(model.outline.parameters)
     return bool(away[:outline].max() < NEAR_OUTLINE and away[outline:].max(initial=0.0) < NEAR_EXTRAS)
 
 
 def solved(problem: Problem, at: Place) -> Solution:
-    """Return the minimum of ``problem`` with its model linear about ``at``."""
+    """Return the minimum of ``problem`` with its model linearised at ``at``."""
     step = _step(problem, evaluate(problem, at.parameters, at.prediction), damping=0.0)
     parameters = _bounded(problem.model, at.parameters + step)
     return evaluate(problem, parameters, at.shown_at(parameters))
 
 
 MOST_BLOCKS = 32   #: Largest number of blocks across a contact.
-BLOCKS_AROUND = 3  #: Number of blocks around the contact that are also fitted.
-LEAST_SEEN = 0.5   #: Share of the taxels of a block that must be valid; with fewer, the block has no value.
+BLOCKS_AROUND = 3  #: Number of blocks on each side of the contact that are also fitted.
+LEAST_SEEN = 0.5   #: Smallest share of valid taxels for which a block has a value.
 
 
 class Blocks(NamedTuple):
-    """A frame and its contact as blocks of taxels."""
+    """A frame and its contact mask, reduced to blocks of taxels."""
 
-    values: np.ndarray  #: float (rows, cols), NaN where too few taxels of a block are seen
+    values: np.ndarray  #: mean of each block, (rows, cols), or NaN if too few of its taxels are valid
     mask: np.ndarray    #: bool
-    x: float            #: column of the middle of block (0, 0) [taxels]
-    y: float            #: row of the middle of block (0, 0) [taxels]
+    x: float            #: column at the centre of block (0, 0) [taxels]
+    y: float            #: row at the centre of block (0, 0) [taxels]
 
 
 def size_of(mask: np.ndarray) -> int:
-    """Return the number of rows (and columns) of a block in which the contact ``mask`` is fitted; 1 for most contacts.
+    """Return the side length of the blocks for fitting the contact ``mask``, which is 1 for most contacts [taxels].
 
     >>> size_of(np.ones((8, 8), bool)), size_of(np.ones((64, 10), bool))
     (1, 2)
@@ -145,7 +147,7 @@ def size_of(mask: np.ndarray) -> int:
 
 
 def in_blocks(values: np.ndarray, mask: np.ndarray, size: int) -> Blocks:
-    """Return the surroundings of the contact as means of ``size`` x ``size`` taxels.
+    """Return the contact and its surroundings as means of ``size`` x ``size`` taxels.
 
     Blocks that the pad's edge cuts are NaN.
     """

@@ -1,8 +1,10 @@
-"""Errors of the models of punches and domes, by shape: corners carry less load, and the rounding of edges is not known.
+"""Correct the systematic errors of the punch and dome models for each shape.
 
-The errors were measured on computed contacts of training seeds (bench/pose_calibration.py). They are given in the
-shape's own frame: place in inscribed radii, angle in radians, dimensions relative. Under an even pressure, no error is
-subtracted.
+The models have systematic errors because corners carry less load and because the rounding of edges is unknown.
+
+The errors were measured on contacts computed with the training seeds (bench/pose_calibration.py). The tables use the
+shape's own frame, with the place in inscribed radii, the angle in radians and the dimensions as relative errors. Under
+an even pressure, no error is subtracted.
 """
 
 from typing import NamedTuple
@@ -16,18 +18,21 @@ from tactile_node.pose.profiles import Indenter
 from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
 
-MOST_PEAK = 1.2       #: Largest peak of a punch that counts.
-MOST_DOME_PEAK = 2.0  #: Largest excess of a dome's peak over 1 that counts.
-# No fit is better than these standard deviations, because taxels differ from the model's and a layer from a half-space.
+MOST_PEAK = 1.2       #: Upper limit that is applied to the peak of a punch.
+MOST_DOME_PEAK = 2.0  #: Upper limit that is applied to peak - 1 of a dome.
+
+# A fit never reports smaller standard deviations than these, because real taxels differ from modelled ones and a layer
+# differs from a half-space.
 LEAST_PLACE = 0.003  #: [pitches]
 LEAST_ANGLE = 0.001  #: [radians]
 LEAST_LENGTH = 0.02  #: [pitches]
-# The errors are not known beyond these limits.
+
+# The errors were not measured beyond these limits.
 LEAST_AREA = 12.0   #: smallest area [taxels]
 LEAST_RADIUS = 1.4  #: smallest inscribed radius [pitches]
 MOST_DEPTH = 1.3    #: largest depth of the taxels [pitches]
-EDGE_FACTOR = 1.4   #: Factor of the deviation for a contact at the pad's edge.
-FEW_TAXELS = 26.0   #: Area at which the deviation is twice that of a large contact [taxels].
+EDGE_FACTOR = 1.4   #: Factor applied to the standard deviation of a contact at the pad's edge.
+FEW_TAXELS = 26.0   #: Contact area at which the standard deviation is twice that of a large contact [taxels].
 
 
 class Loading(NamedTuple):
@@ -44,14 +49,14 @@ class Loading(NamedTuple):
 
 
 class ModelError(NamedTuple):
-    """Errors of x, y, the angle (except for a circle) and the dimensions."""
+    """Error terms for x, y, the angle (except for a circle) and the dimensions."""
 
     bias: tuple[float, ...]       #: constant error under a punch or a dome
-    of_size: tuple[float, ...]    #: error per 1 / inscribed radius [pitches]
-    of_ratio: tuple[float, ...]   #: error per logarithm of the ratio of the two dimensions
-    of_depth: tuple[float, ...]   #: error per depth of the taxels / inscribed radius
-    of_peak: tuple[float, ...]    #: error per peak - 1
-    deviation: tuple[float, ...]  #: standard deviation about the sum of these errors
+    of_size: tuple[float, ...]    #: coefficient of 1 / inscribed radius, with the radius in pitches
+    of_ratio: tuple[float, ...]   #: coefficient of the logarithm of the ratio of the two dimensions
+    of_depth: tuple[float, ...]   #: coefficient of the taxels' depth / inscribed radius
+    of_peak: tuple[float, ...]    #: coefficient of peak - 1
+    deviation: tuple[float, ...]  #: standard deviation of the error about the sum of these terms
 
 
 PUNCH_ERRORS = {
@@ -92,13 +97,13 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
     handedness : int
         1 or -1 (mirrored).
     parameters : np.ndarray
-        Fitted parameters of the outline, lengths in pitches.
+        Fitted parameters of the outline, with lengths in pitches.
     covariance : np.ndarray
         Covariance of ``parameters``.
     loading : Loading
         How the object loads the skin.
     at_edge : bool
-        True if a part of the contact is beyond the pad.
+        True if part of the contact may lie beyond the pad.
     """
     outline, error, share = outline_of(shape, handedness), errors_of(shape, loading), share_of(loading)
     area, radius = area_and_radius(outline.corners(parameters))
@@ -117,12 +122,12 @@ def corrected(shape: Shape, handedness: int, parameters: np.ndarray, covariance:
 
 
 def errors_of(shape: Shape, loading: Loading) -> ModelError:
-    """Return the errors for a shape under a kind of object."""
+    """Return the model errors for a shape and a kind of object."""
     return PUNCH_ERRORS[shape] if loading.is_punch else DOME_ERRORS[loading.indenter]
 
 
 def share_of(loading: Loading) -> float:
-    """Return the share of the errors that applies; 0 for an even pressure under a punch."""
+    """Return the share of the model errors that applies, which is 0 for a punch with an even pressure."""
     return min(max(loading.peak, 0.0), MOST_PEAK) if loading.is_punch else 1.0
 
 
@@ -136,12 +141,12 @@ def causes_of(outline: Outline, parameters: np.ndarray, radius: float, loading: 
 
 
 def spread_at(area: float) -> float:
-    """Return the factor of the deviation for a contact of this ``area`` [taxels]."""
+    """Return the factor for the standard deviation of a contact with this ``area`` [taxels]."""
     return 1 + (FEW_TAXELS / max(area, LEAST_AREA)) ** 2
 
 
 def scales_of(outline: Outline, handedness: int, parameters: np.ndarray, radius: float) -> np.ndarray:
-    """Return the matrix that turns relative errors in the shape's frame into errors of the parameters, (p, p)."""
+    """Return the matrix, (p, p), that converts relative errors in the shape's frame to errors of the parameters."""
     _, angle, dimensions = outline.split(parameters)
     turned = [float(handedness)] if outline.symmetry else []  # the angle of a mirrored shape turns the other way
     scales = np.diag((radius, radius, *turned, *dimensions))
@@ -153,34 +158,35 @@ def scales_of(outline: Outline, handedness: int, parameters: np.ndarray, radius:
 def area_and_radius(corners: np.ndarray) -> tuple[float, float]:
     """Return the area of a polygon, and 2 area / perimeter.
 
-    The second value is the radius of the inscribed circle, except for rectangles.
+    Except for rectangles, 2 area / perimeter is the radius of the inscribed circle.
     """
     following = np.concatenate((corners[1:], corners[:1]))
     area = abs((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()) / 2
     return float(area), float(2 * area / np.hypot(*(following - corners).T).sum())
 
 
-SMALLEST_NOISE = 0.002  #: Smallest noise of a value that is assumed [fraction of level]; no skin is better.
-FELT_RIM = 0.05         #: Taxels that feel less of the outline than this show the noise.
-RIM_COUNT = 20          #: Weight of the assumed rim noise, as a number of taxels.
+SMALLEST_NOISE = 0.002  #: Smallest noise that a fit assumes for a taxel value [fraction of level].
+FELT_RIM = 0.05         #: The noise is estimated from taxels whose `Prediction.rim` is at most this.
+RIM_COUNT = 20          #: Weight of the tabulated rim noise, expressed as a number of taxels.
 OUTLIER_SPREADS = 3.0   #: A taxel whose residual exceeds this many standard deviations loses weight (Huber).
-TO_DEVIATION = 1.4826   #: Factor from the median of absolute values to the standard deviation of a normal distribution.
-PATTERN_NOISE = 0.02    #: Smallest variance of an on/off taxel.
+TO_DEVIATION = 1.4826   #: Ratio of the standard deviation of a normal distribution to its median absolute deviation.
+PATTERN_NOISE = 0.02    #: Smallest variance that a fit assumes for an on/off taxel.
 
 
 class NoiseScale(NamedTuple):
-    """Noise of the taxels of one shape and factors for the covariance of its fits."""
+    """Noise of the taxels under one shape, and scale factors for the covariance of its fits."""
 
-    #: noise of a taxel that feels the whole outline, because the model leaves something out [fraction of level]
+    #: noise of a taxel on the outline due to simplifications in the model [fraction of level]
     rim: float
-    pressure: float  #: factor of the covariance for pressures
-    on_off: float    #: factor of the covariance for on/off patterns
-    at_edge: float   #: additional factor for pressures at the pad's edge, because the part beyond it is a guess
+    pressure: float  #: scale factor of the covariance for pressures
+    on_off: float    #: scale factor of the covariance for on/off patterns
+    at_edge: float   #: additional factor for pressures at the pad's edge, because the part beyond the edge is a guess
 
 
-#: The factors were found with `bench/bench_pose.py --calibrate --patterns 50` on training seeds (1200 fits each). The
-#: rim noise was chosen there so that clean and noisy frames need nearly the same factor. The factors at the edge come
-#: from computed punches of training seeds with up to a third beyond the edge (bench/pose_mechanics.py).
+#: The factors were measured with `bench/bench_pose.py --calibrate --patterns 50` on the training seeds, with 1200 fits
+#: per factor. The rim noise was chosen so that clean and noisy frames need nearly the same factor. The factors for the
+#: pad's edge were measured on punches computed with the training seeds, with up to a third of the punch beyond the edge
+#: (bench/pose_mechanics.py).
 NOISE_SCALES = {
     Shape.CIRCLE: NoiseScale(0.018, 1.00, 0.25, 1.5),
     Shape.SQUARE: NoiseScale(0.020, 1.01, 0.49, 1.5),
@@ -191,16 +197,18 @@ NOISE_SCALES = {
 
 
 def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> np.ndarray:
-    """Return 1 / variance of each value after a first fit: 0 for unused taxels, and less for outliers.
+    """Return the weight of each taxel value after a first fit.
+
+    The weight is 1 / variance, reduced for outliers. Unused taxels have the weight 0.
 
     Parameters
     ----------
     shape : Shape
         Shape of the outline.
     prediction : Prediction
-        Values of the first fit.
+        Taxel values that the first fit predicts.
     evidence : Evidence
-        The fitted taxels.
+        Taxels to which the outline was fitted.
     """
     if evidence.on_off:
         return evidence.used / (prediction.rim + PATTERN_NOISE)
@@ -216,7 +224,7 @@ def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> n
 
 
 def covariance_scale(shape: Shape, evidence: Evidence) -> float:
-    """Return the factor of the covariance with which 95 % regions held 95 % of the training contacts."""
+    """Return the scale factor of the covariance for which 95 % regions contained 95 % of the training contacts."""
     of_shape = NOISE_SCALES[shape]
     scale = of_shape.on_off if evidence.on_off else of_shape.pressure
     return scale * (of_shape.at_edge if evidence.at_edge and not evidence.on_off else 1.0)

@@ -1,4 +1,4 @@
-"""Quantities of a contact of any shape: force, centre of pressure, area and principal axis."""
+"""Compute the force, centre of pressure, area and principal axis of a contact of any shape."""
 
 from typing import NamedTuple
 
@@ -24,34 +24,39 @@ def check_pitch(pitch: float) -> None:
 
 
 VALUE_UNITS = ('Pa', 'N', '1')
-LEAST_PAIRS = 6  #: Smallest number of pairs of neighbouring taxels along an axis that can show a slope.
-#: Relative difference of the two second moments below which neither axis counts as the longer one.
+LEAST_PAIRS = 6  #: Smallest number of neighbouring taxel pairs along an axis from which a slope is computed.
+
+#: A contact has no principal axis if its two second moments differ by at most this share of their sum.
 ROUND_DIFFERENCE = 0.02
 
 
 class ContactMoments(NamedTuple):
-    """Moments of one contact in the pad's frame; NaN where undefined and where the pad is not seen.
+    """Moments of one contact in the pad frame.
 
-    Standard deviations come from the noise of the taxels. They are NaN if the noise is not known.
+    A value is NaN if it is undefined or if the pad is not seen.
+
+    The standard deviations follow from the noise of the taxels and are NaN if the noise is unknown.
     """
 
-    force: float  #: sum of the forces of all taxels [N]; NaN for an on/off skin
+    force: float  #: sum of the forces on all taxels of the contact [N]; NaN for an on/off skin
     centre_of_pressure: tuple[float, float]  #: [m]
     area: float  #: number of taxels of the contact, including invalid ones, times pitch² [m²]
-    principal_axis: float  #: direction of the contact's area, from x to y, in (-π/2, π/2] [rad]
-    filled: int  #: number of invalid taxels, which count as the mean of their neighbours
+    principal_axis: float  #: direction of the contact's longer axis, positive from x to y, in (-π/2, π/2] [rad]
+    filled: int  #: number of invalid taxels that were filled with the mean of their neighbours
     force_sd: float  #: [N]
-    centre_of_pressure_sd: tuple[float, float]  #: along x and along y [m]
-    #: True if the force is a lower bound. This is the case if taxels are saturated, if the contact may continue in
-    #: hidden taxels, or if the finger and the contact continue beyond the skin. If the finger ends with the skin, the
-    #: force is complete, though the object may be larger.
+    centre_of_pressure_sd: tuple[float, float]  #: standard deviation along x and along y [m]
+
+    #: True if the force is a lower bound: taxels are saturated, the contact may continue in hidden taxels, or both the
+    #: finger and the contact continue beyond the skin. If the finger ends at the edge of the skin, the force is
+    #: complete, even if the object is larger.
     force_is_bound: bool
-    centre_of_pressure_is_bound: bool  #: True if this is not the centre of the whole contact, for the same reasons
-    #: True if the contact may be larger, because hidden taxels or the pad's edge are next to it. Also true if taxels
-    #: are saturated, because a fit may then be too large.
+    centre_of_pressure_is_bound: bool  #: True if the centre is that of only the measured part of the contact
+
+    #: True if hidden taxels or the pad's edge adjoin the contact, so that the contact may be larger. The field is also
+    #: True if taxels are saturated, because a fit may then be too large.
     size_is_bound: bool
-    #: Slope of the pressures along x and y [Pa/m]; NaN if only a part of the load is measured. On an elastic skin under
-    #: an oblique face, the slope is the stiffness of the skin times the slope of the face, however lightly the face
+    #: Pressure gradient along x and y [Pa/m], or NaN if only part of the load is measured. On an elastic skin under an
+    #: inclined face, the gradient is the stiffness of the skin times the slope of the face, however lightly the face
     #: presses.
     slope: tuple[float, float] = (np.nan, np.nan)
 
@@ -60,31 +65,32 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
                     visibility: Visibility | None = None, noise: float | np.ndarray = np.nan) -> ContactMoments:
     """Return the moments of a contact.
 
-    An invalid taxel (NaN) of the contact counts as the mean of its valid neighbours in the contact. Without such a
-    neighbour it counts as the mean of the whole contact. A dead taxel therefore neither lowers the force nor shifts its
-    centre. Negative values count as 0.
+    An invalid taxel (NaN) of the contact counts as the mean of its valid neighbours in the contact. An invalid taxel
+    without valid neighbours counts as the mean of the whole contact. A dead taxel therefore neither lowers the force
+    nor shifts the centre of pressure. Negative values count as 0.
 
     Parameters
     ----------
     values : np.ndarray
-        Taxel values, float (rows, cols); NaN for no valid value.
+        Taxel values, float (rows, cols), with NaN for an invalid value.
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols).
     pitch : float
-        Distance of neighbouring taxels [m].
+        Distance between neighbouring taxels [m].
     unit : str
         Unit of the values: "Pa" (force = pressure times pitch²), "N" or "1" (on/off).
     visibility : Visibility or None
-        Visibility of the contact; None to compute it from ``values``, with no taxel saturated.
+        Visibility of the contact, or None to compute it from ``values`` on the assumption that no taxel is saturated.
     noise : float or np.ndarray
-        Standard deviation of all taxels, or of each taxel, (rows, cols) [unit of the values].
+        Standard deviation of a taxel value, as one number for all taxels or as an array (rows, cols) [unit of the
+        values].
 
     Raises
     ------
     InputError
-        If the arrays have different shapes.
+        Raised if the arrays have different shapes.
     ConfigurationError
-        If the pitch or the unit cannot be used.
+        Raised if the pitch or the unit is invalid.
 
     Examples
     --------
@@ -96,7 +102,7 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
                          got=f'{values.shape} and {mask.shape}', remedy='Pass the values and the mask of one frame.')
     if unit not in VALUE_UNITS:
         raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(VALUE_UNITS)}',
-                                 got=repr(unit), remedy='Give the unit that the skin layout gives.')
+                                 got=repr(unit), remedy='Use the unit that the skin layout states.')
     check_pitch(pitch)
     if visibility is None:
         visibility = visibility_of(ContactPattern.of(mask, values))
@@ -123,35 +129,36 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
 
 
 class PadForce(NamedTuple):
-    """The load on a pad as a whole."""
+    """The total force on a pad."""
 
-    force: float  #: force of all contacts of the pad [N]; NaN under the same conditions as for one contact
-    #: True if the force is a lower bound: the force of a contact is a bound, or hidden taxels could hold another
+    force: float  #: total force of all contacts on the pad [N]; NaN if the force of the main contact is NaN
+
+    #: True if the total is a lower bound, because the force of a contact is a bound or hidden taxels could hold another
     #: contact
     is_bound: bool
 
 
 def pad_force(contact: ContactMoments, pattern: ContactPattern, pitch: float, unit: str,
               visibility: Visibility, finger_ends: SkinSide = NO_SIDE) -> PadForce:
-    """Return the force of all contacts of a pad.
+    """Return the total force of all contacts on a pad.
 
-    A single hidden taxel in or next to another contact makes the force a bound, because no standard deviation accounts
-    for it.
+    For every contact except the main one, a single hidden taxel in or beside the contact makes the total a bound,
+    because no standard deviation accounts for that taxel.
 
     Parameters
     ----------
     contact : ContactMoments
-        Moments of the contact that is the mask of ``pattern``.
+        Moments of the main contact, which the mask of ``pattern`` marks.
     pattern : ContactPattern
         Pattern of the frame.
     pitch : float
-        Distance of neighbouring taxels [m].
+        Distance between neighbouring taxels [m].
     unit : str
         Unit of the values, as for `contact_moments`.
     visibility : Visibility
         Visibility of ``pattern``.
     finger_ends : SkinSide
-        Sides at which the finger ends together with the skin.
+        Sides on which the finger ends at the edge of the skin.
     """
     others = (pattern.labels > 0) & ~pattern.mask
     is_bound = contact.force_is_bound or not visibility.pad_seen
@@ -164,7 +171,7 @@ def pad_force(contact: ContactMoments, pattern: ContactPattern, pitch: float, un
 
 
 def _newtons(unit: str, pitch: float) -> float:
-    """Return the force of a taxel that reads 1 [N]."""
+    """Return the force on a taxel that reads 1 [N]."""
     return {'Pa': pitch**2, 'N': 1.0, '1': np.nan}[unit]
 
 
@@ -195,15 +202,16 @@ def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
 
 def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
                 noise: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Return the taxels of contact and ring, and the standard deviation of what each adds to the sums.
+    """Return the taxels of a contact and its ring, and the standard deviation of each taxel's contribution.
 
-    The noise of a taxel's value is one part of the deviation. The other part is that a taxel near its threshold is in
-    the contact in one frame and not in the next. With hysteresis, a taxel leaves the contact at or below the smaller of
-    two readings: the lowest of the contact and the highest of the ring. A taxel of the ring enters the contact at or
-    above the larger of the two.
+    The ring contains the neighbours of the contact. One part of the standard deviation is the noise of the taxel's
+    value. The other part arises because a taxel near its threshold may belong to the contact in one frame and not in
+    the next. The thresholds are estimated from the lowest reading in the contact and the highest reading in the ring.
+    Because of hysteresis, a taxel leaves the contact at or below the smaller of these two readings, and a taxel of the
+    ring enters the contact at or above the larger one.
 
-    A filled taxel gets the variance of the contact's values. An invalid taxel in the ring is assumed to be pressed or
-    not pressed with equal probability.
+    A filled taxel is given the variance of the contact's values. An invalid taxel in the ring is assumed to be pressed
+    or not pressed with equal probability.
     """
     near = np.nonzero(grown(mask))
     inside, read, own = mask[near], values[near], noise[near] if noise.ndim else noise
@@ -216,7 +224,7 @@ def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
     variance = np.where(inside, own**2, 0.0) + np.where(own > 0, other * (1 - other) * level**2, own)
     if np.count_nonzero(known) < known.size:
         variance[inside & ~known] += of_contact.var()
-        variance[~(inside | known)] += of_contact.mean()**2 / 4  # it may belong to the contact
+        variance[~(inside | known)] += of_contact.mean()**2 / 4  # the taxel may belong to the contact
     return near, np.sqrt(variance)
 
 
@@ -231,10 +239,10 @@ def _centre_sd(deviation: np.ndarray, offset: np.ndarray, total: float) -> float
 
 
 def _slope(inside: np.ndarray, of_unit: float) -> tuple[float, float]:
-    """Return the mean difference of neighbouring taxels, times ``of_unit``, along columns and along rows.
+    """Return the mean difference between neighbouring taxels, times ``of_unit``, along x and along y.
 
-    The mean is NaN if there are too few pairs. Only the middle third of the differences counts, because taxels at the
-    edges are covered in part.
+    The mean is NaN if there are too few pairs. Only the middle third of the sorted differences is used, because the
+    object covers taxels at the edge of the contact only in part.
     """
     found = []
     for differences in (np.diff(inside, axis=1), np.diff(inside, axis=0)):

@@ -1,8 +1,10 @@
-"""Events of the contact on one pad (made, lost, harder, lighter, sliding, turning), and movements that would not show.
+"""Detect events of the contact on one pad, and determine which movements could not be detected.
 
-Two places are followed side by side: the outline, if one is fitted, and the centre of pressure. The absence of events
-does not mean the absence of slip: `observable` says which movements would be detected. Normal pressure shows where a
-contact is, but not whether the contact rolls or slides there.
+The events are made, lost, harder, lighter, sliding and turning.
+
+Two places are tracked in parallel: the outline, if one is fitted, and the centre of pressure. The absence of events
+does not prove the absence of slip. The field `observable` tells which movements would be detected. Normal pressure
+shows where a contact is, but not whether the object rolls or slides.
 """
 
 import math
@@ -21,37 +23,43 @@ from tactile_node.pose.track import ForceTrack, Track
 
 
 class Sight(NamedTuple):
-    """The view that one frame gives of the contact on a pad."""
+    """The measurements of one frame that are needed to follow the contact on a pad."""
 
-    stamp: float  #: acquisition of the frame [s]
+    stamp: float  #: acquisition time of the frame [s]
     pattern: ContactPattern
     visibility: Visibility
     moments: ContactMoments
     fit: ShapeFit | None
     none: float   #: probability that nothing touches the pad
-    pitch: float  #: distance of neighbouring taxels [m]
+    pitch: float  #: distance between neighbouring taxels [m]
     is_on_off: bool
 
 
-# A movement is reported after these steps. They are smaller than the promised steps (0.3, 0.8 and 1.5 pitches), because
-# a second frame must confirm the movement.
+# A movement is reported once it exceeds one of these steps. The steps are smaller than the documented ones (0.3, 0.8
+# and 1.5 pitches), because a second frame must confirm the movement.
 OUTLINE_STEP = 0.2    #: step of an outline [pitches]
 PRESSURE_STEP = 0.55  #: step of a centre of pressure [pitches]
-ON_OFF_STEP = 1.1     #: step of either with on/off taxels [pitches]
-TURN_CERTAINTY = 6.0  #: Standard deviations that a turn must exceed, because angles jump from fit to fit.
-SLACK = 3.0           #: Standard deviations by which a slide may change an angle.
-#: Share of its extent by which the middle of a contact moves while its load grows by a factor of e. On an elastic skin,
-#: the extent may grow as the square root of the force. If it grows from one end, the middle moves by a quarter.
+ON_OFF_STEP = 1.1     #: step of an outline or a centre of on/off taxels [pitches]
+
+#: Number of standard deviations that a turn must exceed. The number is high because fitted angles jump from frame to
+#: frame.
+TURN_CERTAINTY = 6.0
+SLACK = 3.0           #: Number of standard deviations by which a slide alone may change the fitted angle.
+
+#: Shift of a contact's middle while its load grows by a factor of e, as a share of the contact's extent. On an elastic
+#: skin, the extent may grow with the square root of the force. If the contact grows at one end only, its middle moves
+#: by a quarter of the extent.
 GROWTH = 0.25
-#: Largest change of load for a contact that slides from taxel to taxel [logarithm of the ratio].
+#: Largest change of load that sliding from taxel to taxel can cause [logarithm of the ratio].
 STEADY_LOAD = 0.15
-MAX_GAP = 0.25  #: Time without a frame that shows the contact, after which its movement is not known [s].
-#: A contact counts as another contact, or as two that have joined, if its number of taxels changes by more than this
-#: factor.
+MAX_GAP = 0.25  #: If no frame shows the contact for longer than this, its movement is unknown [s].
+
+#: If the number of taxels changes by more than this factor, a different contact has begun or two contacts have merged.
 OTHER_SIZE = 1.6
-# A fit counts as another outline if a dimension differs by more than the sum of these two values.
+# A fit describes a different outline if a dimension differs by more than the sum of these two values.
 OTHER_LENGTH = 0.2   #: share of the dimension
 OTHER_PITCHES = 0.5  #: length [pitches]
+
 #: A movement along x or y is not observable if the cosine of its angle to an unobservable direction exceeds this value.
 HIDES_DIRECTION = 0.5
 
@@ -64,13 +72,13 @@ class MotionFollower:
 
     def restart(self) -> None:
         """Forget everything."""
-        self._stamp = -math.inf  # stamp of the last frame in which the pad was seen
-        self._was_empty = False  # True if the pad was empty in that frame
+        self._stamp = -math.inf  # stamp of the last frame that showed a contact or an empty pad
+        self._was_empty = False  # True if the frame at ``_stamp`` showed an empty pad
         self._contact: _Followed | None = None
         self._last_event: Event | None = None
 
     def update(self, sight: Sight) -> Motion:
-        """Return the movement of the contact after one more frame."""
+        """Process the next frame, and return the movement of the contact."""
         is_touched = bool(np.count_nonzero(sight.pattern.mask))
         if not (is_touched or sight.visibility.pad_seen):
             return Motion(last_event=self._last_event)
@@ -114,8 +122,8 @@ class _Followed:
         self.force = ForceTrack()
         self._mask = first.pattern.mask
         self._hidden = first.pattern.hidden
-        self._stamp = -math.inf  # stamp of the last frame that showed how it moves
-        self._fit: ShapeFit | None = None  # first fit of the present outline
+        self._stamp = -math.inf  # stamp of the last frame that showed the contact's movement
+        self._fit: ShapeFit | None = None  # first fit of the current outline
         self._outlined = -math.inf  # stamp of the last fit
         self._angle = self._radius = 0.0
         self._load = 0.0  # force, or area on an on/off skin
@@ -124,14 +132,14 @@ class _Followed:
         self._observed: Sight | None = None  # frame for which ``_observable`` was computed
 
     def goes_on(self, mask: np.ndarray) -> bool:
-        """Return True if ``mask`` is the same contact: it overlaps with the contact and has a similar size."""
+        """Return True if ``mask`` overlaps with the followed contact and has a similar size."""
         if mask.shape != self._mask.shape:  # the frames come from another pad
             return False
         before, now = np.count_nonzero(self._mask), np.count_nonzero(mask)
         return bool(max(before, now) <= OTHER_SIZE * min(before, now) + 2 and np.count_nonzero(self._mask & mask))
 
     def update(self, sight: Sight) -> Motion:
-        """Return the movement of the contact after its next frame."""
+        """Process the next frame of the contact, and return the contact's movement."""
         stamp, moments, fit = sight.stamp, sight.moments, sight.fit
         self._mask = sight.pattern.mask
         if not self._shows_motion(sight):
@@ -162,9 +170,9 @@ class _Followed:
         return [Event(kind, stamp, self.by_pressure, abs(changed), force_before=before, force=moments.force)]
 
     def _shows_motion(self, sight: Sight) -> bool:
-        """Return True if a frame shows as much of the contact as the frames before it.
+        """Return True if a frame shows as much of the contact as the previous frames.
 
-        If the view stays different, all tracks start again.
+        If the hidden taxels near the contact stay different for longer than MAX_GAP, all tracks start again.
         """
         stamp, hidden = sight.stamp, sight.pattern.hidden
         other = hidden ^ self._hidden
@@ -181,8 +189,9 @@ class _Followed:
     def _follow_outline(self, fit: ShapeFit, moments: ContactMoments, stamp: float) -> bool:
         """Follow the place and the angle of ``fit``, and return True if the outline has stopped in this frame.
 
-        If another outline has appeared, the tracks start again. The place is the mean of the fitted centre and the
-        centre of pressure, because a fit stays in its minimum and the pressure jumps from taxel to taxel.
+        If a different outline has appeared, the tracks of the place and the angle start again. The tracked place is the
+        mean of the fitted centre and the centre of pressure, because a fit tends to stay in its minimum while the
+        centre of pressure jumps from taxel to taxel.
         """
         if self._fit is None or not _is_alike(fit, self._fit, self._pitch):
             for track in (self._outline, self._turn):
@@ -195,15 +204,12 @@ class _Followed:
         self._outline.update(stamp, x, y, math.sqrt(max(variance[:2])), self._growth(self._outline), self._load)
         if fit.symmetry:
             self._angle += math.remainder(fit.angle - self._angle, 2 * math.pi / fit.symmetry)
-            sd = math.sqrt(variance[2]) * self._radius  # a slide shows errors that stay the same during a hold
+            sd = math.sqrt(variance[2]) * self._radius  # a slide reveals fit errors that stay constant at rest
             self._turn.update(stamp, self._angle * self._radius, 0.0, sd, SLACK * sd * self._outline.is_moving)
         return had_moved and not self._outline.is_moving
 
     def _growth(self, track: Track) -> float:
-        """Return how far the middle of a contact at rest may have shifted because the contact grew or shrank.
-
-        A contact grows and shrinks with its load.
-        """
+        """Return how far the middle of a contact at rest may have shifted because its size changed with the load."""
         before = track.load_before
         if not self._load > 0 < before:
             return 0.0
@@ -245,7 +251,7 @@ class _Followed:
 
 
 def _is_alike(fit: ShapeFit, before: ShapeFit, pitch: float) -> bool:
-    """Return True if two fits may be of the same outline."""
+    """Return True if two fits may describe the same outline."""
     if (fit.shape, fit.symmetry, fit.handedness) != (before.shape, before.symmetry, before.handedness):
         return False
     return all(is_bound or abs(length - old) <= OTHER_LENGTH * old + OTHER_PITCHES * pitch
@@ -255,7 +261,7 @@ def _is_alike(fit: ShapeFit, before: ShapeFit, pitch: float) -> bool:
 def _is_seen_alike(sight: Sight, before: Sight) -> bool:
     """Return True if two frames show the same taxels of the same outline.
 
-    The rim takes most of the time and gives nothing new for the second frame.
+    The observable movements are computed only once for such frames, because computing the rim takes most of the time.
     """
     symmetries = [None if each.fit is None else each.fit.symmetry for each in (sight, before)]
     return (symmetries[0] == symmetries[1] and sight.visibility == before.visibility
@@ -263,9 +269,9 @@ def _is_seen_alike(sight: Sight, before: Sight) -> bool:
 
 
 def _observable(sight: Sight) -> Observable:
-    """Return the movements that would be detected.
+    """Return the movements of the contact that would be detected.
 
-    A movement along an axis of the contact is detected if an end of the contact along this axis is seen.
+    A movement along an axis of the contact is detectable if an end of the contact along this axis is seen.
     """
     fit, seen, found = sight.fit, sight.visibility, Observable.ALONG_X | Observable.ALONG_Y
     if seen.outline_hidden or seen.inside_hidden:

@@ -1,33 +1,33 @@
-"""The outlines of the five shapes as functions of a few parameters, for fits and for drawing contacts.
+"""Outlines of the five shapes as functions of a few parameters, for fitting and drawing contacts.
 
-The origin of a shape's own frame is its centre of area; positive angles rotate x towards y. The names of the shapes are
-the values of `shape.recognition.Shape`.
+The origin of a shape's own frame is the shape's centre of area. Positive angles rotate x towards y. The names of the
+shapes are the values of `shape.recognition.Shape`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-CIRCLE_CORNERS = 32  #: Number of corners of the polygon that stands for a circle; it has the same area.
+CIRCLE_CORNERS = 32  #: Number of corners of the polygon that replaces a circle of equal area.
 
 
 class Outline(NamedTuple):
-    """A polygon that is linear in its dimensions.
+    """A polygon with corners that are linear in its dimensions.
 
-    Corner i is ``template[i] @ dimensions``, then rotated by the angle.
+    Corner i is ``template[i] @ dimensions``, rotated by the angle.
     """
 
     dimensions: tuple[str, ...]  #: names of the dimensions
-    template: np.ndarray         #: (corners, 2, len(dimensions)), corners in the sense from x to y
-    symmetry: int                #: a rotation by 2π/symmetry changes nothing; 0 for any angle
+    template: np.ndarray         #: (corners, 2, len(dimensions)), with corners ordered by rotation from x to y
+    symmetry: int                #: the shape looks the same after a rotation by 2π/symmetry; 0 if after any rotation
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the fitted parameters: the place, the angle if the shape has one, the dimensions."""
+        """Names of the fitted parameters: the place, the angle if the shape has one, and the dimensions."""
         return ('x', 'y', *(('angle',) if self.symmetry else ()), *self.dimensions)
 
     def split(self, parameters: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
-        """Return centre (2,), angle and dimensions of ``parameters``."""
+        """Split ``parameters`` into the centre, (2,), the angle and the dimensions."""
         if not self.symmetry:
             return parameters[:2], 0.0, parameters[2:]
         return parameters[:2], float(parameters[2]), parameters[3:]
@@ -41,14 +41,14 @@ class Outline(NamedTuple):
         return self.template @ dimensions @ rotation(angle) + centre
 
     def moving(self, parameters: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the corners of nested outlines and their derivatives.
+        """Return the corners of nested outlines, and the derivatives of the corners.
 
         Parameters
         ----------
         parameters : np.ndarray
             Parameters of the outer outline.
         sizes : np.ndarray
-            Dimensions of each of the k outlines relative to ``parameters``, (k, dimensions).
+            Dimensions of the k outlines relative to those of the outer outline, (k, dimensions).
 
         Returns
         -------
@@ -76,7 +76,7 @@ def outline_of(shape: str, handedness: int = 1) -> Outline:
     Parameters
     ----------
     shape : str
-        One of the five shapes.
+        Name of one of the five shapes.
     handedness : int
         1, or -1 for a mirrored right triangle.
 
@@ -91,13 +91,13 @@ def outline_of(shape: str, handedness: int = 1) -> Outline:
 
 
 def rotation(angle: float) -> np.ndarray:
-    """Return the rotation matrix for row vectors, (2, 2); its rows are the rotated axes."""
+    """Return the rotation matrix for row vectors, (2, 2), with the rotated axes as its rows."""
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array(((cos, sin), (-sin, cos)))
 
 
 def _template(*corners: tuple[tuple[float, ...], tuple[float, ...]]) -> np.ndarray:
-    """Return the template of corners that are given as ((x by dimension), (y by dimension))."""
+    """Return the template for corners that are given as ((x by dimension), (y by dimension))."""
     template = np.array(corners, float)
     template.flags.writeable = False
     return template
@@ -109,7 +109,7 @@ def _circle() -> np.ndarray:
     return _template(*(((same_area * np.cos(a),), (same_area * np.sin(a),)) for a in angle))
 
 
-#: Outlines by the name of the shape.
+#: Outlines by name of shape.
 OUTLINES: dict[str, Outline] = {
     'circle': Outline(('radius',), _circle(), 0),
     'square': Outline(('side',), _template(
@@ -126,7 +126,7 @@ _MIRRORED = OUTLINES['right_triangle']._replace(template=_template(
 
 
 class Edges(NamedTuple):
-    """The edges of a convex polygon with corners in the sense from x to y.
+    """The edges of a convex polygon with corners ordered by rotation from x to y.
 
     Edge i runs from corner i to the next corner.
     """
@@ -154,7 +154,7 @@ def depth_inside(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarra
     corners : np.ndarray
         Corners of the polygon, (n, 2).
     x, y : np.ndarray
-        Coordinates of the points, of any shape.
+        Coordinates of the points, as arrays of any shape.
 
     Examples
     --------
@@ -201,12 +201,15 @@ def _following(corners: np.ndarray) -> np.ndarray:
     return np.arange(1, len(corners) + 1) % len(corners)
 
 
-FAR_LEFT = -1e6    #: A coordinate left of all taxels.
-TINY_TILT = 1e-12  #: An edge along the lattice is tilted by this much.
+FAR_LEFT = -1e6    #: An x coordinate to the left of all taxels.
+TINY_TILT = 1e-12  #: Tilt of an edge that runs along rows or columns, which avoids a division by zero.
 
 
 class Window(NamedTuple):
-    """A block of taxels. Taxel (row, col) is the unit square about x = col, y = row."""
+    """A rectangular block of taxels.
+
+    Taxel (row, col) is the unit square with its centre at x = col, y = row.
+    """
 
     row: int
     col: int
@@ -216,7 +219,7 @@ class Window(NamedTuple):
 
 def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights: np.ndarray,
               of_change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the area of each taxel that polygons cover, as weighted sums, and the derivatives of one sum.
+    """Return weighted sums of the area of each taxel that polygons cover, and the derivatives of one more sum.
 
     Parameters
     ----------
@@ -229,7 +232,7 @@ def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights:
     weights : np.ndarray
         Weight of each polygon in each sum, (m, k).
     of_change : np.ndarray
-        Weight of each polygon in the sum whose derivatives are wanted, (k,).
+        Weight of each polygon in the sum whose derivatives are returned, (k,).
 
     Returns
     -------
@@ -240,10 +243,10 @@ def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights:
 
     Notes
     -----
-    The function uses the divergence theorem. Let N be the outward normal of an edge, as long as the edge, and t0...t1
-    the stretch of the edge within a taxel. The derivative of the area is ∫ N · motion dt. The area itself is ∫ N_x (x -
-    left) dt plus the length of the taxel's right side within the polygon. All edges to the left of that side together
-    give this length.
+    The function uses the divergence theorem. Let N be the outward normal of an edge, with the length of the edge, and
+    let t0...t1 be the stretch of the edge within a taxel. The derivative of the area is ∫ N · motion dt. The area
+    itself is ∫ N_x (x - left) dt plus the length of the taxel's right side within the polygon. The length of the right
+    side within the polygon is a sum over all edges to the left of this side.
     """
     sums, each = len(weights), corners.shape[1]
     edges = corners.shape[0] * each
@@ -267,9 +270,9 @@ def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights:
 
 
 def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarray:
-    """Return ∫ (1 - t) dt and ∫ t dt of each edge within each taxel, (2, edges, rows, 1 + cols).
+    """Return ∫ (1 - t) dt and ∫ t dt for each edge within each taxel, (2, edges, rows, 1 + cols).
 
-    The first column contains all that lies left of the window, because the pad's edge may cut a contact.
+    The first column covers the whole area to the left of the window, because the pad's edge may cut a contact.
     """
     edge = np.where(np.abs(edge) < TINY_TILT, TINY_TILT, edge)
     lines = np.empty((len(start), window.cols + window.rows + 3))

@@ -1,7 +1,7 @@
-"""The processing chain of the core: taxel frame, contact, visibility, shape fused over time, then fit, moments and box.
+"""Process taxel frames into a contact, its visibility, its shape fused over time, its fit, its moments and its box.
 
-The nodes, `tactile classify`, the report, the view, teaching, calibration and the library all use this chain. Among the
-nodes, the processor runs the first half (`ContactPipeline.find`) and the classifier runs the second half
+The nodes, `tactile classify`, the report, the view, teaching, calibration and the library all use this pipeline. The
+processor node runs the first half (`ContactPipeline.find`), and the classifier node runs the second half
 (`ContactPipeline.recognise`).
 """
 
@@ -26,7 +26,7 @@ from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, Unkno
 from tactile_node.taxel_frame import NO_SIDE, ON_OFF_UNIT, SkinSide
 
 DEFAULT_FUSION = FusionSettings()
-SURE = 0.9  #: Confidence from which on a recognition also answers the next frames with the same taxels.
+SURE = 0.9  #: Smallest confidence with which a recognition is reused for later frames with the same pressed taxels.
 
 
 class Curve(Protocol):
@@ -38,10 +38,12 @@ class Curve(Protocol):
 class Taxels(NamedTuple):
     """The properties of a pad's taxels that do not depend on their readings."""
 
-    pitch: float = 1.0               #: distance of neighbouring taxels; all lengths are in its unit
-    unit: str | None = None          #: unit of the values: 'Pa', 'N' or '1' (on/off); '' or None if it is not known
+    pitch: float = 1.0               #: distance between neighbouring taxels; all lengths have the same unit
+    unit: str | None = None          #: unit of the values: 'Pa', 'N' or '1' (on/off); '' or None if the unit is unknown
     layer: Layer | None = None       #: layer of a calibrated skin
-    finger_ends: SkinSide = NO_SIDE  #: sides at which the finger ends with the skin; it extends beyond all other sides
+
+    #: sides on which the finger ends at the edge of the skin; elsewhere the finger continues
+    finger_ends: SkinSide = NO_SIDE
 
 
 class FoundContact(NamedTuple):
@@ -50,7 +52,8 @@ class FoundContact(NamedTuple):
     pattern: ContactPattern
     visibility: Visibility  #: visibility of ``pattern``
     taxels: Taxels
-    #: size of the smallest contact that is reported [taxels]; the pad is not seen while hidden taxels could hold one
+    #: size of the smallest contact that is reported [taxels]. The pad is not seen while hidden taxels could hold a
+    #: contact of this size.
     smallest_contact: int = SMALLEST_CONTACT
 
     @classmethod
@@ -62,20 +65,20 @@ class FoundContact(NamedTuple):
     def of_pattern(self, pattern: ContactPattern) -> 'FoundContact':
         """Return the contact of another pattern of the same frame.
 
-        ``pad_seen`` is kept, because it belongs to the frame.
+        The result keeps ``pad_seen``, because that value belongs to the whole frame.
         """
         seen = self.of(pattern, self.taxels, self.smallest_contact).visibility
         return self._replace(pattern=pattern, visibility=seen._replace(pad_seen=self.visibility.pad_seen))
 
     def fit(self, shape: ShapeClass, find: Finder | None = None) -> ShapeFit | None:
-        """Return pose and size of the contact, or None without a contact or if the shape has no outline.
+        """Return the pose and size of the contact, or None if there is no contact or the shape has no outline.
 
         Parameters
         ----------
         shape : ShapeClass
             Shape to fit.
         find : Finder or None
-            Finder of a `FitFollower`; None to search in this frame alone.
+            Finder of a `FitFollower`, or None to search in this frame alone.
         """
         if not self.pattern.mask.any():
             return None
@@ -84,12 +87,12 @@ class FoundContact(NamedTuple):
 
     @property
     def moments(self) -> ContactMoments:
-        """Force, centre of pressure, area and axis of the contact. The force is not known for values without a unit."""
+        """Force, centre of pressure, area and axis of the contact. The force is NaN for values without a unit."""
         return contact_moments(self.pattern.values, self.pattern.mask, self.taxels.pitch,
                                self.taxels.unit or ON_OFF_UNIT, self.visibility, self.pattern.noise)
 
     def pad_force(self, moments: ContactMoments) -> PadForce:
-        """Return the force of all contacts of the pad; ``moments`` are those of this contact."""
+        """Return the total force of all contacts on the pad, given the ``moments`` of this contact."""
         return pad_force(moments, self.pattern, self.taxels.pitch, self.taxels.unit or ON_OFF_UNIT, self.visibility,
                          self.taxels.finger_ends)
 
@@ -100,29 +103,30 @@ class FoundContact(NamedTuple):
 
 
 class StreamedContact(NamedTuple):
-    """The results for one frame, and for all frames of the contact up to it."""
+    """The results for one frame, and the recognition over all frames since its contact began."""
 
-    #: the recognised contact, which is the largest one together with the pieces that were torn off it
+    #: the recognised contact: the largest contact, together with pieces that were separated from it
     contact: ContactPattern
-    recognition: Recognition  #: answer for this frame alone, or for a frame just before it with the same taxels
-    fused: FusedRecognition   #: answer for all frames since the contact began
-    fit: ShapeFit | None      #: fit of the fused shape; None if nothing with an outline touches the pad
-    found: FoundContact       #: the same contact with its visibility and its box
-    moments: ContactMoments   #: moments of the same contact
-    motion: Motion            #: movement of the contact; not known if the pipeline answers each frame on its own
+    recognition: Recognition  #: recognition of this frame alone, or of a recent frame with the same taxels
+    fused: FusedRecognition   #: recognition over all frames since the contact began
+    fit: ShapeFit | None      #: fit of the fused shape, or None if the shape has no outline
+    found: FoundContact       #: the recognised contact with its visibility and its box
+    moments: ContactMoments   #: moments of the recognised contact
+    motion: Motion  #: movement of the contact, which is unknown if the pipeline recognises each frame separately
 
 
 class _Answer(NamedTuple):
-    """The recognition of one frame, and the contact it belongs to."""
+    """The recognition of one frame, and the contact that was recognised."""
 
     found: FoundContact
     stamp: float
     recognition: Recognition
 
     def holds_for(self, found: FoundContact, stamp: float, correlation_time: float) -> bool:
-        """Return True if a later frame comes so soon after this one and is so similar that it adds no information."""
+        """Return True if a later frame follows so soon and is so similar that it adds no information."""
         pattern, before = found.pattern, self.found.pattern
-        # A name that these taxels do not support lasts as long as a sure name.
+        # A shape that these taxels do not support is reused like a confident recognition, because its confidence cannot
+        # rise.
         is_settled = self.recognition.confidence >= SURE or self.recognition.doubt is not UnknownReason.NOT_UNKNOWN
         return (0 <= stamp - self.stamp < correlation_time and is_settled
                 and found.visibility == self.found.visibility
@@ -132,24 +136,25 @@ class _Answer(NamedTuple):
 class ContactPipeline:
     """Follows the contact on one pad, frame by frame.
 
-    A sure recognition also answers the following frames with the same pressed taxels, until the correlation time of
-    ``fusion`` has passed. Such frames have the same errors, so a new recognition would take time and add nothing.
+    A confident recognition is reused for later frames with the same pressed taxels, until the correlation time of
+    ``fusion`` has passed. Frames with the same pressed taxels have the same errors, so a new recognition would take
+    time and add nothing.
 
     Parameters
     ----------
     recogniser : VisibilityGuard or None
-        Recogniser, which pads may share; None for the package's own recogniser, which is loaded when it is first
-        needed.
+        Recogniser, which several pads may share, or None for the package's own recogniser. The package's own recogniser
+        is loaded on first use.
     thresholds : PressThresholds or None
-        Fixed thresholds; None to compare with the noise.
+        Fixed press thresholds, or None to derive the thresholds from the noise.
     smallest_contact : int
         Size of the smallest contact that is reported [taxels].
     curve : Curve or None
         Function that turns readings into pressures.
     fusion : FusionSettings or None
-        Settings of the fusion; None to answer each frame alone.
+        Settings of the fusion, or None to recognise each frame separately.
     fits : bool
-        False to leave out pose and size.
+        False to skip the fit of pose and size.
     """
 
     def __init__(self, recogniser: VisibilityGuard | None = None, *, thresholds: PressThresholds | None = None,
@@ -157,16 +162,19 @@ class ContactPipeline:
                  fusion: FusionSettings | None = DEFAULT_FUSION, fits: bool = True):
         self._recogniser = recogniser
         self._thresholds, self._smallest_contact, self._curve = thresholds, smallest_contact, curve
-        self._extractors: dict[str | None, PatternExtractor] = {}  # one for each unit of values
+        self._extractors: dict[str | None, PatternExtractor] = {}  # one extractor for each unit of values
         self._fusion = None if fusion is None else RecognitionFusion(fusion)
         self._correlation_time = 0.0 if fusion is None else fusion.correlation_time
-        self._answer: _Answer | None = None  # latest answer of the recogniser
+        self._answer: _Answer | None = None  # latest recognition of a frame
         self._fits = fits
         self._follower = FitFollower()
         self._motion = MotionFollower()
 
     def set_contact_limits(self, thresholds: PressThresholds | None, smallest_contact: int) -> None:
-        """Apply these limits from the next frame on; the noise floor and the left-over taxels stay."""
+        """Apply new limits from the next frame on.
+
+        The noise floor and the record of left-over taxels are kept.
+        """
         self._smallest_contact = smallest_contact
         if thresholds != self._thresholds:
             self._thresholds = thresholds
@@ -175,7 +183,7 @@ class ContactPipeline:
 
     def find(self, values: np.ndarray, taxels: Taxels, *, saturated: ArrayLike | None = None,
              unmapped: ArrayLike | None = None) -> FoundContact:
-        """Return the contacts of the next frame, and how much of the pad it shows.
+        """Return the contacts of the next frame, and how much of the pad the frame shows.
 
         Parameters
         ----------
@@ -184,9 +192,9 @@ class ContactPipeline:
         taxels : Taxels
             Properties of the taxels.
         saturated : array_like or None
-            Taxels at the end of their range, bool (rows, cols).
+            True for each taxel at the end of its range, bool (rows, cols).
         unmapped : array_like or None
-            Places without a taxel, bool (rows, cols).
+            True for each place without a taxel, bool (rows, cols).
         """
         if self._curve is not None and values.dtype != bool:
             values = self._curve(values.astype(float))
@@ -197,14 +205,14 @@ class ContactPipeline:
         return FoundContact.of(pattern, taxels, self._smallest_contact)
 
     def recognise(self, found: FoundContact, stamp: float) -> StreamedContact:
-        """Return the shape of a contact, fused with the frames before it.
+        """Recognise the shape of a contact, and fuse the result with earlier frames.
 
         Parameters
         ----------
         found : FoundContact
             Contact of the frame, from `find`.
         stamp : float
-            Acquisition of the frame [s].
+            Acquisition time of the frame [s].
         """
         if self._answer is None or not self._answer.holds_for(found, stamp, self._correlation_time):
             self._answer = _Answer(found, stamp, self._method.recognise(found.pattern, visibility=found.visibility))
@@ -223,41 +231,44 @@ class ContactPipeline:
         return self.recognise(self.find(values, taxels, saturated=saturated, unmapped=unmapped), stamp)
 
     def recognise_alone(self, found: FoundContact) -> tuple[FoundContact, Recognition]:
-        """Return the recognition of a contact by its frame alone.
+        """Recognise a contact from its frame alone.
 
-        The frames before have no effect on the result, and the result has no effect on later frames.
+        Earlier frames do not affect the result, and the result does not affect later frames.
 
         Returns
         -------
         found : FoundContact
-            The recognised contact, together with the pieces that were torn off it.
+            The recognised contact, together with pieces that were separated from it.
         recognition : Recognition
             Its recognition.
         """
         return _with_pieces(found, self._method.recognise(found.pattern, visibility=found.visibility))
 
     def recognise_each(self, largest: StreamedContact, stamp: float, most: int) -> list[StreamedContact]:
-        """Return the results for each of the largest contacts, by this frame alone.
+        """Return the results for each of the largest contacts, from this frame alone.
 
         Parameters
         ----------
         largest : StreamedContact
             Result for the largest contact of the frame.
         stamp : float
-            Acquisition of the frame [s].
+            Acquisition time of the frame [s].
         most : int
             Largest number of contacts to recognise.
         """
         results = []
         for number in range(1, min(largest.contact.contacts, most) + 1):
             found, frame = largest.found.of_pattern(of_contact(largest.contact, number)), largest.recognition
-            if number > 1:  # pieces are joined only to the largest contact, because they may belong to it
+            if number > 1:  # pieces are joined only to the largest contact, to which they may belong
                 frame = self._method.recognise(found.pattern._replace(contacts=1), visibility=found.visibility)
             results.append(self._described(found, frame, _alone(frame, stamp)))
         return results
 
     def restart(self) -> None:
-        """Forget what earlier frames have shown of the shape; call this if another object is known to be touched."""
+        """Forget the shape that earlier frames have shown.
+
+        Call this method when the pad is known to touch another object.
+        """
         self._follower.restart()
         self._motion.restart()
         self._answer = None
@@ -277,7 +288,7 @@ class ContactPipeline:
 
 
 def _with_pieces(found: FoundContact, frame: Recognition) -> tuple[FoundContact, Recognition]:
-    """Return the contact to which ``frame`` belongs, together with the pieces that were torn off it."""
+    """Return the contact that ``frame`` describes, including any pieces joined to it, and ``frame`` itself."""
     return (found.of_pattern(join_pieces(found.pattern)) if frame.joined else found), frame
 
 

@@ -1,6 +1,8 @@
-"""Pressure under rigid objects: low in the middle of a flat punch, high in the middle of a dome.
+"""Pressure profiles under rigid objects.
 
-Each pressure is a sum of uniform pressures on nested outlines with the same centre.
+The pressure is low in the middle of a flat punch and high in the middle of a dome.
+
+Each profile is a sum of uniform pressures on nested outlines with the same centre.
 """
 
 from enum import Enum
@@ -14,7 +16,7 @@ from tactile_node.taxel_frame import read_only
 
 
 class Indenter(str, Enum):
-    """Kind of the object, as far as its pressure shows."""
+    """Kind of object, as inferred from its pressure."""
 
     FLAT_PUNCH = 'flat_punch'
     BALL = 'ball'
@@ -23,30 +25,35 @@ class Indenter(str, Enum):
 
 
 class Profile(NamedTuple):
-    """Nested outlines and the pressures on them. The mean of the summed pressure is 1."""
+    """Nested outlines with a uniform pressure on each. The mean of the total pressure is 1."""
 
     indenter: Indenter
-    #: (k, 2), first and last dimension of each outline relative to the whole outline, from the outside inwards
+    #: (k, 2), first and last dimension of each outline relative to the whole outline, from the outermost inwards
     sizes: np.ndarray
-    weights: np.ndarray  #: (2, k), weights of a uniform pressure, and what the profile adds to them
+    weights: np.ndarray  #: (2, k), weights of a uniform pressure, and the weights that the profile adds
+
     #: (2,), ratio of the lengths under this profile to the lengths under an even pressure with the same moments
     length_ratio: np.ndarray
 
 
 def _profile(indenter: Indenter, sizes: np.ndarray, steps: np.ndarray, length_ratio: tuple[float, float]) -> Profile:
-    """Return a profile; ``steps``, (k,), are the steps of the pressure from one outline to the next."""
+    """Return a profile whose pressure changes by ``steps``, (k,), from one outline to the next."""
     even = np.zeros(len(steps))
     even[0] = 1
     return Profile(indenter, read_only(sizes), read_only(np.stack((even, steps - even))),
                    read_only(np.array(length_ratio)))
 
 
-DOME_SIZES = np.array((1.0, 0.94, 0.84, 0.68, 0.42))  #: Outlines of a dome, denser where its pressure falls.
-CONE_SIZES = np.array((1.0, 0.88, 0.70, 0.48, 0.24))  #: Outlines of a cone, denser where its pressure rises.
-# A lying cylinder presses more at its ends. These values are closest to computed contacts of training seeds.
+#: Relative sizes of a dome's outlines, which are closest together where the pressure falls.
+DOME_SIZES = np.array((1.0, 0.94, 0.84, 0.68, 0.42))
+#: Relative sizes of a cone's outlines, which are closest together where the pressure rises.
+CONE_SIZES = np.array((1.0, 0.88, 0.70, 0.48, 0.24))
+# A lying cylinder presses more at its ends. These values gave the closest match to contacts computed with the training
+# seeds.
 END_LENGTH = 0.85    #: length between the ends, as a share of the whole length
 END_PRESSURE = 0.75  #: additional pressure at the ends
-# The ratios follow from the second moments 2 / 5, 1 / 3 and 1 / 4.
+
+# These length ratios follow from the second moments 2 / 5, 1 / 3 and 1 / 4.
 BALL_LARGER = np.sqrt(5 / 4)
 CONE_LARGER = np.sqrt(3 / 2)
 CYLINDER_LARGER = np.sqrt(4 / 3)
@@ -78,9 +85,10 @@ def _cone() -> Profile:
 
 
 def _lying_cylinder() -> Profile:
-    """Return the profile of a lying cylinder. Across the axis (Hertz): p = 4 / pi sqrt(1 - y^2).
+    """Return the profile of a lying cylinder.
 
-    Along the axis, the ends carry more, like the rim of a punch.
+    Across the axis, the pressure is p = 4 / pi sqrt(1 - y^2) (Hertz). Along the axis, the ends carry more pressure,
+    like the rim of a punch.
     """
     within = 2 / np.pi * (np.arcsin(DOME_SIZES) + DOME_SIZES * np.sqrt(1 - DOME_SIZES ** 2))
     across, whole = _steps(1 - within, DOME_SIZES), np.ones_like(DOME_SIZES)
@@ -90,8 +98,8 @@ def _lying_cylinder() -> Profile:
                     (1.0, CYLINDER_LARGER))
 
 
-#: Two outlines whose sizes and pressures are closest to the contact mechanics of the five shapes with edges of any
-#: rounding (synthetic/, training seeds).
+#: Profile of a flat punch, made of two outlines. Their sizes and pressures gave the closest match to computed contacts
+#: of the five shapes with edges of any rounding (synthetic/, training seeds).
 PUNCH = _profile(Indenter.FLAT_PUNCH, np.array(((1.0, 1.0), (0.85, 0.85))), np.array((1.90, -1.27)),
                  (0.87, 0.87))
 BALL, CONE, LYING_CYLINDER = _ball(), _cone(), _lying_cylinder()
@@ -99,33 +107,36 @@ DOMES = {Shape.CIRCLE: (BALL, CONE), Shape.RECTANGLE: (LYING_CYLINDER,)}
 
 
 class Layer(NamedTuple):
-    """The layer of a calibrated skin."""
+    """The elastic layer of a calibrated skin."""
 
     depth: float      #: depth of the taxels below the skin's surface [m]
     deviation: float  #: standard deviation of the logarithm of the depth
 
 
 class _Found(NamedTuple):
-    """Logarithm of the ratio of the fitted depth to the true depth."""
+    """Terms whose sum is the logarithm of the ratio between fitted depth and true depth."""
 
     large: float      #: value for an infinitely large contact
-    of_size: float    #: added value per 1 / inscribed radius [pitches]
-    deviation: float  #: standard deviation about their sum
+    of_size: float    #: coefficient of 1 / inscribed radius, with the radius in pitches
+    deviation: float  #: standard deviation about the sum of both terms
 
 
-#: The depth that a fit finds is too small. The error grows as the contact gets smaller, because the two nested outlines
-#: are coarser than the pressure at the rim of a punch. Measured on computed contacts of training seeds (as the tables
-#: of model_error.py).
+#: A fit of a small contact underestimates the depth. The error grows as the contact gets smaller, because the two
+#: nested outlines are coarser than the pressure at the rim of a punch. The values were measured on contacts computed
+#: with the training seeds, like the tables in model_error.py.
 _FOUND = {Indenter.FLAT_PUNCH: _Found(0.15, -1.2, 0.14), Indenter.BALL: _Found(0.08, -0.17, 0.35),
           Indenter.CONE: _Found(0.08, -0.17, 0.35), Indenter.LYING_CYLINDER: _Found(0.18, -0.92, 0.13)}
-LEAST_RADIUS = 1.4  #: Inscribed radius below which the ratio is not known [pitches].
-# A depth beyond these limits is probably given in another unit.
+LEAST_RADIUS = 1.4  #: Inscribed radius below which the depth ratio was not measured [pitches].
+
+# A depth outside these limits was probably given in another unit.
 SHALLOWEST = 0.02  #: [pitches]
 DEEPEST = 5.0      #: [pitches]
 
 
 def expected_log_depth(layer: Layer, profile: Profile, radius: float) -> tuple[float, float]:
-    """Return the logarithm of the depth that a fit will find, and its standard deviation; all lengths in pitches.
+    """Return the expected logarithm of the depth that a fit will find, and its standard deviation.
+
+    All lengths are in pitches.
 
     Parameters
     ----------
@@ -141,10 +152,10 @@ def expected_log_depth(layer: Layer, profile: Profile, radius: float) -> tuple[f
 
 
 def log_depth_from(found_depth: float, profile: Profile, radius: float, pitch: float) -> float:
-    """Return the logarithm of the true depth from the depth that a fit has found.
+    """Convert the depth that a fit has found to the logarithm of the true depth.
 
-    This is the inverse of `expected_log_depth`. For a single fit, the standard deviation is the one that
-    `expected_log_depth` returns for an exact layer.
+    This function is the inverse of `expected_log_depth`. The standard deviation for a single fit is the one that
+    `expected_log_depth` returns for an exactly known layer.
 
     Parameters
     ----------
@@ -155,20 +166,20 @@ def log_depth_from(found_depth: float, profile: Profile, radius: float, pitch: f
     radius : float
         Inscribed radius of the contact [m].
     pitch : float
-        Distance of neighbouring taxels [m].
+        Distance between neighbouring taxels [m].
     """
     return float(np.log(found_depth) - _shift(_FOUND[profile.indenter], radius / pitch))
 
 
 def check_layer(layer: Layer, pitch: float | None = None) -> None:
-    """Raise ConfigurationError if the depth cannot be used.
+    """Raise ConfigurationError if the depth or its deviation is invalid.
 
-    With ``pitch`` [m], also raise it if taxels with this pitch cannot have this depth.
+    If ``pitch`` [m] is given, the function also raises the error for a depth that taxels with this pitch cannot have.
     """
     if not (0 < layer.depth < np.inf and 0 < layer.deviation < np.inf):
         raise ConfigurationError('layer of the skin', expected='a depth > 0 [m] and a deviation > 0',
                                  got=f'depth {layer.depth!r}, deviation {layer.deviation!r}',
-                                 remedy='Calibrate the skin again (tactile calibrate), or leave the layer out.')
+                                 remedy='Calibrate the skin again (tactile calibrate), or omit the layer.')
     if pitch is not None and not SHALLOWEST < layer.depth / pitch < DEEPEST:
         raise ConfigurationError('layer of the skin', got=f'{layer.depth:g} m under a pitch of {pitch:g} m',
                                  expected=f'a depth of {SHALLOWEST:g} to {DEEPEST:g} pitches',

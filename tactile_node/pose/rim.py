@@ -1,8 +1,8 @@
-"""The rim of a contact, finer than its taxels, and how far it reaches along an axis. Lengths are in pitches.
+"""Locate the rim of a contact more finely than its taxels, and find how far the rim reaches along an axis.
 
-The rim is located along rows and columns, between a taxel of the contact and a taxel beside it. It is the place where
-the interpolated values are half of the contact's local level. Next to hidden taxels, the pad's edge and places without
-a taxel, the rim is the border of the last visible taxel, and the contact may continue.
+All lengths are in pitches. The rim is located along rows and columns, between a taxel of the contact and a taxel beside
+the contact. At the rim, the interpolated values are half of the contact's local level. Next to hidden taxels, the pad's
+edge and places without a taxel, the rim is the border of the last visible taxel, and the contact may continue.
 """
 
 from typing import NamedTuple
@@ -15,36 +15,39 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.contact.visibility import Visibility, visibility_of
 
 NEIGHBOUR_STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: Steps to the four neighbours, (x, y).
-UNSEEN_REACH = 1.5  #: Distance from unseen places along rows and columns above which the rim is an end of the contact.
-#: Reading of the outermost taxels relative to deeper taxels under an even pressure. The contact covers the outermost
-#: taxels only in part.
+
+#: Within this many rows and columns of an unseen place, the rim does not count as an end of the contact.
+UNSEEN_REACH = 1.5
+#: Reading of the outermost taxels relative to inner taxels under an even pressure. The share is below 1, because the
+#: contact covers the outermost taxels only in part.
 EVEN_SHARE = 0.75
-STEEPNESS_RANGE = (0.4, 1.8)  #: Smallest and largest steepness, see `_steepness`.
-#: Largest variation of a straight rim. Places of the rim whose distances along an axis differ by less count as equally
-#: far out.
+STEEPNESS_RANGE = (0.4, 1.8)  #: Smallest and largest value that `_steepness` returns.
+
+#: Largest variation of a straight rim. If two places of the rim differ by less than this along an axis, they count as
+#: equally far out.
 STRAIGHT_TOLERANCE = 0.35
 
 
 class Rim(NamedTuple):
-    """Places of a contact's rim in the pad's frame."""
+    """Places of a contact's rim in the pad frame."""
 
     places: np.ndarray  #: x, y, (n, 2)
-    is_end: np.ndarray  #: bool (n,), True where the contact ends, because all unseen places are farther away
-    graded: bool        #: True if the taxels give pressures and none is saturated; on/off taxels are less precise
+    is_end: np.ndarray  #: True where the contact ends, because no unseen place is near, bool (n,)
+    graded: bool        #: True if the taxels measure pressure and no taxel of the contact is saturated
 
 
 def rim_of(pattern: ContactPattern, visibility: Visibility | None = None) -> Rim:
     """Return the rim of a contact.
 
-    Hidden taxels count as unseen places if the contact may continue there (`Visibility.outline_hidden`). Single hidden
-    taxels only make the rim less certain.
+    Hidden taxels count as unseen places if the contact may continue in them (`Visibility.outline_hidden`). Single
+    hidden taxels only make the rim less certain.
 
     Parameters
     ----------
     pattern : ContactPattern
-        Pattern of the frame, with a contact.
+        Pattern of a frame with a contact.
     visibility : Visibility or None
-        Visibility of the pattern if the caller knows it; None to compute it.
+        Visibility of the pattern, or None to compute it from the pattern.
     """
     graded = not are_on_off(pattern.values)
     mask, seen = framed(pattern.mask), framed(~(pattern.hidden | pattern.unmapped))
@@ -87,11 +90,11 @@ def reach(rim: Rim, angles: np.ndarray) -> np.ndarray:
 
 
 def ends_seen(rim: Rim, angle: float) -> np.ndarray:
-    """Return True for each end of the contact, along ``angle`` and across it, that is seen: bool (2, 2).
+    """Return which ends of the contact, along ``angle`` and across it, are seen, as bool (2, 2).
 
     The first index is the axis. The second index is the end: 0 for the lower end, 1 for the higher end. An end is seen
-    if the rim also reaches that far at places away from all unseen places. The flank of a bar that leaves the pad is an
-    example.
+    if the rim reaches it at a place that is not near unseen places. For example, the two flanks of a bar that leaves
+    the pad are seen.
     """
     if rim.is_end.all():
         return np.ones((2, 2), bool)
@@ -104,14 +107,14 @@ def ends_seen(rim: Rim, angle: float) -> np.ndarray:
 def is_cut(rim: Rim, angle: float) -> np.ndarray:
     """Return True for each axis along which the contact may continue beyond an end.
 
-    The axes are along ``angle`` and across it; the result is bool (2,).
+    The first axis lies along ``angle``, and the second axis lies across it. The result is bool (2,).
     """
     cut: np.ndarray = np.logical_and.reduce(ends_seen(rim, angle), 1) == 0
     return cut
 
 
 def _along(rim: Rim, angles: np.ndarray) -> np.ndarray:
-    """Return the coordinates of the places along and across axes at ``angles``, (n, 2, k)."""
+    """Return the coordinates of the rim's places along and across axes at ``angles``, (n, 2, k)."""
     cos, sin = np.cos(angles), np.sin(angles)
     axes = np.array(((cos, -sin), (sin, cos)))
     along: np.ndarray = rim.places @ axes.reshape(2, -1)
@@ -121,7 +124,7 @@ def _along(rim: Rim, angles: np.ndarray) -> np.ndarray:
 def _are_near(taxels: np.ndarray, others: np.ndarray, cols: int) -> np.ndarray:
     """Return True for each of ``taxels`` that is within UNSEEN_REACH of one of ``others``.
 
-    Both number the taxels in rows of ``cols``.
+    ``taxels`` and ``others`` are flat indices into rows of ``cols`` taxels.
     """
     if not len(others):
         return np.zeros(len(taxels), bool)
@@ -130,7 +133,7 @@ def _are_near(taxels: np.ndarray, others: np.ndarray, cols: int) -> np.ndarray:
 
 
 def _level(inside: np.ndarray) -> np.ndarray:
-    """Return the level of a contact around each taxel: a mean of its values in which high values have more weight."""
+    """Return the local level of a contact around each taxel, as a mean that gives high values more weight."""
     total = sum_around(inside)
     return sum_around(inside * inside) / np.where(total > 0, total, 1.0)
 
@@ -138,7 +141,8 @@ def _level(inside: np.ndarray) -> np.ndarray:
 def _steepness(values: np.ndarray, contact: np.ndarray) -> float:
     """Return the reading of the outermost taxels of a contact relative to their reading under an even pressure.
 
-    Under a sharp edge the outermost taxels read more, and the skin spreads this outwards. Under a dome they read less.
+    Under a sharp edge, the outermost taxels read more, and the skin spreads the pressure outwards. Under a dome, the
+    outermost taxels read less.
     """
     inner = ~grown(~contact)
     deep = float(values[inner].mean()) if inner.any() else 0.0

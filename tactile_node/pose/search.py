@@ -1,4 +1,4 @@
-"""Find the likeliest outline of one shape: search from several starts, or follow the outline of the frame before."""
+"""Find the likeliest outline of a shape, by a search from several starting points or by following the last outline."""
 
 from typing import NamedTuple
 
@@ -22,20 +22,24 @@ from tactile_node.pose.outlines import OUTLINES, Outline
 from tactile_node.pose.profiles import DOMES, Layer
 from tactile_node.shape.recognition import Shape
 
-#: Corners of a triangle are tried if their angles, or the logarithms of their lengths, differ by at most this much.
+#: Corners of a triangle are tried if their angles, or the logarithms of their side ratios, differ by at most this.
 CORNER_MARGIN = 0.15
-CORNER_MARGIN_ON_OFF = 0.35  #: CORNER_MARGIN for on/off taxels.
+CORNER_MARGIN_ON_OFF = 0.35  #: Value of CORNER_MARGIN for on/off taxels.
 AMBIGUOUS_MISFIT = 6.0  #: Two fits cannot be distinguished if their sums of squares differ by less than this.
-EDGE_AMBIGUITY = 20.0  #: Factor of AMBIGUOUS_MISFIT at the pad's edge, because the part beyond the edge is a guess.
+
+#: At the pad's edge, AMBIGUOUS_MISFIT is larger by this factor, because the part beyond the edge is a guess.
+EDGE_AMBIGUITY = 20.0
 PUNCH_RATIO = 1.4  #: A punch is not refined if a dome's sum of squares is smaller by this factor.
-HOPELESS_MISFIT = 500.0  #: A fit is not refined if it is worse than the best by more than this after the first pass.
-FOLLOWING_STEPS = 3  #: Largest number of steps while following; a contact at rest needs one.
+
+#: A fit is not refined if its misfit after the first pass exceeds the best misfit by more than this.
+HOPELESS_MISFIT = 500.0
+FOLLOWING_STEPS = 3  #: Largest number of steps for following an outline. A contact at rest needs one step.
 WORSE_RATIO = 1.4  #: Factor by which a residual may grow before the outline is searched for again.
-LEAST_RESIDUAL = 0.03  #: Smallest residual of the search to which WORSE_RATIO is applied.
+LEAST_RESIDUAL = 0.03  #: WORSE_RATIO is applied to this residual if the search has found a smaller one.
 
 
 class Estimate(NamedTuple):
-    """An outline in pitches, in canonical form: the long side first, and the equivalent angle nearest 0."""
+    """An outline in pitches, with the long side first and the equivalent angle nearest 0."""
 
     parameters: np.ndarray
     covariance: np.ndarray
@@ -48,10 +52,10 @@ class Found(NamedTuple):
 
     shape: Shape
     candidate: Candidate
-    place: Place  #: place where the model was computed last
+    place: Place  #: point at which the model was last computed
     estimate: Estimate
-    others: np.ndarray        #: part of the covariance that comes from other outlines, which are nearly as likely
-    residual: float           #: root mean square of value - model, as a fraction of the contact's level
+    others: np.ndarray        #: part of the covariance due to other outlines that are nearly as likely
+    residual: float  #: root mean square of the difference between value and model, as a fraction of the contact's level
     searched_residual: float  #: residual of the latest search
     on_off: bool
     at_edge: bool
@@ -63,11 +67,11 @@ def search(evidence: Evidence, shape: Shape, layer: Layer | None = None) -> Foun
     Parameters
     ----------
     evidence : Evidence
-        The taxels to fit.
+        Taxels to which the outline is fitted.
     shape : Shape
         One of the five shapes.
     layer : Layer or None
-        Layer of a calibrated skin, lengths in pitches; None if it is not known.
+        Layer of a calibrated skin, with lengths in pitches, or None if the layer is unknown.
     """
     candidates = _coarse_fits(evidence, shape, layer)
     best = min(candidates, key=_misfit)
@@ -82,17 +86,17 @@ def search(evidence: Evidence, shape: Shape, layer: Layer | None = None) -> Foun
 
 
 def follow(evidence: Evidence, before: Found) -> Found | None:
-    """Return the outline followed from the frame before, or None if it fits less well.
+    """Return the outline followed from the previous frame, or None if a new search is needed.
 
-    While the outline stays near the place where the model was last computed, the model is linear in the parameters
-    there. The results of the search's other starts stay valid.
+    The model is treated as linear while the outline stays near the point at which the model was last computed. The part
+    of the covariance due to other outlines is kept from the last search.
 
     Parameters
     ----------
     evidence : Evidence
-        The taxels to fit.
+        Taxels to which the outline is fitted.
     before : Found
-        Outline in the frame before.
+        Outline found in the previous frame.
     """
     if evidence.on_off != before.on_off or evidence.at_edge != before.at_edge:
         return None
@@ -103,7 +107,7 @@ def follow(evidence: Evidence, before: Found) -> Found | None:
     weights = weights_after(before.shape, at.shown_at(start), evidence)
     expected = before.candidate.problem.expected.copy()
     outline = slice(len(problem.model.outline.parameters))
-    expected[outline] = start[outline]  # the outline of the frame before is as good a guess as the moments
+    expected[outline] = start[outline]  # the previous outline is as good a guess as the moments
     problem = problem._replace(values=evidence.values, weights=weights, expected=expected)
     for _ in range(FOLLOWING_STEPS):
         solution = solved(problem, at)
@@ -127,7 +131,10 @@ def _residual(evidence: Evidence, found: Candidate) -> float:
 
 
 def _coarse_fits(evidence: Evidence, shape: Shape, layer: Layer | None) -> list[Candidate]:
-    """Return coarse fits from every start, and as a dome if the contact may be one; ``layer`` in pitches."""
+    """Return coarse fits from every starting point, including fits as a dome if the contact may be a dome.
+
+    The lengths of ``layer`` are in pitches.
+    """
     y, x = np.indices(evidence.solid.shape).reshape(2, -1)
     moments = moments_of(x + evidence.window.col, y + evidence.window.row, evidence.solid.reshape(-1))
     margin = np.inf if evidence.at_edge else CORNER_MARGIN_ON_OFF if evidence.on_off else CORNER_MARGIN
@@ -138,19 +145,19 @@ def _coarse_fits(evidence: Evidence, shape: Shape, layer: Layer | None) -> list[
     domes = [coarse(evidence, shape, starts[0], dome, layer) for dome in DOMES[shape]]
     if is_no_punch(shape, punches[0]):
         return domes
-    # A punch that fits worse than a dome is left out. Weights would treat the tip as outliers, and the rest would look
-    # like an even pressure on an outline that is too small.
+    # A punch that fits worse than a dome is dropped. Otherwise the new weights would treat the dome's tip as outliers,
+    # and the rest would look like an even pressure on an outline that is too small.
     least = min(map(_misfit, domes))
     return [punch for punch in punches if _misfit(punch) < PUNCH_RATIO * least] + domes
 
 
 def _misfit(candidate: Candidate) -> float:
-    """Return the quantity by which candidates are compared; their costs contain different priors."""
+    """Return the misfit, by which candidates are compared because their costs contain different priors."""
     return candidate.solution.misfit
 
 
 def _together(shape: Shape, evidence: Evidence, candidates: list[Candidate]) -> tuple[Estimate, np.ndarray]:
-    """Return the best candidate, and the part of its covariance that comes from the other likely candidates."""
+    """Return the best estimate, and the part of its covariance that is due to other likely candidates."""
     last = (reweighted(each, weights_after(shape, each.solution.prediction, evidence)) for each in candidates)
     estimates = [_estimate(shape, evidence, each, weighted.solution.information)
                  for each, weighted in zip(candidates, last)]
@@ -178,7 +185,7 @@ def _estimate(shape: Shape, evidence: Evidence, found: Candidate, information: n
     covariance = np.linalg.inv(information)[:count, :count] * covariance_scale(shape, evidence)
     fitted = found.solution.parameters[:count]
     loading = loading_of(found)
-    if loading is not None and not loading.is_punch:  # the first length of a dome lies along its axis
+    if loading is not None and not loading.is_punch:  # the first length of a dome lies along the dome's axis
         fitted, covariance = corrected(shape, found.handedness, fitted, covariance, loading, evidence.at_edge)
     parameters, handedness, covariance = _canonical(shape, found.handedness, fitted, covariance)
     if loading is not None and loading.is_punch:

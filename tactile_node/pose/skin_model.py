@@ -1,8 +1,8 @@
-"""A model of the skin: taxel values as a function of outline, pressure and depth.
+"""Models of the skin that predict taxel values from outline, pressure and depth.
 
-In a pressure skin, a contact presses like a punch or a dome (`profiles`), or more evenly. Its pressure is multiplied by
-(level + tilt_x X + tilt_y Y), and the layer spreads it over the taxels (`kernel`). An on/off skin shows 1 where the
-centre of a taxel is inside the outline.
+The model of a pressure skin assumes that an object presses like a punch or a dome (`profiles`), or more evenly. The
+pressure is multiplied by (level + tilt_x X + tilt_y Y), and the layer spreads the pressure over the taxels (`kernel`).
+In the model of an on/off skin, a taxel reads 1 if its centre is inside the outline.
 """
 
 from functools import cache
@@ -16,8 +16,8 @@ from tactile_node.pose.profiles import PUNCH, Profile
 from tactile_node.taxel_frame import read_only
 
 KERNEL_REACH = 6           #: Reach of the kernel [pitches].
-KERNEL_DEPTHS = 0.08, 2.2  #: Depths for which the kernel is known [pitches].
-DEPTH_NODES = 40           #: Number of tabulated depths, in equal ratios.
+KERNEL_DEPTHS = 0.08, 2.2  #: Smallest and largest depth for which the kernel is tabulated [pitches].
+DEPTH_NODES = 40           #: Number of tabulated depths, which are spaced geometrically.
 TAXEL_POINTS = 6           #: Number of points along each axis of a taxel over which the stress is averaged.
 KERNEL_TERMS = 2
 LOG_DEPTHS = float(np.log(KERNEL_DEPTHS[0])), float(np.log(KERNEL_DEPTHS[1]))
@@ -26,19 +26,20 @@ LOG_DEPTHS = float(np.log(KERNEL_DEPTHS[0])), float(np.log(KERNEL_DEPTHS[1]))
 def taps_at(log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the kernel at a depth.
 
-    The kernel is the sum of sign * taps along rows * taps along columns, by distance.
+    The kernel is a sum of terms. Each term is sign * taps along rows * taps along columns. The taps are indexed by
+    distance.
 
     Parameters
     ----------
     log_depth : float
-        Natural logarithm of the depth [pitches], limited to KERNEL_DEPTHS.
+        Natural logarithm of the depth in pitches, which the function limits to KERNEL_DEPTHS.
 
     Returns
     -------
     signs : np.ndarray
         (KERNEL_TERMS, 1).
     taps : np.ndarray
-        (KERNEL_TERMS, KERNEL_REACH + 2), 0 beyond KERNEL_REACH.
+        Taps by distance, (KERNEL_TERMS, KERNEL_REACH + 2), with 0 beyond KERNEL_REACH.
     derivatives : np.ndarray
         Derivatives of the taps with respect to ``log_depth``, of the same shape.
     """
@@ -59,9 +60,9 @@ def _table() -> tuple[np.ndarray, np.ndarray]:
 
 
 def kernel(depth: float) -> np.ndarray:
-    """Return the mean stress over taxels near a taxel that carries a pressure of 1.
+    """Return the mean stress over each taxel around a taxel that carries a pressure of 1.
 
-    The taxels are up to KERNEL_REACH away along either axis. ``depth`` is in pitches.
+    The surrounding taxels are up to KERNEL_REACH away along either axis. ``depth`` is in pitches.
     """
     inner = (np.arange(TAXEL_POINTS) + 0.5) / TAXEL_POINTS - 0.5
     away = (np.arange(-KERNEL_REACH, KERNEL_REACH + 1)[:, np.newaxis] + inner).reshape(-1)
@@ -74,9 +75,10 @@ def kernel(depth: float) -> np.ndarray:
 
 
 def _newmark(y: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
-    """Return the stress under the corner of a rectangle x, y (Newmark); odd in x and in y.
+    """Return the stress under the corner of a rectangle x, y (Newmark).
 
-    Training and benchmarks have an implementation of their own, against which this one can be checked.
+    The stress is an odd function of x and of y. Training and benchmarks use a separate implementation, against which
+    this function can be checked.
     """
     slant = np.sqrt(x * x + y * y + z * z)
     parts = x * y * z / slant * (1 / (x * x + z * z) + 1 / (y * y + z * z))
@@ -84,9 +86,9 @@ def _newmark(y: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
 
 
 def _terms(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a symmetric kernel as a sum of products.
+    """Decompose a symmetric kernel into a sum of products.
 
-    The result is the sign of each product, and the taps by distance, (KERNEL_TERMS, KERNEL_REACH + 2).
+    The function returns the sign of each product, and the taps by distance, (KERNEL_TERMS, KERNEL_REACH + 2).
     """
     values, vectors = np.linalg.eigh(whole)
     largest = np.argsort(-np.abs(values))[:KERNEL_TERMS]
@@ -95,24 +97,25 @@ def _terms(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.sign(values[largest]), np.pad(taps[:, KERNEL_REACH:], ((0, 0), (0, 1)))
 
 
-LIKELY_PEAKS = 0.0, 1.03  #: Peaks that fits find for an even pressure and for a flat punch.
-PEAK_NEAR = 0.4           #: Largest distance of a first fit from one of these peaks.
-PEAK_SHOWN = 0.25         #: Largest standard deviation of the peak in a first fit.
-PEAK_KNOWN = 0.08         #: Standard deviation of objects of one kind about their peak.
+LIKELY_PEAKS = 0.0, 1.03  #: Peak that a fit finds for an even pressure, and for a flat punch.
+PEAK_NEAR = 0.4           #: Largest difference between the peak of a first fit and a likely peak.
+PEAK_SHOWN = 0.25         #: Largest standard deviation of the peak for which a first fit is trusted.
+PEAK_KNOWN = 0.08         #: Standard deviation of the peak among objects of one kind.
 
 
 class Prediction(NamedTuple):
-    """The taxel values of a model."""
+    """The taxel values that a model predicts."""
 
     values: np.ndarray    #: (rows * cols,)
     jacobian: np.ndarray  #: (parameters, rows * cols)
-    rim: np.ndarray       #: (rows * cols,), change of each value with the place of the contact [1 / pitch]
+    rim: np.ndarray       #: (rows * cols,), sensitivity of each value to the place of the outline
 
 
 class Model:
-    """Model of on/off values: a logistic step across the outline.
+    """Model of on/off values, with a logistic step across the outline.
 
-    The parameters are those of the outline, followed by the extras of the model. This model has no extras.
+    The parameters are those of the outline, followed by extra parameters of the model, called extras. The on/off model
+    has no extras.
     """
 
     EDGE = 0.1               #: width of the step [pitches]
@@ -137,7 +140,7 @@ class Model:
         return Prediction(inside, change * (rim / self.EDGE), rim)
 
     def starts(self, guess: np.ndarray) -> list[np.ndarray]:
-        """Return the starts of a fit, the likeliest first, from a ``guess`` of the outline's parameters."""
+        """Return the starting points of a fit, the likeliest first, from a ``guess`` of the outline's parameters."""
         return [guess]
 
     def bound(self, extras: np.ndarray) -> None:
@@ -145,22 +148,24 @@ class Model:
 
 
 class PressureModel(Model):
-    """Model of pressures, in units of a typical pressure, so that ``level`` is about 1.
+    """Model of pressures in units of a typical pressure, which makes ``level`` about 1.
 
-    Its extras are ``level``, ``tilt_x``, ``tilt_y``, ``peak`` and ``log_depth``. ``peak`` is 0 for a uniform pressure
-    and 1 for the pressure of the profile. ``log_depth`` is the logarithm of the depth of the taxels below the skin's
-    surface [pitches].
+    The extras of the model are ``level``, ``tilt_x``, ``tilt_y``, ``peak`` and ``log_depth``. ``peak`` is 0 for a
+    uniform pressure and 1 for the pressure of the profile. ``log_depth`` is the logarithm of the depth of the taxels
+    below the skin's surface [pitches].
     """
 
     TILT_SPREAD = 0.06        #: standard deviation of the tilt [relative rise per pitch]
     PEAK_SPREAD = 0.7         #: standard deviation of the peak of a punch
-    PEAK_OF_DOME = 1.0, 0.35  #: peak of a dome and its standard deviation; no dome has an even pressure
+
+    #: expected peak of a dome and its standard deviation, because the pressure of a dome is never even
+    PEAK_OF_DOME = 1.0, 0.35
     DEPTH_SPREAD = 0.6        #: standard deviation of the logarithm of the depth
     EXTRAS = 5
     PEAK = -2  #: index of the peak among the parameters
     expected = read_only(np.array((1.0, 0.0, 0.0, 0.7, np.log(0.6))))
-    EVEN = (1.0, 0.0, 0.0, 0.0, np.log(0.4))  #: extras of a start with an even pressure
-    FULL = (1.0, 0.0, 0.0, 1.0, np.log(0.6))  #: extras of a start with the pressure of the profile
+    EVEN = (1.0, 0.0, 0.0, 0.0, np.log(0.4))  #: extras of a starting point with an even pressure
+    FULL = (1.0, 0.0, 0.0, 1.0, np.log(0.6))  #: extras of a starting point with the pressure of the profile
     precision = read_only(np.array((1.0, TILT_SPREAD, TILT_SPREAD, PEAK_SPREAD, DEPTH_SPREAD)) ** -2)
 
     def __init__(self, outline: Outline, window: Window, centre: np.ndarray, profile: Profile = PUNCH):
@@ -178,10 +183,10 @@ class PressureModel(Model):
         return PressureModel(self.outline, window, self._centre, self.profile)
 
     def starts(self, guess: np.ndarray) -> list[np.ndarray]:
-        """Return a start with the pressure of the profile and, for a punch, one with an even pressure.
+        """Return a starting point with the pressure of the profile and, for a punch, another with an even pressure.
 
-        The profile comes first, because rigid objects press as punches and domes do. With few taxels, both pressures
-        fit nearly as well.
+        The pressure of the profile comes first, because rigid objects press like punches and domes. With few taxels,
+        both pressures fit almost equally well.
         """
         sized, count = guess.copy(), len(self.outline.dimensions)
         sized[-count:] *= self.profile.length_ratio[-count:]
@@ -215,9 +220,9 @@ class PressureModel(Model):
         return Prediction(values, jacobian, rim)
 
     def _kernels(self, log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the kernels along rows (with the sign) and across them, and their derivatives.
+        """Return the kernels along rows (with the sign) and across rows, and the derivatives of both.
 
-        Each has the shape (KERNEL_TERMS, n, n). The derivatives are with respect to the logarithm of the depth.
+        Each array has the shape (KERNEL_TERMS, n, n). The derivatives are with respect to the logarithm of the depth.
         """
         signs, taps, by_log_depth = taps_at(log_depth)
         along, deeper_along = ((tap * signs).take(self._row_distance, 1) for tap in (taps, by_log_depth))
@@ -225,17 +230,18 @@ class PressureModel(Model):
         return along, across, deeper_along, deeper_across
 
     def likely_peak(self, parameters: np.ndarray, deviation: float) -> tuple[float, float] | None:
-        """Return the expected ``peak`` and 1 / variance of it after a first fit, or None.
+        """Return the expected ``peak`` and its 1 / variance after a first fit, or None.
 
-        There are few kinds of objects. If a fit looks like a flat punch, the object is taken as a flat punch. If the
-        pressure looks even, it is taken as even. The result is None if the fit looks like neither.
+        Real objects fall into a few kinds. If a fit looks like a flat punch, the function assumes a flat punch. If the
+        pressure looks even, the function assumes an even pressure. If the fit looks like neither, the function returns
+        None.
 
         Parameters
         ----------
         parameters : np.ndarray
             Parameters of the first fit.
         deviation : float
-            Standard deviation of its peak.
+            Standard deviation of the peak in the first fit.
         """
         if self.profile is not PUNCH:
             return None
@@ -245,7 +251,7 @@ class PressureModel(Model):
         return nearest, PEAK_KNOWN ** -2
 
     def bound(self, extras: np.ndarray) -> None:
-        """Limit the depth, in place, to the depths for which the kernel is known."""
+        """Limit the depth, in place, to the range for which the kernel is tabulated."""
         extras[-1] = min(max(extras[-1], LOG_DEPTHS[0]), LOG_DEPTHS[1])
 
 

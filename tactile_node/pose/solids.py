@@ -1,4 +1,4 @@
-"""A fitted contact as a solid for planners: a primitive or a triangle mesh."""
+"""Convert a fitted contact to a solid for planners, as a primitive or as a triangle mesh."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from tactile_node.shape.recognition import Shape
 
 
 def solid(fit: ShapeFit, height: float) -> tuple[str, tuple[float, ...]] | None:
-    """Return the primitive that stands on the contact; None for triangles (use `prism`).
+    """Return the primitive that stands on the contact, or None for a triangle (use `prism`).
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ def prism(fit: ShapeFit, height: float) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     vertices : np.ndarray
-        (2n, 3), in the pad's frame [m], with z from 0 to ``height``.
+        Coordinates of the vertices in the pad frame, (2n, 3) [m], with z from 0 to ``height``.
     triangles : np.ndarray
-        (4n - 4, 3), indices of the vertices, counter-clockwise seen from outside.
+        Indices of the vertices of each triangle, (4n - 4, 3), counter-clockwise as seen from outside.
     """
     count = len(fit.outline)
     base = np.column_stack((fit.outline, np.zeros(count)))
@@ -59,7 +59,7 @@ def pose_covariance(fit: ShapeFit) -> np.ndarray:
     """Return the covariance of the fit's pose, (6, 6), in the order of geometry_msgs/PoseWithCovariance.
 
     The order is x, y, z, then the rotations about x, y and z. The contact lies in the pad's plane, so the variances of
-    z and of the rotations about x and y are 0. The angle of a circle is undefined. It has the variance π²/3 of a
+    z and of the rotations about x and y are 0. The angle of a circle is undefined, so its variance is π²/3, as for a
     uniform distribution.
     """
     covariance = np.zeros((6, 6))

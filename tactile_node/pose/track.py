@@ -1,11 +1,12 @@
-"""Decide whether a measured place stays or moves, by comparing it with where it was while it stayed.
+"""Decide whether a measured place is at rest or moves, by comparing the place with an earlier reference.
 
-The reference is the mean over REFERENCE_TIME. It lies as far in the past as a movement at the speed SLOWEST takes to
-become visible. A slower movement, such as drift, moves the reference along.
+The reference is the mean place over REFERENCE_TIME. The reference lies as far in the past as a movement at the speed
+SLOWEST takes to become detectable. A slower movement, such as drift, moves the reference along.
 
-The place moves once its distance from the reference exceeds both a step and the noise. Two frames in a row must show
-this, or one frame must show it clearly. If only a single frame shows another place, that frame is forgotten. The place
-stays again once it has stayed for STOPPED, or for the time in which a slow movement would have become visible.
+A place counts as moving once its distance from the reference exceeds both a step and the noise. Either two consecutive
+frames must exceed this limit, or one frame must exceed it clearly. If only a single frame exceeds the limit, and not
+clearly, that frame is discarded. A place counts as at rest again after it has stayed for STOPPED, or for the longer
+time in which a slow movement would have become detectable.
 """
 
 import math
@@ -16,21 +17,25 @@ SLOWEST = 0.0004      #: Slowest speed that is detected [m/s].
 REFERENCE_TIME = 0.3  #: Time over which the reference is averaged [s].
 STOPPED = 0.3         #: Shortest time without movement after which a place counts as stopped [s].
 FEWEST = 3            #: Smallest number of places in a reference.
-#: Standard deviations that a movement must exceed; the value is high because there are thousands of frames.
+
+#: Number of standard deviations that a movement must exceed. The number is high to avoid false alarms in thousands of
+#: frames.
 CERTAINTY = 5.0
-CLAIMED = 0.5  #: Share of a given standard deviation that is noise from frame to frame, not an error of the fit.
-PRIOR = 4  #: Weight of this noise, as a number of places.
-CLEARLY = 1.6  #: Factor by which a single frame must exceed the limit to be enough.
-GOES_ON = 0.5  #: Share of a step that a moving place must cover in the time after which it counts as stopped.
+#: Share of a reported standard deviation that is noise from frame to frame. The rest is a constant error of the fit.
+CLAIMED = 0.5
+PRIOR = 4  #: Weight of the reported noise, expressed as a number of places.
+CLEARLY = 1.6  #: Factor by which a single frame must exceed the limit to prove a movement.
+GOES_ON = 0.5  #: Share of a step that a place must cover within the stopping time to count as moving.
 FORCE_TIME = 0.5  #: Time over which the reference of the force is averaged [s].
 FORCE_STEP = 0.35  #: Step of the force, as a share of the reference.
 LEAST_FORCE_STEP = 0.05  #: Smallest step of the force [N].
-#: Share of a step. A moving place travels farther than this between the first and the last third of the time.
+
+#: A place has stopped if it travels less than this share of a step between the first and the last third of the time.
 STAYED = 1 / 6
 
 
 class Place(NamedTuple):
-    """A place at one time [s, m], and the load there in any unit."""
+    """A place at one time, with the load on the contact in any unit [s, m]."""
 
     time: float
     x: float
@@ -39,14 +44,14 @@ class Place(NamedTuple):
 
 
 class Track:
-    """Follows one place, whose measurements are passed in the order of their times.
+    """Follows one place through measurements in chronological order.
 
     Parameters
     ----------
     step : float
         Distance that counts as a movement [m].
     certainty : float
-        Standard deviations that a movement must exceed.
+        Number of standard deviations that a movement must exceed.
     """
 
     def __init__(self, step: float, certainty: float = CERTAINTY):
@@ -55,33 +60,33 @@ class Track:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the reference, and that the place moves."""
+        """Forget the reference, and treat the place as not moving."""
         self.is_moving = False
-        self.probability = 0.0  #: probability that the place has moved by half a step, in the latest frame
+        self.probability = 0.0  #: probability in the latest frame that the place has moved by half a step
         self._hold = STOPPED
         self.forget()
 
     def forget(self) -> None:
-        """Forget the reference, because the place is measured in another way from now on."""
+        """Forget the reference, because the place is measured differently from now on."""
         self._recent: deque[Place] = deque()
         self._reference: deque[Place] = deque()
-        self._sums = [0.0] * 4  # sums of x, y and their squares relative to the first place, and of the load
+        self._sums = [0.0] * 4  # sums of x, y and x² + y² relative to the first place, and of the load
         self._first = Place(math.nan, 0.0, 0.0, 0.0)
         self._was_over: tuple[float, float] | None = None
 
     @property
     def is_known(self) -> bool:
-        """True if it is known whether the place stays or moves."""
+        """True if enough frames show whether the place is at rest or moves."""
         return self.is_moving or len(self._reference) >= FEWEST
 
     @property
     def load_before(self) -> float:
-        """Mean load of the reference; 0 if it is not known."""
+        """Mean load over the reference, or 0 if there is no reference."""
         return self._sums[3] / len(self._reference) if self._reference else 0.0
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """Velocity along x and y from a line through the latest places [m/s]; NaN if there are too few."""
+        """Velocity along x and y from a line through the latest places [m/s], or NaN if there are too few places."""
         tail = self._tail()
         count = len(tail)
         if count < 2:
@@ -100,13 +105,13 @@ class Track:
 
     @property
     def direction(self) -> float:
-        """Direction of the velocity, from x to y [rad]."""
+        """Direction of the velocity, positive from x to y [rad]."""
         x, y = self.velocity
         return math.atan2(y, x)
 
     def update(self, time: float, x: float, y: float, sd: float, slack: float = 0.0,
                load: float = 0.0) -> None:
-        """Add the place in one more frame.
+        """Add the place that the next frame shows.
 
         Parameters
         ----------
@@ -117,7 +122,8 @@ class Track:
         sd : float
             Standard deviation of the place [m].
         slack : float
-            Distance by which the place may be wrong for another reason [m]; added to the limit of a movement.
+            Distance by which the place may be wrong for another reason [m]. The distance is added to the limit of a
+            movement.
         load : float
             Load at the place, in any unit.
         """
@@ -150,11 +156,14 @@ class Track:
         if self._was_over and before[0] * away[0] + before[1] * away[1] > 0:
             return True
         if len(self._recent) > 1:
-            del self._recent[-2]  # the place was elsewhere in that frame only
+            del self._recent[-2]  # the place was elsewhere in only that frame
         return False
 
     def _let_follow(self, time: float) -> None:
-        """Move places that are old enough into the reference; into an empty one, move the older half of all places."""
+        """Move places that are old enough into the reference.
+
+        An empty reference receives the older half of all places.
+        """
         begin = self._first.time
         end = max(time - self._lag, min(begin + REFERENCE_TIME, (begin + time) / 2))
         while len(self._recent) > 2 and self._recent[0].time <= end:
@@ -169,7 +178,7 @@ class Track:
             self._sums[index] += sign * value
 
     def _tail(self) -> list[Place]:
-        """Return the latest places, back to a distance of one step."""
+        """Return the latest places, back to the first place that is more than one step away."""
         tail: list[Place] = []
         for place in reversed(self._recent):
             tail.append(place)
@@ -193,7 +202,7 @@ class Track:
 
 
 class ForceTrack:
-    """Follows the force of a contact. The reference is the mean over FORCE_TIME after each step."""
+    """Follows the force of a contact. The reference is the mean force over FORCE_TIME after each step."""
 
     def __init__(self) -> None:
         self.last = math.nan  #: latest force [N]
@@ -205,21 +214,21 @@ class ForceTrack:
         self._begin, self._sum, self._count, self._was_over = math.nan, 0.0, 0, 0.0
 
     def update(self, time: float, force: float, sd: float) -> float:
-        """Add the force of one more frame and return the probability that it has changed by a step.
+        """Add the force of the next frame, and return the probability that the force has changed by a step.
 
         Parameters
         ----------
         time : float
             Time of the frame [s].
         force : float
-            Force [N]; NaN if it is not known.
+            Force [N], or NaN if the force is unknown.
         sd : float
             Standard deviation of the force [N].
 
         Returns
         -------
         float
-            Probability of a step, negative for a smaller force; 0 without a step.
+            Probability of a step, negative if the force has fallen, or 0 if the force has not changed by a step.
         """
         self.last = force
         if not math.isfinite(force):

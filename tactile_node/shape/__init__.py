@@ -1,1 +1,1 @@
-"""From a contact pattern to the recognised shape."""
+"""Recognise the shape of a contact pattern."""

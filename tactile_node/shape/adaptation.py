@@ -1,4 +1,4 @@
-"""The adaptation of the recogniser's probabilities to one skin, and the arrays that hold it in a model file.
+"""Adapt the recogniser's probabilities to one skin, and store the adaptation as arrays in a model file.
 
 `tactile assess` fits the adaptation to a few touches (tactile_node/learning/assess.py). The adaptation has two parts:
 
@@ -16,14 +16,16 @@ import numpy as np
 
 from tactile_node.taxel_frame import read_only
 
-ADAPTATION_VERSION = 1      #: Version of these arrays in a file.
-ADAPTATION_MARK = '_skin_'  #: Part of the names of these arrays in a file.
-LEAST_PROBABILITY = 1e-6    #: Lower bound of a probability, so that the adaptation can make every class likelier.
-LARGEST_NUMBER = 100.0      #: Upper bound of the temperature and of each magnitude; fitted numbers are far smaller.
+ADAPTATION_VERSION = 1      #: Version of the adaptation's arrays in a file.
+ADAPTATION_MARK = '_skin_'  #: Part of the names of the adaptation's arrays in a file.
+LEAST_PROBABILITY = 1e-6    #: Lower limit of a probability, so that the adaptation can make every class likelier.
+
+#: Upper limit of the temperature and of each coefficient's magnitude. Fitted numbers are far smaller.
+LARGEST_NUMBER = 100.0
 
 
 class Adaptation(NamedTuple):
-    """Adaptation of N outputs for one kind of frames, with embeddings of F numbers."""
+    """Adaptation for N outputs and one kind of frame, with an embedding of F numbers."""
 
     temperature: float
     biases: np.ndarray   #: (N,)
@@ -57,26 +59,26 @@ class Adaptation(NamedTuple):
 
 
 def read_adaptations(data: Mapping[str, np.ndarray], outputs: int, widths: Mapping[str, int]) -> dict[str, Adaptation]:
-    """Return the adaptations of a model file by kind of frames.
+    """Return the adaptations in a model file by kind of frame.
 
     Parameters
     ----------
     data : Mapping[str, np.ndarray]
         Arrays of the file by name.
     outputs : int
-        Number of outputs of the recogniser, with the taught shapes.
+        Number of outputs of the recogniser, including the taught shapes.
     widths : Mapping[str, int]
-        Number of columns of the embedding for each kind of frames.
+        Number of columns of the embedding for each kind of frame.
 
     Returns
     -------
     dict[str, Adaptation]
-        Empty if the file has no adaptation.
+        The adaptations, or an empty dictionary if the file has none.
 
     Raises
     ------
     ValueError, KeyError
-        If the arrays are not those that `tactile assess` writes.
+        Raised if the arrays differ from those that `tactile assess` writes.
     """
     return {kind: _adaptation(data, kind, outputs, width) for kind, width in widths.items()
             if any(name.startswith(f'{kind}{ADAPTATION_MARK}') for name in data)}
@@ -93,16 +95,16 @@ def _adaptation(data: Mapping[str, np.ndarray], kind: str, outputs: int, width: 
     temperature, biases, weights = (read_only(array.astype(float)) for array in arrays)
     if temperature < 1 / LARGEST_NUMBER or any(np.abs(each).max() > LARGEST_NUMBER
                                                for each in (temperature, biases, weights)):
-        raise ValueError('an adaptation to a skin with numbers out of their range')
+        raise ValueError('an adaptation to a skin with numbers out of range')
     return Adaptation(float(temperature), biases, weights)
 
 
 def arrays_of(kind: str, adaptation: Adaptation) -> dict[str, np.ndarray]:
-    """Return the arrays of an adaptation for one kind of frames, as `read_adaptations` reads them."""
+    """Return the arrays of an adaptation for one kind of frame, in the form that `read_adaptations` reads."""
     named = {'version': ADAPTATION_VERSION, **adaptation._asdict()}
     return {f'{kind}{ADAPTATION_MARK}{part}': np.asarray(value) for part, value in named.items()}
 
 
 def is_of_skin(name: str) -> bool:
-    """Return True if the array of this name is part of the adaptation to a skin."""
+    """Return True if the array with this name belongs to an adaptation to a skin."""
     return ADAPTATION_MARK in name

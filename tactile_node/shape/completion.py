@@ -1,7 +1,7 @@
-"""Read a contact with hidden taxels in several ways: the same frame with the hidden taxels empty or pressed.
+"""Create several readings of a contact with hidden taxels, in which these taxels are empty or pressed.
 
-If a recogniser gives the same answer for all readings, the hidden taxels do not matter. Otherwise the hidden taxels
-decide, and the recogniser cannot be sure.
+If a recogniser reports the same shape for all readings, the hidden taxels do not matter. If the reported shapes differ,
+the shape depends on the hidden taxels and is uncertain.
 """
 
 from collections.abc import Sequence
@@ -14,15 +14,17 @@ from tactile_node.contact.pattern import ContactPattern, in_line, number_contact
 from tactile_node.contact.visibility import Visibility
 from tactile_node.taxel_frame import read_only
 
-#: Share of the ring. Up to this share, isolated hidden taxels are treated as dead taxels, which change little.
+#: Up to this share of the ring around a contact, isolated hidden taxels are treated as dead taxels, which change
+#: little.
 SCATTERED_SHARE = 0.1
 
 
 def hidden_taxels_matter(pattern: ContactPattern, visibility: Visibility) -> bool:
     """Return True if hidden taxels may change the shape of the contact.
 
-    This is the case if connected taxels are hidden within the contact or its ring, or if more than SCATTERED_SHARE of
-    the ring is hidden. The recogniser was trained with a few scattered hidden taxels.
+    Hidden taxels matter if connected taxels are hidden within the contact or its ring, or if more than SCATTERED_SHARE
+    of the ring is hidden. A few scattered hidden taxels do not matter, because the recogniser was trained with such
+    taxels.
     """
     if not visibility.hidden_in_ring and not visibility.hidden_in_contact:
         return False
@@ -61,9 +63,9 @@ def distinct(patterns: Sequence[ContactPattern]) -> tuple[list[ContactPattern], 
     Returns
     -------
     kept : list of ContactPattern
-        The patterns, each object once, in order of their first appearance.
+        Each pattern object once, in order of first appearance.
     which : list of int
-        For each of ``patterns``, its index in ``kept``.
+        Index in ``kept`` for each of ``patterns``.
     """
     indices: dict[int, int] = {}
     which = [indices.setdefault(id(pattern), len(indices)) for pattern in patterns]
@@ -71,7 +73,10 @@ def distinct(patterns: Sequence[ContactPattern]) -> tuple[list[ContactPattern], 
 
 
 def _completed(pattern: ContactPattern, pressed: np.ndarray) -> ContactPattern:
-    """Return ``pattern`` with the hidden taxels read as pressed or empty; its largest piece is the contact."""
+    """Return ``pattern`` with the hidden taxels read as pressed or empty.
+
+    The largest piece becomes the contact.
+    """
     seen = pattern.mask & ~pattern.hidden
     level = np.median(pattern.values[seen])
     values = np.where(pattern.hidden, level * pressed, pattern.values)

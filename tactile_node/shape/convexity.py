@@ -1,6 +1,6 @@
-"""How much of its convex hull a contact fills.
+"""Check how much of its convex hull a contact fills.
 
-The five shapes are convex; hooks, bows and scattered pieces are not.
+The five shapes are convex. Hooks, bows and scattered pieces are not convex.
 """
 
 import numpy as np
@@ -8,10 +8,10 @@ from scipy import ndimage
 
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, reached
 
-#: Share of its hull that each of the five shapes fills, once gaps of speckle are closed and rims are filled; chosen on
-#: validation seeds.
+#: Smallest share of its hull that each of the five shapes fills, after small gaps are closed and rims are filled. The
+#: value was chosen on the validation seeds.
 LEAST_CONVEXITY = 0.7
-PARTIAL_LEVEL = 0.2  #: Pressures from this share of the contact's mean on belong to the contact.
+PARTIAL_LEVEL = 0.2  #: Pressures above this share of the contact's mean belong to the contact.
 HULL_ANGLES = np.radians(np.arange(0.0, 180.0, 7.5))  #: Directions in which the hull is measured [rad].
 HULL_AXES = np.stack((np.cos(HULL_ANGLES), np.sin(HULL_ANGLES)))  #: Unit vector of each direction, one per column.
 HULL_ROUNDING = 0.01  #: Places up to this distance outside the hull count as inside [pitches].
@@ -20,13 +20,13 @@ HULL_ROUNDING = 0.01  #: Places up to this distance outside the hull count as in
 def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:
     """Return True if the contact fills its convex hull as much as the five shapes do.
 
-    Taxels without a value are not counted as notches. A hole is filled if it is enclosed by a rim, or by a rim and one
-    edge of the pad.
+    Taxels without a value do not count as notches. A hole counts as filled if it is enclosed by a rim, or by a rim and
+    one edge of the pad.
 
     Parameters
     ----------
     values : np.ndarray
-        Taxel values of the frame, float (rows, cols); NaN where there is none.
+        Taxel values of the frame, float (rows, cols), with NaN for a missing value.
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols).
 
@@ -67,7 +67,7 @@ def _fills(taxels: np.ndarray, hull: np.ndarray | tuple[slice, slice]) -> bool:
 def _holes(rim: np.ndarray, at_edge: tuple[bool, bool, bool, bool]) -> np.ndarray:
     """Return the taxels that ``rim`` encloses, alone or together with one edge of the pad.
 
-    ``at_edge`` says which edges count: the first row, the last row, the first column, the last column.
+    ``at_edge`` is True for each edge that counts, in the order first row, last row, first column, last column.
     """
     filled = ndimage.binary_fill_holes(rim)
     for edge, is_touched in enumerate(at_edge):

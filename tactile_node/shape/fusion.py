@@ -1,19 +1,19 @@
-"""Fuse the recognitions of successive frames: the result is surer than a single frame, and slow to change.
+"""Fuse the recognitions of successive frames into a result that is more certain and more stable than a single frame.
 
 Each frame adds its log-probabilities, following Bayes' rule, with two limits:
 
 - Frames in quick succession have the same errors. A frame therefore counts only for the share of ``correlation_time``
-  that has passed since the frame before.
+  that has passed since the previous frame.
 - The object may change. Evidence therefore fades with ``memory``, ``floor`` limits the evidence of a single frame, and
-  no class leads by more than ``lead``. A change is followed after at most `FusionSettings.frames_to_follow` frames that
-  agree. When a contact begins or ends, the fusion starts again at once.
+  no class leads by more than ``lead``. The result follows a change after at most `FusionSettings.frames_to_follow`
+  frames that agree. When a contact begins or ends, the fusion starts again immediately.
 
 Hidden taxels stay hidden, no matter how many frames agree. Each way of reading the hidden taxels
-(`Recognition.alternatives`) is therefore fused on its own, and the result is the mean over these readings. A name that
+(`Recognition.alternatives`) is therefore fused separately, and the result is the mean over all readings. A shape that
 the taxels do not support is treated in the same way, because the next frame does not have more taxels.
 
-If nothing is seen in a frame, the frame adds no evidence. It is reported as not seen, and the evidence of the frames
-before it is kept for the next frame.
+A frame in which the contact is not seen adds no evidence. Such a frame is reported as not seen, and the evidence of
+earlier frames is kept for the next frame.
 
 Fused results have the same classes as the frames: the five shapes and the taught shapes.
 """
@@ -32,19 +32,19 @@ TOUCHING_CLASSES: tuple[ShapeClass, ...] = tuple(shape for shape in Shape if sha
 
 @dataclass(frozen=True)
 class FusionSettings:
-    """Settings for how fast evidence counts, fades and is overturned.
+    """Settings that control how fast evidence builds up, fades and is overturned.
 
     Raises
     ------
     ConfigurationError
-        If a value is out of range.
+        Raised if a value is out of range.
     """
 
     correlation_time: float = 0.05  #: time after which the errors of two frames are independent [s]
-    memory: float = 0.5             #: time constant of forgetting [s]
+    memory: float = 0.5             #: time constant with which evidence fades [s]
     floor: float = 0.001            #: smallest probability that a frame can give to a class
-    lead: float = 8.0               #: largest lead of the leading class [log of odds]
-    switch: float = 1.0             #: lead that another class needs to be reported instead [log of odds]
+    lead: float = 8.0               #: largest lead of the leading class [log-odds]
+    switch: float = 1.0             #: lead that another class needs before it is reported instead [log-odds]
     max_gap: float = 0.5            #: silence after which the fusion starts again [s]
 
     def __post_init__(self) -> None:
@@ -54,10 +54,10 @@ class FusionSettings:
             raise ConfigurationError(
                 'fusion settings', expected=f'times > 0, floor below 1/{len(TOUCHING_CLASSES)}, 0 <= switch < lead '
                 'and < memory / correlation_time',
-                got=str(self), remedy='Leave them out for the defaults.')
+                got=str(self), remedy='Omit these settings to use the defaults.')
 
     def gain(self, period: float) -> float:
-        """Return the weight of a frame that comes ``period`` [s] after the frame before."""
+        """Return the weight of a frame that follows the previous frame after ``period`` [s]."""
         return min(1.0, period / self.correlation_time)
 
     def frames_to_follow(self, period: float, odds: float = 10.0) -> int:
@@ -82,8 +82,8 @@ class FusedRecognition(NamedTuple):
 
     recognition: Recognition
     since: float  #: stamp of the first frame of the unbroken run in which this shape is reported [s]
-    held: float   #: time since then [s]; 0 if the frame is not seen
-    frames: int   #: number of frames since then; 0 if the frame is not seen
+    held: float   #: time since ``since`` [s]; 0 if the contact is not seen
+    frames: int   #: number of frames since ``since``; 0 if the contact is not seen
 
 
 class RecognitionFusion:
@@ -94,7 +94,10 @@ class RecognitionFusion:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all evidence; call this if another object is known to be touched."""
+        """Forget all evidence.
+
+        Call this method when the pad is known to touch another object.
+        """
         self._stamp: float | None = None
         self._shape: ShapeClass | None = None
         self._touching = TOUCHING_CLASSES
@@ -106,11 +109,11 @@ class RecognitionFusion:
         self._weights = np.ones(1)
 
     def update(self, stamp: float, frame: Recognition) -> FusedRecognition:
-        """Add the recognition of one frame and return the fused result.
+        """Add the recognition of one frame, and return the fused result.
 
-        If the most probable class of a frame is NONE, the frame ends the contact and is reported at once. A frame with
-        too few taxels for a shape has the same effect. A frame without evidence is reported as not seen, and ``held``
-        starts again with the next frame.
+        If the most probable class of a frame is NONE, the frame ends the contact and is reported immediately. A frame
+        with too few taxels for a shape also ends the contact. A frame without evidence is reported as not seen, and
+        ``held`` starts again with the next frame.
 
         The fusion starts again if the stamp goes backwards or jumps by more than ``max_gap``, or if the frame has
         different classes.
@@ -125,7 +128,7 @@ class RecognitionFusion:
         Raises
         ------
         InputError
-            If a number is NaN or infinite, because it would stay in the evidence.
+            Raised if a number is NaN or infinite, because such a number would stay in the evidence.
         """
         _check(stamp, frame)
         if not frame.is_evidence:
@@ -163,19 +166,19 @@ class RecognitionFusion:
         self._evidence = np.maximum(evidence - evidence.max(1, keepdims=True), -self._settings.lead)
 
     def _together(self) -> np.ndarray:
-        """Return the evidence of all alternatives as the evidence of one, with 0 for the leading class."""
+        """Combine the evidence of all alternatives into one row, with 0 for the leading class."""
         if len(self._evidence) == 1:
             return self._evidence[0]
         evidence = np.log(self._shares())
         return np.maximum(evidence - evidence.max(), -self._settings.lead)
 
     def _shares(self) -> np.ndarray:
-        """Return the probability of each class: the weighted mean over the alternatives."""
+        """Return the probability of each class, as the weighted mean over the alternatives."""
         weights = np.exp(self._evidence)
         return self._weights @ (weights / weights.sum(1, keepdims=True))
 
     def _chosen(self) -> ShapeClass:
-        """Return the leading class, or the class reported so far if it is close behind."""
+        """Return the leading class, or the class that was reported last if it is close behind."""
         evidence = self._together()
         ahead = self._touching[int(evidence.argmax())]
         if self._shape is None or self._shape in (Shape.NONE, ahead):
@@ -199,4 +202,4 @@ def _check(stamp: float, frame: Recognition) -> None:
         numbers += probabilities.values()
     if not np.isfinite(numbers).all():
         raise InputError('frame to fuse', expected='a finite stamp and finite probabilities',
-                         got=f'{stamp}, {dict(frame.probabilities)}', remedy='Leave this frame out.')
+                         got=f'{stamp}, {dict(frame.probabilities)}', remedy='Do not fuse this frame.')

@@ -1,11 +1,11 @@
-"""Numbers that describe a patch and do not change when the contact is rotated.
+"""Compute numbers that describe a patch and do not change when the contact is rotated.
 
-The numbers are moments of the contact and of its hull, the width of the hull, and how well each of the five shapes
-covers the contact. The hull restores taxels inside the contact that are silent.
+The numbers are moments of the contact and of its hull, the width of the hull, and the overlap of each of the five
+shapes with the contact. The hull fills in silent taxels inside the contact.
 
-Moments: J. Flusser, On the independence of rotation moment invariants, Pattern Recognition 33 (2000). Hull: the support
-function h(a) is the maximum of x cos a + y sin a over the contact. The area of the hull is the integral of (h^2 - h'^2)
-/ 2, and its width at a is h(a) + h(a + 180 degrees).
+The moments follow Flusser (On the independence of rotation moment invariants, Pattern Recognition 33, 2000). The
+support function h(a) of the hull is the maximum of x cos a + y sin a over the contact. The area of the hull is the
+integral of (h^2 - h'^2) / 2, and the width of the hull at a is h(a) + h(a + 180 degrees).
 """
 
 from math import comb
@@ -75,7 +75,7 @@ def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> 
 def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
     """Return the means of y^a x^b, (K, HIGHEST_ORDER + 1, HIGHEST_ORDER + 1).
 
-    The unit of length is the root of the area.
+    The unit of length is the square root of the area.
     """
     unit = 1 / np.sqrt(total)[:, None]
     sums = ((y * unit)[:, None] ** MOMENT_POWERS) @ weight @ ((x * unit)[..., None] ** MOMENT_POWERS.T)
@@ -90,10 +90,10 @@ def _magnitudes(moments: np.ndarray) -> np.ndarray:
 def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return the support function, (K, DIRECTIONS), of the cells that are more than half covered.
 
-    The function reaches half a cell beyond the centres of the cells.
+    The support function reaches half a cell beyond the centres of the cells.
     """
     cells = inside.reshape(len(inside), -1).sum(1)
-    if not cells.all():  # a patch without such a cell gets a single cell in its middle
+    if not cells.all():  # a patch without covered cells gets a single cell in its middle
         inside = inside.copy()
         inside[cells == 0, SIDE // 2, SIDE // 2] = True
         cells = np.maximum(cells, 1)
@@ -103,7 +103,7 @@ def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _widths(support: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Return the fill of the hull and of the smallest box, the ratio of the widths, and the harmonics.
+    """Return the filled shares of the hull and of the smallest box, the ratio of the widths, and the harmonics.
 
     The harmonics are those of the support function.
     """
@@ -119,7 +119,7 @@ def _widths(support: np.ndarray, total: np.ndarray) -> np.ndarray:
 
 
 def _hull_moments(support: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Return the covered share of the hull and the moments of the filled hull, whose rim is shaded over one cell."""
+    """Return the covered share of the hull and the moments of the filled hull, whose rim is softened over one cell."""
     towards = support[:, :, None, None] + 0.5 - DIRECTION_VECTORS[0, :, None, None] * y[:, None, :, None]
     depth = (towards - DIRECTION_VECTORS[1, :, None, None] * x[:, None, None, :]).min(1)
     filled = np.minimum(np.maximum(depth, 0), 1)

@@ -1,9 +1,11 @@
-"""How well each of the five shapes covers a patch. None of them covers an object of a foreign shape well.
+"""Measure how well each of the five shapes covers a patch.
 
-The moments of the patch determine how each figure is laid over it:
+None of the five shapes covers an object of another shape well.
 
-- A triangle is the affine image of an equilateral triangle. In coordinates in which its second moments are those of a
-  disc, the phase of the third moment gives its orientation.
+The moments of the patch determine how each figure is placed on the patch:
+
+- A triangle is the affine image of an equilateral triangle. The phase of the third moment gives the orientation of the
+  triangle, in coordinates in which the second moments are those of a disc.
 - A rectangle lies along the principal axes.
 - A square is oriented by the phase of the fourth moment.
 
@@ -12,11 +14,12 @@ The overlap is the intersection of the two areas over their union, with edges so
 
 import numpy as np
 
-FIGURES = 'rectangle', 'square', 'triangle', 'disc'  #: Figures in the order of their numbers.
+FIGURES = 'rectangle', 'square', 'triangle', 'disc'  #: Figures in the order of their overlaps.
 COUNT = 5  #: Number of values per patch: the overlap with each figure, and the whitened third moment.
 FLATTEST_RATIO = 0.02  #: Smallest second moment across the contact, as a share of the mean of both second moments.
 SIDE_ANGLES = np.arange(4) * np.pi / 2  #: Directions from the centre to a rectangle's sides [rad].
-#: Directions from the centre to an equilateral triangle's sides if its third moment is real [rad]; one side is listed
+
+#: Directions from the centre to an equilateral triangle's sides if its third moment is real [rad]. One side is listed
 #: twice.
 CORNER_ANGLES = np.array((1, -1 / 3, 1 / 3, 1)) * np.pi
 #: Distance of an equilateral triangle's sides from its centre if its second moments are 1.
@@ -35,14 +38,14 @@ def likeness(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray
     y, x : np.ndarray
         Places of the cells relative to the centre of area [cells], (K, rows) and (K, cols).
     total : np.ndarray
-        Sum of each patch, (K,).
+        Sum of the levels of each patch, (K,).
     moments : np.ndarray
-        Means of y^a x^b in units of the root of the area, (K, 5 or more, 5 or more).
+        Means of y^a x^b, with the square root of the area as the unit of length, (K, 5 or more, 5 or more).
 
     Returns
     -------
     np.ndarray
-        (K, COUNT): the overlap with each of FIGURES, then the magnitude of the whitened third moment.
+        Overlap with each of FIGURES, then the magnitude of the whitened third moment, (K, COUNT).
     """
     root = np.sqrt(total)
     nx, ny, distance, third = _sides(moments, 1 / (12 * total))
@@ -66,8 +69,8 @@ def _sides(moments: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """Return the sides of the rectangle, the square and the triangle that fit the moments, and the third moment.
 
     ``cell`` is the second moment of one cell, (K,). The sides are given by their directions from the centre, (K, 3, 4)
-    each for x and y, and by their distances from the centre [roots of the area]. The third moment, complex (K,), is
-    given in coordinates in which the second moments are 1.
+    each for x and y, and by their distances from the centre [square roots of the area]. The third moment, complex (K,),
+    is given in coordinates in which the second moments are 1.
     """
     xx, yy, xy = moments[:, 0, 2] + cell, moments[:, 2, 0] + cell, moments[:, 1, 1]
     size, stretch = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)

@@ -1,4 +1,4 @@
-"""The recognition methods by name, for nodes and commands."""
+"""Provide the recognition methods by name, for nodes and commands."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -24,18 +24,18 @@ from tactile_node.shape.shapeless import is_shapeless
 from tactile_node.shape.support import as_far_as_supported
 from tactile_node.shape.volf import VolfClassifier
 
-#: Weights of the frame as it is and of its three completions. A single completion with another answer keeps the
+#: Weights of the original frame and of its three completions. A single completion with a different shape keeps the
 #: confidence below 0.9.
 READING_WEIGHTS = (1 / 2, 1 / 6, 1 / 6, 1 / 6)
-#: Share of the ring. The network was trained with fewer hidden taxels than this.
+#: If less than this share of the ring is hidden, FEW_WEIGHTS apply. The network was trained with smaller shares.
 FEW_HIDDEN = 0.25
-#: Weights if fewer taxels than FEW_HIDDEN are hidden. Two completions with another answer keep the confidence below
-#: 0.9, a single one does not. Chosen on validation contacts.
+#: Weights if less than FEW_HIDDEN of the ring is hidden. Two completions with a different shape keep the confidence
+#: below 0.9, but a single one does not. The weights were chosen on validation contacts.
 FEW_WEIGHTS = (0.79, 0.07, 0.07, 0.07)
 
 
 class RecognitionMethod(Protocol):
-    """Interface of a recognition method; ``classes`` lists all its possible answers in order."""
+    """Interface of a recognition method. ``classes`` lists all classes that the method can report, in order."""
 
     classes: tuple[ShapeClass, ...]
 
@@ -45,14 +45,16 @@ class RecognitionMethod(Protocol):
 
 
 class VisibilityGuard:
-    """Applies a recognition method without taking hidden taxels for empty ones.
+    """Applies a recognition method without mistaking hidden taxels for empty ones.
 
-    - The guard answers NONE only if the pad is seen. Otherwise it answers UNKNOWN with the reason NOT_SEEN. It gives
-      the same answer for a contact with few visible taxels that may continue in hidden taxels.
-    - If hidden taxels may change the answer, the guard reports the weighted mean of the method's answers to all
+    - The guard reports NONE only if the pad is seen. If the pad is not seen, the guard reports UNKNOWN with the reason
+      NOT_SEEN, or COVERS_PAD if an object covers the pad. A contact with few visible taxels that may continue in hidden
+      taxels is also reported as NOT_SEEN.
+    - If hidden taxels may change the shape, the guard reports the weighted mean of the method's results for all
       readings of the hidden taxels.
-    - A contact that specks or lines may form by chance is UNKNOWN. The reason is NOT_SEEN if hidden taxels matter.
-    - Every other UNKNOWN gets its reason from `why_unfamiliar`.
+    - A contact that may consist of specks or lines formed by chance is UNKNOWN. The reason is NOT_SEEN if hidden taxels
+      matter.
+    - For every other UNKNOWN contact, `why_unfamiliar` determines the reason.
 
     Parameters
     ----------
@@ -72,7 +74,7 @@ class VisibilityGuard:
         pattern : ContactPattern
             Pattern of the frame.
         visibility : Visibility or None
-            Visibility of the pattern if the caller knows it; None to compute it.
+            Visibility of the pattern, or None to compute it from the pattern.
         """
         found = self._recognise(pattern, visibility or visibility_of(pattern))
         if found.reason is UnknownReason.UNFAMILIAR:
@@ -107,12 +109,12 @@ def make_recogniser(method: str = DEFAULT_METHOD, file: str = '') -> VisibilityG
     method : str
         Name of the method, one of METHODS.
     file : str
-        Path of the file with weights or curves; '' for the method's own file in config/.
+        Path of the file with weights or curves, or '' for the method's own file in config/.
 
     Raises
     ------
     ConfigurationError
-        If the method does not exist or the file cannot be used.
+        Raised if the method does not exist or the file cannot be used.
     """
     if method not in METHODS:
         raise ConfigurationError('recognition method', expected='one of ' + ', '.join(METHODS), got=repr(method),

@@ -1,7 +1,8 @@
-"""A small convolutional network, evaluated with numpy alone.
+"""Evaluate a small convolutional network with NumPy alone.
 
-The network has two rectified convolutions with taps of 4x4 and then 3x3. Each halves rows and columns. Their output and
-the geometry go through dense layers, which are rectified except for the last one. training/train.py trains the network.
+The network has two rectified convolutions, the first with 4x4 taps and the second with 3x3 taps. Each convolution
+halves the number of rows and columns. The output of the convolutions and the geometry pass through dense layers, which
+are rectified except for the last one. training/train.py trains the network.
 """
 
 from typing import NamedTuple
@@ -20,8 +21,8 @@ class Network(NamedTuple):
 
     kernels: tuple[np.ndarray, ...]
     biases: tuple[np.ndarray, ...]
-    middle: np.ndarray  #: (COUNT,), subtracted from the geometry
-    spread: np.ndarray  #: (COUNT,), divides the result: (geometry - middle) / spread
+    middle: np.ndarray  #: subtracted from the geometry, (COUNT,)
+    spread: np.ndarray  #: divisor of (geometry - middle), (COUNT,)
 
     def embedding(self, images: np.ndarray, geometry: np.ndarray) -> np.ndarray:
         """Return the input of the last layer, followed by the standardised geometry.
@@ -29,7 +30,7 @@ class Network(NamedTuple):
         Parameters
         ----------
         images : np.ndarray
-            (K, rows, cols, channels).
+            Images of K contacts, (K, rows, cols, channels).
         geometry : np.ndarray
             (K, COUNT).
 

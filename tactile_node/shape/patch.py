@@ -1,8 +1,8 @@
-"""From a contact pattern to a patch: the contact on a small grid, in a standard place, level and orientation.
+"""Convert a contact pattern to a patch: the contact on a small grid, in a standard place, level and orientation.
 
-The patch is the input of the learned recogniser. Its contact is the mask of the pattern and the pressed pieces close to
-it, because silent columns and dead taxels tear a contact apart. If the taxels give pressures, the patch also shows the
-partial pressures at the rim of the contact.
+The patch is the input of the learned recogniser. The contact in the patch consists of the pattern's mask and the
+pressed pieces close to the mask, because silent columns and dead taxels break a contact into pieces. If the taxels
+measure pressure, the patch also shows the partial pressures at the rim of the contact.
 """
 
 from typing import NamedTuple
@@ -17,27 +17,28 @@ from tactile_node.taxel_frame import read_only
 SIDE = 20           #: Number of rows and of columns of a patch.
 PATCH_ROOM = 18     #: A wider contact is scaled down to this width [cells].
 BRIDGED_TAXELS = 2  #: Pieces with at most this many taxels between them belong to one contact.
-PIECE_TAXELS = 3    #: Smallest number of taxels of a piece; smaller groups beside a contact are specks.
+PIECE_TAXELS = 3    #: Smallest number of taxels in a piece. A smaller group beside a contact is a speck.
 RIM_REACH = 2       #: Distance from the mask up to which partial pressures are shown [taxels].
-#: Highest level of a taxel. Training stores levels as bytes, so no network has seen a higher one.
+
+#: Highest level of a taxel. Training stores levels as bytes, so no network was trained with a higher level.
 HIGHEST_LEVEL = 255 / 160
 ROWS_AROUND, COLS_AROUND = np.indices((3, 3)).reshape(2, -1)
 
 
 class Patch(NamedTuple):
-    """A contact in standard form; ``level`` is 1 at full contact pressure."""
+    """A contact in standard form, with a level of 1 at full contact pressure."""
 
-    level: np.ndarray   #: float32 (SIDE, SIDE); where nothing is known, the mean of the neighbours
+    level: np.ndarray   #: float32 (SIDE, SIDE), with the mean of the neighbours for a dead taxel
     unseen: np.ndarray  #: float32 (SIDE, SIDE), 1 where a taxel is dead or beyond the pad's edge
     scale: float        #: width of a cell [taxels], at least 1
     graded: bool        #: True if the levels come from pressures, False if they come from on/off taxels
 
 
 def joined(pattern: ContactPattern) -> np.ndarray:
-    """Return the mask of the pattern together with the pressed pieces close to it, and the pieces close to those.
+    """Return the mask of the pattern, joined with pressed pieces that are close to the mask or to a joined piece.
 
-    The result is bool (rows, cols). Specks are left out. A speck is a group of fewer than PIECE_TAXELS taxels. In this
-    count, taxels with at most one other taxel between them belong to the same group.
+    The result is bool (rows, cols) and contains no specks. A speck is a group of fewer than PIECE_TAXELS taxels. Taxels
+    with at most one other taxel between them belong to the same group.
     """
     if pattern.contacts <= 1:
         return pattern.mask
@@ -48,7 +49,8 @@ def joined(pattern: ContactPattern) -> np.ndarray:
     pressed = pattern.mask | others
     groups = linked(pressed, BRIDGED_TAXELS)
     of_contact = np.zeros(int(groups.max()) + 1, bool)
-    of_contact[groups[pattern.mask]] = True  # several groups if hidden taxels divide the mask by more than that
+    # several groups if hidden taxels divide the mask by more than BRIDGED_TAXELS
+    of_contact[groups[pattern.mask]] = True
     return pressed & of_contact[groups]
 
 
@@ -78,7 +80,7 @@ def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
     values : np.ndarray
         Taxel values of the frame, float (rows, cols).
     mask : np.ndarray
-        Taxels of the contact, bool (rows, cols), at least one.
+        Taxels of the contact, bool (rows, cols), of which at least one is True.
     """
     (low, high), around = np.array([(used.start, used.stop) for used in box_of(mask)]).T, box_of(mask, RIM_REACH)
     level, dead, graded = _levels(values[around], mask[around])
@@ -96,7 +98,8 @@ def _standing(level: np.ndarray, dead: np.ndarray, before: np.ndarray,
               extent: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[int], list[int]]:
     """Rotate and mirror the contact until it is longer along x and skewed towards greater x and y.
 
-    ``before`` are the taxels shown above and left of the contact's box; ``extent`` are the rows and columns of the box.
+    ``before`` holds the numbers of taxels shown above and to the left of the contact's box. ``extent`` holds the
+    numbers of rows and columns of the box.
     """
     after = np.array(level.shape) - extent - before
     (xx, xxx), (yy, yyy) = _spread(level.sum(0)), _spread(level.sum(1))

@@ -8,15 +8,15 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.shape.patch import joined
 from tactile_node.shape.recognition import UnknownReason
 
-COVERED_SHARE = 0.6  #: Share of the visible taxels. If a contact covers more, its outline is not visible.
-HOLLOW_TAXELS = 3    #: Smallest number of taxels of a hole; uneven gains make smaller ones.
-#: Share of the side of a square of the same size. If more taxels of a contact lie at one edge of the pad, the contact
-#: continues beyond that edge.
+COVERED_SHARE = 0.6  #: If a contact covers more than this share of the visible taxels, its outline is not visible.
+HOLLOW_TAXELS = 3    #: Smallest number of taxels in a hole. Uneven gains can cause smaller holes.
+
+#: A contact is cut by an edge of the pad if the number of its taxels at that edge exceeds this share of sqrt(taxels).
 CUT_SHARE = 0.5
 
 
 def why_unfamiliar(pattern: ContactPattern) -> UnknownReason:
-    """Return the reason why a contact has none of the shapes; the most obvious one if several apply.
+    """Return the most obvious reason why a contact has none of the shapes.
 
     >>> why_unfamiliar(ContactPattern.of(np.eye(4) < 1, np.eye(4)))
     <UnknownReason.COVERS_PAD: 8>

@@ -1,11 +1,11 @@
-"""The learned recogniser: contact pattern -> patch and geometry -> network -> probabilities.
+"""Recognise shapes with a trained network: contact pattern -> patch and geometry -> network -> probabilities.
 
-There are two small networks, one for on/off taxels and one for pressures. Each network returns six logits. Five of them
-are for the five classes; they are divided by a temperature that was found on validation patterns. The sixth logit says
-that the contact is none of the five; it has a bias.
+The recogniser has two small networks, one for on/off taxels and one for pressures. Each network returns six logits.
+Five logits belong to the five classes and are divided by a temperature that was found on validation patterns. The sixth
+logit is for a contact with none of the five shapes and has a bias.
 
-The weights are data in config/recogniser.npz, which training/train.py writes. A file of `tactile teach` contains the
-same arrays and the heads of taught shapes (taught.py). A file of `tactile assess` contains the same arrays and the
+The weights are stored in config/recogniser.npz, which training/train.py writes. A file from `tactile teach` contains
+these weights and the heads of taught shapes (taught.py). A file from `tactile assess` contains these weights and the
 adaptation to a skin (adaptation.py).
 """
 
@@ -29,22 +29,22 @@ from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, Taugh
 from tactile_node.shape.support import as_far_as_it_fits, as_far_as_it_holds, low_outline
 from tactile_node.shape.taught import Head, join, read_taught
 
-#: Class of each output of the networks. The order is part of the format of the weights' file.
+#: Class of each output of the networks. The order is part of the file format of the weights.
 OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE, Shape.UNKNOWN)
-#: Smallest number of taxels of a pattern that is recognised; a smaller one is UNKNOWN. The limit stands for an area of
-#: nine taxels. Pressures need fewer pressed taxels because they also show the rim of the contact.
+#: Smallest number of taxels of a contact that is recognised. A smaller contact is UNKNOWN. The limits correspond to an
+#: area of nine taxels. Pressures need fewer pressed taxels because they also show the rim of the contact.
 FEWEST_TAXELS = {'on_off': 6, 'graded': 4}
 #: The pieces of a torn contact are recognised together. If joining the pieces raises the probability of UNKNOWN by more
 #: than this value, compared with the largest piece alone, the largest piece is recognised alone.
 DOUBT_GAIN = 0.2
-#: Smallest share of the taxels of all pieces that the largest piece must have to be recognised alone. Several pieces of
-#: similar size are one contact of several parts.
+#: To be recognised alone, the largest piece must have at least this share of the taxels of all pieces. Pieces of
+#: similar size are parts of one contact.
 MOST_OF_PIECES = 0.5
 #: Smallest probability of UNKNOWN for a contact that is not convex.
 NOT_CONVEX_PROBABILITY = 0.99
 LAYERS = len(TAPS) + 3
-MOST_ARRAY_BYTES = 1 << 24  #: Largest size of all arrays of a file [bytes]; our files are far smaller.
-KINDS = ('on_off', 'graded')  #: Kinds of frames: on/off taxels, and pressures.
+MOST_ARRAY_BYTES = 1 << 24  #: Largest total size of the arrays in a file [bytes]. Actual files are far smaller.
+KINDS = ('on_off', 'graded')  #: Kinds of frames: on/off taxels and pressures.
 SIZES = (12, 17, 24, 34, 48, 68, 96, 136, 200, 300)  #: Sizes at which UNKNOWN is calibrated [taxels].
 LOG_SIZES = np.log(SIZES)
 
@@ -53,7 +53,7 @@ class Calibration(NamedTuple):
     """Converts the logits of a network into probabilities."""
 
     temperature: float   #: temperature of the five classes
-    biases: np.ndarray   #: (len(SIZES),), logit from which on UNKNOWN is likelier than not, for each of SIZES
+    biases: np.ndarray   #: logit above which UNKNOWN is likelier than not, for each of SIZES, (len(SIZES),)
 
     def probabilities(self, logits: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
         """Return the probabilities of the five classes and of UNKNOWN.
@@ -88,16 +88,17 @@ class ShapeRecogniser:
     taught : tuple[TaughtShape, ...]
         Taught shapes.
     heads : Mapping[str, Head]
-        Heads of the taught shapes by kind of frames. A kind without a head recognises no taught shape.
+        Heads of the taught shapes by kind of frame. Without a head for its kind, a frame is never recognised as a
+        taught shape.
     adaptations : Mapping[str, Adaptation]
-        Adaptations to a skin by kind of frames. For a kind without an adaptation, the probabilities stay as they are.
+        Adaptations to a skin by kind of frame. Without an adaptation for a kind, the probabilities are not changed.
 
     Attributes
     ----------
     outputs : tuple[ShapeClass, ...]
         Class of each column of `probabilities`.
     classes : tuple[ShapeClass, ...]
-        All classes that a recognition may name.
+        All classes that a recognition may report.
     """
 
     def __init__(self, networks: dict[str, Network], calibrations: dict[str, Calibration],
@@ -110,12 +111,12 @@ class ShapeRecogniser:
 
     @classmethod
     def from_file(cls, path: str | Path) -> 'ShapeRecogniser':
-        """Return the recogniser in a file of training/train.py, `tactile teach` or `tactile assess`.
+        """Load the recogniser from a file that training/train.py, `tactile teach` or `tactile assess` has written.
 
         Raises
         ------
         ConfigurationError
-            If the file cannot be read, or does not contain the expected arrays.
+            Raised if the file cannot be read, or does not contain the expected arrays.
         """
         try:
             data = read_arrays(path)
@@ -133,15 +134,15 @@ class ShapeRecogniser:
             raise _unusable(path, ' '.join(str(error).split())) from None
 
     def adapted(self, adaptations: Mapping[str, Adaptation]) -> 'ShapeRecogniser':
-        """Return the same recogniser with ``adaptations`` in place of its own."""
+        """Return a copy of the recogniser with ``adaptations`` instead of its own adaptations."""
         return ShapeRecogniser(self._networks, self._calibrations, self._taught, self._heads, adaptations)
 
     def recognise(self, pattern: ContactPattern) -> Recognition:
         """Return the recognition of the largest contact.
 
-        The answer is NONE for an empty pattern, and UNKNOWN for a contact of fewer than FEWEST_TAXELS taxels. Pieces
-        that may belong to one torn contact are recognised as one contact. If the joined contact is much more likely to
-        be UNKNOWN than its largest piece, the largest piece is recognised alone.
+        An empty pattern is recognised as NONE, and a contact of fewer than FEWEST_TAXELS taxels as UNKNOWN. Pieces that
+        may belong to one torn contact are recognised as one contact. If the joined contact is much more likely to be
+        UNKNOWN than its largest piece, the largest piece is recognised alone.
         """
         return self.recognise_all([pattern])[0]
 
@@ -152,7 +153,7 @@ class ShapeRecogniser:
         return [self._decide(pattern, mask, found) for pattern, mask, found in zip(patterns, together, whole)]
 
     def _decide(self, pattern: ContactPattern, together: np.ndarray, whole: Recognition) -> Recognition:
-        """Return the recognition of all pieces ``together`` (``whole``), or of the largest piece alone."""
+        """Return the recognition ``whole`` of all pieces ``together``, or that of the largest piece alone."""
         if np.count_nonzero(together) == np.count_nonzero(pattern.mask):
             return whole
         whole = whole._replace(joined=whole.shape is not Shape.UNKNOWN)
@@ -164,10 +165,10 @@ class ShapeRecogniser:
         return largest if gain > DOUBT_GAIN else whole
 
     def _verified(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
-        """Return the recognition of each contact, with its confidence limited by its low outline.
+        """Return the recognition of each contact, with the confidence limited by the contact's low outline.
 
-        A contact is a pair of values and mask. Both outlines are recognised in one call, which takes little longer than
-        a single outline.
+        A contact is a pair of values and mask. The contacts and their low outlines are recognised in one call, which
+        takes little longer than the contacts alone.
         """
         low = [low_outline(*contact) for contact in contacts]
         lower = [(values, mask) for (values, _), mask in zip(contacts, low) if mask is not None]
@@ -176,7 +177,7 @@ class ShapeRecogniser:
         return [each if mask is None else as_far_as_it_holds(each, next(of_low)) for each, mask in zip(found, low)]
 
     def _recognise_contacts(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
-        """Return the recognition of each contact, a pair of values and mask, by its network."""
+        """Recognise each contact, a pair of values and mask, with the network for its kind of frame."""
         found = [Recognition.certain(Shape.NONE)] * len(contacts)
         patches: dict[bool, list[tuple[int, Patch]]] = {False: [], True: []}
         for k, (values, mask) in enumerate(contacts):
@@ -201,12 +202,12 @@ class ShapeRecogniser:
 
     def probabilities(self, patches: Sequence[Patch],
                       contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the probabilities of the outputs for K contacts of one kind of frames.
+        """Return the probabilities of the outputs for K contacts of one kind of frame.
 
         Parameters
         ----------
         patches : Sequence[Patch]
-            Patches of the contacts. Either all of them are graded, or none is.
+            Patches of the contacts, which are either all graded or all not graded.
         contacts : Sequence[tuple[np.ndarray, np.ndarray]]
             Values and mask of each contact, both (rows, cols).
 
@@ -219,7 +220,7 @@ class ShapeRecogniser:
         embedding, geometry = self.embedding(patches)
         found = self.known(kind, embedding, geometry[:, LOG_TAXELS])
         # Only the five shapes have to be convex, so this check comes before the heads of taught shapes. On/off contacts
-        # are not checked, because silent lines tear their rim into pieces, which do not look convex.
+        # are not checked, because silent lines break the rim of such a contact into pieces that do not look convex.
         convex = np.array([not patch.graded or is_convex(*contact) for patch, contact in zip(patches, contacts)])
         found[~convex] = _as_foreign(found[~convex])
         if kind in self._heads:
@@ -231,12 +232,12 @@ class ShapeRecogniser:
         return found, embedding, geometry
 
     def embedding(self, patches: Sequence[Patch]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the embedding of K patches, from which the heads and adaptations compute their answers.
+        """Return the embedding of K patches, from which the heads and adaptations compute their results.
 
         Parameters
         ----------
         patches : Sequence[Patch]
-            Patches of the contacts. Either all of them are graded, or none is.
+            Patches of the contacts, which are either all graded or all not graded.
 
         Returns
         -------
@@ -256,7 +257,7 @@ class ShapeRecogniser:
         Parameters
         ----------
         kind : str
-            Kind of the frames, one of KINDS.
+            Kind of frame, one of KINDS.
         embedding : np.ndarray
             Embedding of K contacts, (K, F).
         log_taxels : np.ndarray
@@ -286,9 +287,9 @@ def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
     Raises
     ------
     ValueError
-        If the arrays are too large, are compressed in another way than NumPy does, or contain NaN or infinity.
+        Raised if the arrays are too large, use a compression that NumPy does not use, or contain NaN or infinity.
     BadZipFile
-        If the file is not an archive.
+        Raised if the file is not an archive.
     """
     with ZipFile(path) as packed:
         members = packed.infolist()

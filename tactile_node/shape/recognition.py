@@ -1,4 +1,4 @@
-"""The shapes, and the result of a recogniser for a contact."""
+"""The shape classes, and the result of recognising a contact."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from enum import Enum, IntEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
-# The names of the recognition methods are here, so that a command line need not import the methods to list them.
+# The names of the recognition methods are defined here, so that a command can list the methods without importing them.
 LEARNED = 'learned'
 VOLF = 'volf'
 DEFAULT_METHOD = LEARNED
@@ -14,7 +14,7 @@ METHOD_FILES = {LEARNED: 'recogniser.npz', VOLF: 'volf_curves.yaml'}  #: Default
 
 
 class Shape(str, Enum):
-    """The shape classes. The values are their names in files, on topics and on the command line."""
+    """The shape classes. The value of a class is its name in files, on topics and on the command line."""
 
     CIRCLE = 'circle'
     SQUARE = 'square'
@@ -27,7 +27,7 @@ class Shape(str, Enum):
 
 @dataclass(frozen=True)
 class TaughtShape:
-    """A class that a user has taught (`tactile teach`). It has a name but no outline that could be fitted."""
+    """A class that a user has taught with `tactile teach`. A taught class has a name, but no outline to fit."""
 
     value: str  #: name of the class, like the value of a Shape
 
@@ -36,18 +36,18 @@ ShapeClass: TypeAlias = Shape | TaughtShape
 
 
 class UnknownReason(IntEnum):
-    """Reason why a shape is UNKNOWN (ContactShape.msg mirrors these numbers)."""
+    """Reason why a shape is UNKNOWN. ContactShape.msg uses the same numbers."""
 
     NOT_KNOWN = 0
     NOT_UNKNOWN = 1    #: the shape is not UNKNOWN
-    NOT_SEEN = 2       #: hidden taxels: they may hide a contact, or the outline of the contact
-    UNFAMILIAR = 3     #: the contact is seen, and its outline is none of the known shapes
+    NOT_SEEN = 2       #: hidden taxels may hide a contact, or the outline of a contact
+    UNFAMILIAR = 3     #: the contact is seen, and its outline matches none of the known shapes
     TOO_SMALL = 4      #: the contact is seen and has too few taxels
     CUT_BY_EDGE = 5    #: the contact is seen, and the pad's edge cuts it
     HOLLOW = 6         #: the contact is seen and encloses taxels that are not pressed
     SEVERAL_PARTS = 7  #: the contact is seen and consists of several parts
     COVERS_PAD = 8     #: an object covers most of the pad, so that its outline is not seen
-    UNSTABLE = 9       #: the contact is seen, and its name depends on the pressure at which the outline is drawn
+    UNSTABLE = 9       #: the contact is seen, but its shape depends on the pressure at which the outline is drawn
 
 
 #: The shapes that a contact can have, in the order used throughout the package. If a file uses another order, its
@@ -65,18 +65,19 @@ class Alternative(NamedTuple):
 class Recognition(NamedTuple):
     """The most probable shape of a contact and the probability of each class.
 
-    ``probabilities`` holds every Shape, then the taught shapes, and sums to 1. If hidden taxels may change the answer,
-    ``alternatives`` holds the answer for each way of reading them. If the taxels do not support the name, one of the
-    alternatives is UNKNOWN. ``probabilities`` is then the weighted mean over the alternatives, and no number of frames
-    makes such an answer sure.
+    ``probabilities`` holds every Shape, then the taught shapes, and sums to 1. If hidden taxels may change the shape,
+    ``alternatives`` holds the probabilities for each way of reading the hidden taxels. If the taxels do not support the
+    shape, one of the alternatives is UNKNOWN. If there are alternatives, ``probabilities`` is their weighted mean, and
+    no number of frames makes the result certain.
     """
 
     shape: ShapeClass
     probabilities: Mapping[ShapeClass, float]
     reason: UnknownReason = UnknownReason.NOT_UNKNOWN  #: the reason if ``shape`` is UNKNOWN
     alternatives: tuple[Alternative, ...] = ()
-    doubt: UnknownReason = UnknownReason.NOT_UNKNOWN  #: the reason why a name is not sure
-    #: True if the pieces close to the largest contact were taken as a part of it (`patch.join_pieces`)
+    doubt: UnknownReason = UnknownReason.NOT_UNKNOWN  #: the reason why a named shape is uncertain
+
+    #: True if the pieces close to the largest contact were recognised as part of it (`patch.join_pieces`)
     joined: bool = False
 
     @property
@@ -86,7 +87,7 @@ class Recognition(NamedTuple):
 
     @property
     def is_evidence(self) -> bool:
-        """True if the answer says anything about the object; False if the contact was not seen."""
+        """True if the result contains evidence about the object, and False if the contact was not seen."""
         return self.reason not in (UnknownReason.NOT_SEEN, UnknownReason.COVERS_PAD) or bool(self.alternatives)
 
     @classmethod
@@ -102,7 +103,7 @@ class Recognition(NamedTuple):
     @classmethod
     def of(cls, probabilities: Mapping[ShapeClass, float],
            reason: UnknownReason = UnknownReason.UNFAMILIAR) -> 'Recognition':
-        """Return a recognition with these probabilities; a class that is missing in the mapping has the probability 0.
+        """Return a recognition with ``probabilities``, in which every missing class has the probability 0.
 
         ``reason`` is used only if UNKNOWN is the most probable class.
         """
@@ -114,7 +115,8 @@ class Recognition(NamedTuple):
     def of_alternatives(cls, weights: Sequence[float], alternatives: Sequence['Recognition']) -> 'Recognition':
         """Return the recognition of a contact with hidden taxels from the recognitions of its readings.
 
-        If the result is UNKNOWN, its reason is the one that all readings give, or NOT_SEEN if they differ.
+        If the result is UNKNOWN, its reason is the one that all readings give, or NOT_SEEN if the readings give
+        different reasons.
 
         Parameters
         ----------
@@ -132,29 +134,29 @@ class Recognition(NamedTuple):
         return cls.of(mean, reason)._replace(joined=alternatives[0].joined, alternatives=tuple(readings))
 
     def no_surer_than(self, most: float, doubt: UnknownReason) -> 'Recognition':
-        """Return a copy in which the name has at most the probability ``most``, no matter how many frames agree.
+        """Return a copy in which the shape has at most the probability ``most``, no matter how many frames agree.
 
         Parameters
         ----------
         most : float
-            Largest probability of the name, more than a half; UNKNOWN gets the rest.
+            Largest probability of the shape, above 0.5. UNKNOWN gets the rest.
         doubt : UnknownReason
-            Reason why the name is not sure.
+            Reason why the shape is uncertain.
         """
         unknown = Recognition.certain(Shape.UNKNOWN).over(tuple(self.probabilities))
         return Recognition.of_alternatives((most, 1 - most), (self, unknown))._replace(doubt=doubt)
 
     def exchanged(self, one: Shape, other: Shape) -> 'Recognition':
-        """Return a copy in which two shapes exchange their probabilities.
+        """Return a copy in which two shapes swap their probabilities.
 
-        If ``one`` is the answer, ``other`` becomes the answer.
+        If ``one`` is the reported shape, ``other`` is reported instead.
         """
         probabilities = {**self.probabilities, one: self.probabilities[other], other: self.probabilities[one]}
         return self._replace(shape=other if self.shape is one else self.shape,
                              probabilities=MappingProxyType(probabilities))
 
     def over(self, classes: Sequence[ShapeClass]) -> 'Recognition':
-        """Return a copy with a probability for each of ``classes``, in their order; 0 for a class without one."""
+        """Return a copy with a probability for each of ``classes``, in order, and 0 for each missing class."""
         if len(self.probabilities) == len(classes):
             return self
 
@@ -164,7 +166,10 @@ class Recognition(NamedTuple):
             Alternative(weight, all_of(each)) for weight, each in self.alternatives))
 
     def reported_as(self, shape: ShapeClass, reason: UnknownReason) -> 'Recognition':
-        """Return a copy with another ``shape`` as the answer; ``reason`` is used only if this shape is UNKNOWN."""
+        """Return a copy that reports another ``shape``.
+
+        ``reason`` is used only if ``shape`` is UNKNOWN.
+        """
         return self._of(shape, self.probabilities, reason)._replace(alternatives=self.alternatives)
 
     @classmethod
@@ -175,7 +180,7 @@ class Recognition(NamedTuple):
     def as_json(self) -> dict[str, Any]:
         """Return one line of `tactile classify` as a dictionary.
 
-        ``reason`` is present only for an unknown shape, and ``doubt`` only for a name that is not sure.
+        ``reason`` is present only for an unknown shape, and ``doubt`` only for an uncertain shape.
         """
         reason = {'reason': self.reason.name.lower()} if self.shape is Shape.UNKNOWN else {}
         if self.doubt is not UnknownReason.NOT_UNKNOWN:

@@ -1,9 +1,9 @@
-"""Find contacts that chance or noise may have formed: specks, lines and checkerboards have no shape.
+"""Find contacts that chance or noise may have formed, such as specks, lines and checkerboards.
 
-Taxels that are pressed at random form groups. The groups are larger where more taxels are pressed (site percolation).
-The density of pressed taxels is measured beside the contact. The size and compactness of random groups come from
-simulations: 1,500 pads of 8x8 and of 16x16 taxels and 200 pads of 64x64 taxels for each density. Real contacts are
-compact, which means that most neighbours of their taxels also belong to the contact.
+Taxels that are pressed at random form groups, which are larger where more taxels are pressed (site percolation). The
+density of pressed taxels is measured beside the contact. The size and compactness of random groups were simulated for
+each density, on 1,500 pads each of 8x8 and 16x16 taxels and on 200 pads of 64x64 taxels. A real contact is compact:
+most neighbours of its taxels also belong to the contact.
 """
 
 import numpy as np
@@ -14,64 +14,66 @@ from tactile_node.contact.pattern import ContactPattern, number_contacts
 from tactile_node.contact.press import are_on_off
 from tactile_node.shape.patch import joined
 
-#: Densities of pressed taxels beside a contact [fraction of these taxels].
+#: Densities of pressed taxels beside a contact [fraction of the taxels beside it].
 DENSITIES = (0.005, 0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.16)
-#: For each density, the size from which on chance does not form a group [taxels].
+#: For each density, the size that groups formed by chance do not reach [taxels].
 GROUPS = (4, 6, 9, 13, 16, 19, 22, 32)
-#: Number of taxels of the pad for which GROUPS holds. On a larger pad, chance forms larger groups.
+#: Number of taxels on the pad for which GROUPS holds. On a larger pad, chance forms larger groups.
 PLACES = 256
-#: Increase of GROUPS on a pad with PLACES times as many taxels, as a share.
+#: Relative increase of GROUPS on a pad with PLACES times as many taxels.
 MORE_PLACES = 0.6
-#: From this density on, chance forms groups of any size, and only their compactness counts.
+#: At this density and above, chance forms groups of any size, so only the compactness of a group counts.
 DENSEST = 0.16
-#: Smallest number of taxels of another contact that is not a speck.
+#: Smallest number of taxels with which another group counts as a contact, not as a speck.
 OTHER = 6
-#: Smallest compactness of such a contact.
+#: Smallest compactness with which another group counts as a contact, not as a speck.
 OTHER_COMPACT = 0.57
-#: Share of the pad. If at least this share lies outside the box around the contact, it shows the density of specks.
+#: If at least this share of the pad lies outside the box around the contact, the density of specks is measured there.
 AWAY = 0.25
-#: Margin of that box [taxels].
+#: Margin of the box around the contact [taxels].
 MARGIN = 1
-#: Required compactness of large groups: 1 - LOOSE / sqrt(taxels).
+#: A large group must have a compactness of at least 1 - LOOSE / sqrt(taxels).
 LOOSE = 1.7
-#: Largest number of taxels of a line per row or column of its length.
+#: A contact with at most this many taxels per row or column of its length counts as a line.
 LINE_TAXELS = 1.2
 #: Smallest length of a band of hum, as a share of the pad's width.
 BAND_WIDTH = 0.4
-#: A band is noise, not a bar, if its readings scatter less than this many times as much as those of other rows.
+#: A band is noise, not a bar, if the scatter of its readings is below this multiple of the scatter in other rows.
 EVENNESS = 1.6
-#: Hum shows as a second maximum of the rows' levels. The levels must rise to it by more than this share of their range.
+#: Hum shows as a second maximum of the row levels. The levels must rise to this maximum by more than this share of
+#: their range.
 ROW_RISE = 0.15
-ROW_NOISE = 7.0  #: The rise must also exceed this many standard deviations of a row's level.
+ROW_NOISE = 7.0  #: The rise of the row levels must also exceed this many standard deviations of a row's level.
+
 #: Largest number of rows (or columns) of a string of pieces.
 STRING = 4
 #: Smallest length of a string of pieces, as a share of the pad's side.
 LONG = 0.6
-#: Distance from a contact at which its pressure must have fallen [taxels].
+#: Distance from a contact at which the pressure must have fallen to the share STEEP [taxels].
 FALL = 2
-#: Increase of this distance with the width of the contact.
+#: Increase of the distance FALL per taxel of the contact's width.
 SLOPE = 0.1
-#: Share of the contact's pressure to which it must have fallen at this distance.
+#: Share of the contact's pressure to which the readings must have fallen at the distance FALL.
 STEEP = 0.35
-#: Share of the taxels in the rows or columns of a contact. If more taxels read far below rest, these lines are noisy.
+#: If more than this share of the taxels in a contact's rows or columns read far below rest, these lines are noisy.
 BELOW_REST = 0.15
-#: Average number of taxels of a row away from the contact. With fewer taxels, it is not known whether the row hums.
+#: With fewer taxels per row away from the contact than this, it is unknown whether the rows hum.
 LINE = 3
-#: If the density beside a contact is this high, the contact needs the compactness AMONG_SPECKS.
+#: At this density beside a contact and above, the contact needs the compactness AMONG_SPECKS.
 SPECKLED = 0.08
 AMONG_SPECKS = 0.55
-#: A contact below this compactness counts as chance if it is small (FEW, FEW_ALONE) or scattered (LARGEST).
+#: A contact below this compactness counts as formed by chance if it is small (FEW, FEW_ALONE) or scattered (LARGEST).
 RAGGED = 0.45
-#: Small means fewer taxels than this, counting the pieces close to the contact.
+#: A contact is small if it has fewer taxels than this, including the pieces close to the contact.
 FEW = 14
-#: If nothing else is pressed on the pad, small means fewer taxels than this. Slim triangles of 9 taxels are ragged,
-#: too, and must not be rejected.
+#: If nothing else is pressed on the pad, a contact is small if it has fewer taxels than this. Slim triangles of 9
+#: taxels are also ragged, but must not be rejected.
 FEW_ALONE = 7
-#: Scattered means that less than this share of the taxels is in the largest piece.
+#: A contact is scattered if its largest piece has less than this share of the taxels.
 LARGEST = 0.4
 #: A contact of fewer taxels than this is also judged together with its rim.
 SMALL = 16
-#: Lowest pressure of that rim, as a share of the contact's mean.
+#: Lowest pressure in the rim of a small contact, as a share of the contact's mean.
 PARTIAL = 0.25
 #: Smallest -log of the probability that chance presses all taxels of a compact contact.
 SURE = 15.0
@@ -82,11 +84,11 @@ def is_shapeless(pattern: ContactPattern) -> bool:
 
     A contact is shapeless in these cases:
 
-    - It is a group that chance may form at the density of the pressed taxels beside it.
-    - It is a line one taxel wide.
-    - It reaches three edges of the pad, so that its width is not seen.
-    - It is a rise of the readings without an edge.
-    - It is one piece of a noisy line, or a band of rows on a pad that hums.
+    - The contact is a group that chance may form at the density of the pressed taxels beside the group.
+    - The contact is a line one taxel wide.
+    - The contact reaches three edges of the pad, so that its width is not seen.
+    - The contact is a rise of the readings without an edge.
+    - The contact is one piece of a noisy line, or a band of rows on a pad that hums.
 
     >>> row = np.eye(8, dtype=bool)[[3] * 8].T
     >>> is_shapeless(ContactPattern.of(row, row.astype(float)))
@@ -105,7 +107,7 @@ def is_shapeless(pattern: ContactPattern) -> bool:
 
 
 def _is_chance(pattern: ContactPattern, together: np.ndarray) -> bool:
-    """Return True if chance may form such a group at the density of the pressed taxels beside it."""
+    """Return True if chance may form the contact at the density of the pressed taxels beside the contact."""
     taxels, whole = int(np.count_nonzero(pattern.mask)), np.count_nonzero(together)
     density, compactness = _density_beside(pattern, together), _compactness(pattern.mask)
     if density >= SPECKLED and compactness < AMONG_SPECKS:
@@ -122,8 +124,9 @@ def _is_chance(pattern: ContactPattern, together: np.ndarray) -> bool:
 def _wider(pattern: ContactPattern) -> ContactPattern:
     """Return a small contact extended by the partial pressures around it.
 
-    Other groups that reach the level of these pressures then count as contacts, too. A soft cover spreads a contact,
-    but a speck has nothing around it. On/off taxels and large contacts stay as they are.
+    In the result, other groups at the level of the partial pressures also count as contacts. A soft cover spreads a
+    contact, but a speck has no partial pressures around it. Contacts of on/off taxels and large contacts are returned
+    unchanged.
     """
     if np.count_nonzero(pattern.mask) >= SMALL or are_on_off(pattern.values):
         return pattern
@@ -135,7 +138,7 @@ def _wider(pattern: ContactPattern) -> ContactPattern:
 
 
 def _is_line(taxels: np.ndarray) -> bool:
-    """Return True if the contact is one taxel wide: it is a bad line or a chain of specks."""
+    """Return True if the contact is one taxel wide, like a faulty line or a chain of specks."""
     return bool(np.count_nonzero(taxels) <= LINE_TAXELS * max(_extents(taxels)))
 
 
@@ -148,7 +151,7 @@ def _is_across(mask: np.ndarray) -> bool:
 
 
 def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:
-    """Return True if the contact is one of many pieces along a few rows or columns, as noisy lines form them."""
+    """Return True if the contact is one of many pieces along a few rows or columns, as formed by noisy lines."""
     (high, wide), extents = _extents(together), _extents(mask)
     longest = max(high, wide)
     return bool(min(high, wide) <= STRING and longest >= LONG * together.shape[0 if high > wide else 1]
@@ -164,7 +167,7 @@ def _extents(taxels: np.ndarray) -> tuple[int, int]:
 def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
     """Return True if the pressures do not fall off around the contact, or do not fall off along its rows or columns.
 
-    The readings of the pad, or of whole lines (hum), have then risen without a contact.
+    In such a case, the readings of the pad or of whole lines (hum) have risen without a contact.
     """
     near = together
     for _ in range(FALL + int(SLOPE * np.count_nonzero(together) ** 0.5)):
@@ -190,8 +193,9 @@ def _is_hum(pattern: ContactPattern) -> bool:
 def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
     """Return True if the rows of the contact are a band of hum.
 
-    They are as even as the other rows, and the levels rise again away from the highest row. Along a bar, the readings
-    vary with the gain of its taxels and at its ends. Beside a bar, the pad is at rest.
+    Rows of hum are as even as the other rows, and the row levels rise again away from the highest row. Along a bar, by
+    contrast, the readings vary with the gains of the taxels and at the ends of the bar. Beside a bar, the pad is at
+    rest.
     """
     finite, band = np.isfinite(values), np.asarray(mask.any(1))
     is_whole = np.count_nonzero(finite) == finite.size
@@ -212,7 +216,7 @@ def _is_band_of_hum(values: np.ndarray, mask: np.ndarray) -> bool:
 
 
 def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, rest: float, most: float) -> bool:
-    """Return True if, away from the contact, its rows also read more than ``most`` above ``rest``, or far below it."""
+    """Return True if the contact's rows also read more than ``most`` above ``rest`` elsewhere, or are noisy."""
     rows_of_contact, _ = box_of(taxels)
     lines = values[rows_of_contact]
     if np.count_nonzero(lines < rest - most) > BELOW_REST * lines.size:
@@ -226,13 +230,13 @@ def _lines_rise(values: np.ndarray, taxels: np.ndarray, away: np.ndarray, rest: 
 
 
 def _medians(values: np.ndarray) -> np.ndarray:
-    """Return the medians along the last axis; six times as fast as numpy's."""
+    """Return the medians along the last axis, six times as fast as ``np.median``."""
     ordered, count = np.sort(values, -1), values.shape[-1]
     return (ordered[..., (count - 1) // 2] + ordered[..., count // 2]) / 2
 
 
 def _median(values: np.ndarray) -> float:
-    """Return the upper median; four times as fast as numpy's median."""
+    """Return the upper median, four times as fast as ``np.median``."""
     middle = values.size // 2
     return float(np.partition(values, middle)[middle])
 
@@ -240,8 +244,9 @@ def _median(values: np.ndarray) -> float:
 def _density_beside(pattern: ContactPattern, together: np.ndarray) -> float:
     """Return the fraction of pressed taxels among the visible taxels away from the contact.
 
-    Other contacts are left out. The number of pressed taxels is rounded up by one, because no pressed taxel among a few
-    says little. If little else is seen, the taxels around the pieces of a torn contact are used as well.
+    Other contacts are excluded. One is added to the number of pressed taxels, because the absence of pressed taxels
+    among only a few taxels proves little. If few other taxels are visible, the taxels around the pieces of a torn
+    contact are also used.
     """
     visible = ~(pattern.hidden | pattern.unmapped)
     away = visible.copy()

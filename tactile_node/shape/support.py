@@ -1,4 +1,4 @@
-"""Limit the confidence of a name to what the taxels of the contact support, whatever the network says."""
+"""Limit the confidence in a shape to the level that the taxels of the contact support."""
 
 import numpy as np
 
@@ -9,35 +9,40 @@ from tactile_node.shape.likeness import FIGURES
 from tactile_node.shape.patch import joined
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, UnknownReason
 
-SURE = 0.9          #: Confidence from which on a planner acts on a name.
-UNSUPPORTED = 0.85  #: Highest confidence of a name that the taxels do not support.
-#: Number of taxels that a contact needs for a sure name. It was chosen with 6,000 computed contacts of the five shapes
-#: (validation seeds): below it, less than 90 % of the sure squares and rectangles were right. Triangles get the limit
-#: of rectangles. The computed triangles were right, but real fingertips of 6 taxels are also called triangles.
+SURE = 0.9          #: Smallest confidence with which a planner acts on a shape.
+UNSUPPORTED = 0.85  #: Highest confidence in a shape that the taxels do not support.
+
+#: Number of taxels that a contact needs for a confident recognition. The numbers were chosen with 6,000 computed
+#: contacts of the five shapes (validation seeds). With fewer taxels, less than 90 % of the confident squares and
+#: rectangles were correct. Triangles have the same limit as rectangles. The computed triangles were correct, but real
+#: fingertips of 6 taxels are also recognised as triangles.
 DECIDING_TAXELS = {Shape.SQUARE: 12, Shape.RECTANGLE: 9, Shape.RIGHT_TRIANGLE: 9, Shape.ISOSCELES_TRIANGLE: 9}
-#: Figure of `likeness` that is laid over a contact of each shape.
+#: Figure of `likeness` that is placed on a contact of each shape.
 FIGURE_OF = {Shape.CIRCLE: 'disc', Shape.SQUARE: 'square', Shape.RECTANGLE: 'rectangle',
              Shape.RIGHT_TRIANGLE: 'triangle', Shape.ISOSCELES_TRIANGLE: 'triangle'}
-FIGURE_TAXELS = 40  #: From this number of taxels on, the overlap with a figure depends on more than the rim.
-#: Overlap with the figure of its name that such a contact needs. On the open arrays and with our computed contacts, 39
-#: of 56 sure names that were wrong or foreign had less overlap. Only 29 of 433 right names had less.
+FIGURE_TAXELS = 40  #: With this many taxels or more, the overlap with a figure depends on more than the rim.
+
+#: Smallest overlap with the figure of its shape for a confident recognition of a contact with FIGURE_TAXELS or more. On
+#: the open arrays and with computed contacts, 39 of 56 confident recognitions of wrong or foreign shapes had less
+#: overlap. Only 29 of 433 correct recognitions had less overlap.
 LEAST_OVERLAP = 0.65
-#: Number of taxels that show corners even if the gains are uneven. Of 250 computed squares with gains of 3:1, the
-#: network called 31 circles. A square covered most of these better than a disc. Of 250 circles, a square covered none
-#: better.
+#: Number of taxels at which corners show even if the gains are uneven. Of 250 computed squares with gains of 3:1, the
+#: network recognised 31 as circles. A square covered most of these 31 contacts better than a disc. None of 250 circles
+#: was covered better by a square.
 CORNER_TAXELS = 80
-#: Difference in overlap by which a disc has to cover a large circle better than a square does. The difference was
-#: smaller for 30 of the 31 squares, and for a tenth of the circles with the same gains.
+#: Difference in overlap by which a disc must cover a large circle better than a square does. The difference was smaller
+#: for 30 of the 31 squares that the network recognised as circles, and for a tenth of the circles with the same gains.
 CLEARLY_ROUNDER = 0.02
-#: Share of the contact's mean at which the low outline is drawn. Most uneven contacts hold together within it.
+#: Share of the contact's mean at which the low outline is drawn. Within the low outline, most uneven contacts hold
+#: together.
 LOW_SHARE = 0.2
-LEAST_HELD = 0.5  #: Probability that a sure name needs along the low outline.
+LEAST_HELD = 0.5  #: Probability that a confident shape must also have along the low outline.
 
 
 def as_far_as_supported(found: Recognition, pattern: ContactPattern) -> Recognition:
     """Return ``found`` with its confidence limited by the number of taxels of ``pattern``.
 
-    The most probable name stays. Only a circle can be sure with few taxels.
+    The most probable shape does not change. With few taxels, only a circle can be confident.
     """
     if not _is_sure(found) or found.shape not in DECIDING_TAXELS:
         return found
@@ -47,10 +52,11 @@ def as_far_as_supported(found: Recognition, pattern: ContactPattern) -> Recognit
 
 
 def as_far_as_it_fits(found: Recognition, taxels: int, overlaps: np.ndarray) -> Recognition:
-    """Return a recognition with its confidence limited by the overlap with the figure of its name.
+    """Return a recognition with its confidence limited by the overlap with the figure of its shape.
 
-    The figure must cover the contact, and no other figure may cover it better. A square counts as a rectangle, too. If
-    a square covers a large circle better than a disc does, the contact is called a square.
+    The figure must cover the contact, and no other figure may cover the contact better. A rectangle may cover a square
+    better, because a square is also a rectangle. If a square covers a large circle better than a disc does, the contact
+    is reported as a square.
 
     Parameters
     ----------
@@ -79,8 +85,8 @@ def as_far_as_it_fits(found: Recognition, taxels: int, overlaps: np.ndarray) -> 
 def as_far_as_it_holds(found: Recognition, low: Recognition) -> Recognition:
     """Return a recognition with its confidence limited by the recognition along the low outline.
 
-    At half of its level, an object that presses unevenly may break into fragments, and a fragment may look like one of
-    the shapes.
+    The outline at half of the contact's level may break into fragments if an object presses unevenly. A fragment may
+    look like one of the shapes.
 
     Parameters
     ----------
@@ -95,12 +101,12 @@ def as_far_as_it_holds(found: Recognition, low: Recognition) -> Recognition:
 
 
 def low_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
-    """Return the contact extended by the weak pressures connected to it, or None if there are none.
+    """Return the contact extended by the weak pressures connected to it, or None if there are no such pressures.
 
     Parameters
     ----------
     values : np.ndarray
-        Taxel values of the frame, float (rows, cols); NaN for no valid value.
+        Taxel values of the frame, float (rows, cols), with NaN for an invalid value.
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols).
 
@@ -118,5 +124,5 @@ def low_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
 
 
 def _is_sure(found: Recognition) -> bool:
-    """Return True if ``found`` is sure of one of the five names."""
+    """Return True if ``found`` reports one of the five shapes with a confidence of SURE or more."""
     return not isinstance(found.shape, TaughtShape) and found.shape in FIGURE_OF and found.confidence >= SURE

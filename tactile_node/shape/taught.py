@@ -1,9 +1,9 @@
-"""Heads that recognise the shapes a user has taught, and the arrays that hold them in a model file.
+"""Recognise the shapes that a user has taught, with heads that are stored as arrays in a model file.
 
-A head is a multinomial logistic regression on the embedding of a network. It compares N taught shapes with everything
-else. The networks do not change: the five classes and UNKNOWN share the probability that the head gives to everything
-else, in the same proportions as before. A taught shape stands for one object. It is therefore reported only for
-contacts whose size is about the size of the taught touches. `tactile teach` fits and writes the heads
+A head is a multinomial logistic regression on the embedding of a network. The head compares N taught shapes with
+everything else. The networks do not change. The five classes and UNKNOWN share the probability that the head gives to
+everything else, in the same proportions as without the head. A taught shape represents one object, so it is reported
+only for contacts of about the same size as the taught touches. `tactile teach` fits and writes the heads
 (tactile_node/learning).
 """
 
@@ -17,7 +17,8 @@ import numpy as np
 from tactile_node.shape.adaptation import is_of_skin
 from tactile_node.shape.recognition import Shape, TaughtShape
 
-#: Version of the arrays below. It has to change if the embedding changes, because heads fit only one embedding.
+#: Version of the arrays of taught shapes. The version must change if the embedding changes, because a head fits only
+#: one embedding.
 HEAD_VERSION = 1
 MOST_TAUGHT = 16  #: Largest number of taught shapes in a file.
 NAME_FORM = re.compile(r'[a-z][a-z0-9_]{0,31}')
@@ -25,18 +26,19 @@ NAME_FORM = re.compile(r'[a-z][a-z0-9_]{0,31}')
 NOT_NAMES = frozenset(shape.value for shape in Shape) | {'other', 'not_known'}
 OUTLIER_LIMIT = 5.0  #: Largest magnitude of a standardised number of the embedding.
 HEAD_PARTS = 'weights', 'biases', 'middle', 'spread', 'sizes'
-OWN_PARTS = '_taught_', '_touch_'  #: Parts of the names of arrays that do not belong to the base.
+OWN_PARTS = '_taught_', '_touch_'  #: Parts of the names of arrays that are not part of the base.
 
 
 class Head(NamedTuple):
-    """Head of N taught shapes for one kind of frames, with embeddings of F numbers."""
+    """Head for N taught shapes and one kind of frame, with an embedding of F numbers."""
 
     weights: np.ndarray  #: (F, N)
     biases: np.ndarray   #: (N,)
-    middle: np.ndarray   #: (F,), subtracted from the embedding
-    spread: np.ndarray   #: (F,), divides the embedding after that
-    #: (N, 2), logarithm of the smallest and the largest number of taxels of each shape. The range is empty for a shape
-    #: that was not taught with this kind of frames.
+    middle: np.ndarray   #: subtracted from the embedding, (F,)
+    spread: np.ndarray   #: divisor of (embedding - middle), (F,)
+
+    #: logarithms of the smallest and the largest number of taxels of each shape, (N, 2). The range is empty for a shape
+    #: that was not taught with this kind of frame.
     sizes: np.ndarray
 
     def evidence(self, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
@@ -71,7 +73,7 @@ def join(known: np.ndarray, evidence: np.ndarray) -> np.ndarray:
     known : np.ndarray
         Probabilities of the known classes without taught shapes, (K, 6).
     evidence : np.ndarray
-        Log-odds of the taught shapes, (K, N), as from `Head.evidence`.
+        Log-odds of the taught shapes, (K, N), as returned by `Head.evidence`.
 
     Returns
     -------
@@ -90,24 +92,24 @@ def join(known: np.ndarray, evidence: np.ndarray) -> np.ndarray:
 
 def read_taught(data: Mapping[str, np.ndarray],
                 widths: Mapping[str, int]) -> tuple[tuple[TaughtShape, ...], dict[str, Head]]:
-    """Return the taught shapes of a model file, and their heads by kind of frames.
+    """Return the taught shapes in a model file, and their heads by kind of frame.
 
     Parameters
     ----------
     data : Mapping[str, np.ndarray]
         Arrays of the file by name.
     widths : Mapping[str, int]
-        Number of columns of the embedding for each kind of frames.
+        Number of columns of the embedding for each kind of frame.
 
     Returns
     -------
     tuple[tuple[TaughtShape, ...], dict[str, Head]]
-        Both are empty if the file has no taught shapes.
+        The taught shapes and their heads, both empty if the file has no taught shapes.
 
     Raises
     ------
     ValueError, KeyError, TypeError
-        If the arrays are not those that `tactile teach` writes.
+        Raised if the arrays differ from those that `tactile teach` writes.
     """
     if not any(name.startswith('taught_') for name in data):
         return (), {}
@@ -131,7 +133,7 @@ def read_taught(data: Mapping[str, np.ndarray],
 
 
 def is_name(name: str) -> bool:
-    """Return True if a taught shape may have this name: it is lower case and has no other meaning.
+    """Return True if a taught shape may have this name, because the name is lower case and has no other meaning.
 
     >>> is_name('my_plug'), is_name('circle'), is_name('other'), is_name('My plug')
     (True, False, False, False)
@@ -151,7 +153,7 @@ def digest_of(data: Mapping[str, np.ndarray]) -> str:
 
 
 def is_own(name: str) -> bool:
-    """Return True if the array of this name belongs to the user's shapes or skin, False if it belongs to the base."""
+    """Return True if the array with this name belongs to the user's shapes or skin, not to the base."""
     return name.startswith('taught_') or is_of_skin(name) or any(part in name for part in OWN_PARTS)
 
 

@@ -1,12 +1,12 @@
-"""The classifier of section 7 of the paper: three planes of two features each.
+"""Classify shapes as in section 7 of the paper, with three planes of two features each.
 
 1. (N, dif alpha9): two curves divide the plane into rectangle | right triangle | the others;
 2. (min P05, min I5): isosceles triangle | circle and square;
 3. (dif P05 or min P05, dif I5): square | circle.
 
-The curves are data (config/volf_curves.yaml), fitted by `training.fit_curves`. The paper gives no probabilities. Our
-probabilities are frequencies among the training patterns. They state how often each class was the true one for patterns
-with the same answer from the curves and with N in the same band.
+The curves are stored in config/volf_curves.yaml and were fitted by `training.fit_curves`. The paper gives no
+probabilities. The probabilities in the file are frequencies among the training patterns. Each frequency states how
+often a class was the true class of patterns for which the curves gave the same result and N was in the same band.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,23 +26,23 @@ from tactile_node.yaml_section import load_mapping
 
 @dataclass(frozen=True)
 class Plane:
-    """One curve in a plane of two features, which divides classes above it from classes below it.
+    """One curve in a plane of two features, which separates the classes above the curve from those below.
 
     Features have the names that `tactile features` prints.
     """
 
     horizontal: tuple[str, str]  #: kind ('value', 'min', 'max' or 'dif') and name of the feature
     vertical: tuple[str, str]
-    knots: tuple[float, ...]   #: u of the curve's corners, in rising order
-    levels: tuple[float, ...]  #: v of the curve's corners
+    knots: tuple[float, ...]   #: u coordinates of the curve's corners, in rising order
+    levels: tuple[float, ...]  #: v coordinates of the curve's corners
 
     def height(self, horizontal: ArrayLike, vertical: ArrayLike) -> np.ndarray:
-        """Return the height of points above the curve, along v; negative below the curve."""
+        """Return the height of points above the curve along v, which is negative below the curve."""
         u, v = axes(horizontal, vertical)
         return v - self._curve(u)
 
     def curve_at(self, horizontal: np.ndarray) -> np.ndarray:
-        """Return the curve in the unit of the vertical feature, for drawing it."""
+        """Return the curve in the unit of the vertical feature, for plotting."""
         return np.exp(self._curve(axes(horizontal, 0.0)[0])) - 0.01
 
     def _curve(self, u: np.ndarray) -> np.ndarray:
@@ -59,9 +59,10 @@ def axes(horizontal: ArrayLike, vertical: ArrayLike) -> tuple[np.ndarray, np.nda
 
 SMALLEST = 15  #: A pattern with fewer taxels is UNKNOWN.
 PLANES = ('rectangle', 'right_triangle', 'isosceles_triangle', 'square')
-TAXEL_BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: Bands of N, by the smallest number of taxels in each.
-#: The answers of the planes, in their order of decision. The labels of the reproduction and each list of probabilities
-#: in the file have the same order.
+TAXEL_BANDS = (15, 20, 25, 35, 50, 75, 100, 150)  #: Bands of N, each given by its smallest number of taxels.
+
+#: The shapes that the planes can report, in the order of decision. The labels of the reproduction and each list of
+#: probabilities in the file use the same order.
 ANSWERS = (*(Shape(name) for name in PLANES), Shape.CIRCLE)
 
 
@@ -72,14 +73,14 @@ def plane_feature(features: Features, name: tuple[str, str]) -> float:
 
 
 class VolfClassifier:
-    """Recognises shapes with the planes of the paper; ``classes`` lists all its possible answers.
+    """Recognises shapes with the planes of the paper. ``classes`` lists all classes that the classifier can report.
 
     Parameters
     ----------
     planes : mapping of str to Plane
-        Curve below each shape of PLANES, in order of decision.
+        Curve below each shape of PLANES, in the order of decision.
     shares : np.ndarray
-        Probability of each of ANSWERS, by band of N and by answer of the curves, (bands, 5, 5).
+        Probability of each of ANSWERS, by band of N and by result of the curves, (bands, 5, 5).
     """
 
     classes: tuple[ShapeClass, ...] = tuple(Shape)
@@ -89,12 +90,12 @@ class VolfClassifier:
 
     @classmethod
     def from_file(cls, path: str | Path) -> 'VolfClassifier':
-        """Return the classifier with the curves of a file that `training.fit_curves` has written.
+        """Load the classifier with the curves from a file that `training.fit_curves` has written.
 
         Raises
         ------
         ConfigurationError
-            If the file contains no usable curves.
+            Raised if the file contains no usable curves.
         """
         top = load_mapping(Path(path), 'curves of the classifier')
         planes = top.take('planes')
@@ -110,10 +111,10 @@ class VolfClassifier:
         return [self.classify(compute_features(pattern.mask, Group.CLASSIFIER)) for pattern in patterns]
 
     def classify(self, features: Features) -> Recognition:
-        """Return the recognition of a pattern by its features.
+        """Recognise a pattern from its features.
 
-        The answer is NONE for an empty pattern. It is UNKNOWN for fewer than SMALLEST taxels, or if a feature of a
-        plane is undefined.
+        An empty pattern is recognised as NONE. A pattern with fewer than SMALLEST taxels, or with an undefined feature
+        of a plane, is recognised as UNKNOWN.
 
         Parameters
         ----------
@@ -139,7 +140,7 @@ def band_of(count: ArrayLike) -> np.ndarray | np.intp:
 
 
 def by_curves(heights: np.ndarray) -> np.ndarray:
-    """Return the index of the answer: the first curve that lies below the pattern, or the last answer if none does.
+    """Return the index in ANSWERS: that of the first curve below the pattern, or the last index if no curve is below.
 
     ``heights`` has the shape (curves, ...).
     """
@@ -148,7 +149,7 @@ def by_curves(heights: np.ndarray) -> np.ndarray:
 
 
 def _plane(data: Mapping[str, Any]) -> Plane:
-    """Return one plane of the file; KeyError, TypeError or ValueError if its data are not usable."""
+    """Return one plane of the file, or raise KeyError, TypeError or ValueError if its data are invalid."""
     horizontal, vertical = (tuple(map(str, data[key])) for key in ('horizontal', 'vertical'))
     knots, levels = (tuple(float(value) for value in data[key]) for key in ('knots', 'levels'))
     if len(horizontal) != 2 or len(vertical) != 2 or not 2 <= len(knots) == len(levels):
@@ -159,7 +160,7 @@ def _plane(data: Mapping[str, Any]) -> Plane:
 
 
 def _shares(data: Mapping[str, Any]) -> np.ndarray:
-    """Return the probabilities by band and answer; KeyError, TypeError or ValueError if the data are not usable."""
+    """Return the probabilities by band and result, or raise KeyError, TypeError or ValueError for invalid data."""
     shares = np.array([data[shape.value] for shape in ANSWERS], float).swapaxes(0, 1)
     if shares.shape != (len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)) or not (shares >= 0).all() \
             or not ((sums := shares.sum(2)) > 0).all() or not np.isfinite(sums).all():
