@@ -83,7 +83,8 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
             bar.update(count - bar.n)
         source.close()
     if source.failure:
-        raise LogError(path, expected='a log that plays to its end', got=source.failure.detail.removesuffix('.'),
+        raise LogError(path, expected='a log that can be played to its end',
+                       got=source.failure.detail.removesuffix('.'),
                        remedy='The frames before this place are not used.')
     for line in damage_lines(source.reader.damages):
         print(line, file=sys.stderr)
