@@ -126,8 +126,7 @@ class TaxelFrames(NamedTuple):
 
 
 def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
-    """Read the taxel frames in a file. The suffix or, if that is unknown or absent, the first bytes determine the
-    format.
+    """Read the taxel frames in a file. The format follows from the suffix or, if that is unknown, from the first bytes.
 
     Parameters
     ----------
