@@ -88,8 +88,8 @@ def _is_archive(output: str) -> bool:
     """Return True if ``output`` is an .npz file. Raises ConfigurationError for a suffix other than .npz or .npy."""
     suffix = Path(output).suffix.lower()
     if suffix not in ('', '.npy', '.npz'):
-        raise ConfigurationError(f'--output {output}', got=suffix,
-                                 expected='an .npz file (with stamps) or an .npy file', remedy='Name another file.')
+        raise ConfigurationError(f'--output {output}', expected='an .npz file (with stamps) or an .npy file',
+                                 got=suffix, remedy='Name another file.')
     return suffix == '.npz'
 
 

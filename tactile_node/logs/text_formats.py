@@ -131,6 +131,5 @@ CSV = TextFormat(
     can.CSVReader, _pattern(rf'[\d.e+-]+,0x[0-9a-f]+,[01],(?:1,[01],\d+,|0,[01],(?:{_CSV_DATA}))\n?'),
     _pattern(r'timestamp,|\s*$'), header_end='timestamp\n')
 
-#: suffix -> format
-
+#: formats by suffix
 FORMATS = {'.log': CANDUMP, '.asc': ASC, '.trc': TRC, '.csv': CSV}
