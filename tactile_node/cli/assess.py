@@ -1,12 +1,12 @@
-"""`tactile assess`: report how reliable recognition is on your own skin, from about 8 touches of each object.
+"""`tactile assess` reports how reliable recognition is on your own skin, based on about 8 touches of each object.
 
     tactile assess --name circle --name bar --name unknown --output my_skin.npz            # live, guides you
     tactile assess --name circle --from discs.log --name unknown --from keys.log mug.npy   # report from recordings
 
-Give each object one of these names: one of the five shapes, bar (a rectangle), ball (a circle), a taught shape of
---model, or unknown for an object that is none of these. The command fits an adaptation of --model to your skin. If the
-adaptation improves recognition of touches that were not used to fit it, the command writes the adapted model to
---output. Pass the adapted model to the classifier node (model:=), to `tactile classify` (--model) or to the library
+Name each object after one of the five shapes or a taught shape of --model, or use the name bar (a rectangle), ball (a
+circle), or unknown for any other object. The command fits an adaptation of --model to your skin. If the adaptation
+improves recognition of touches that were not used to fit it, the command writes the adapted model to --output. Pass the
+adapted model to the classifier node (model:=), to `tactile classify` (--model) or to the library
 (Recogniser(file=...)).
 """
 
@@ -45,8 +45,7 @@ from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, ShapeClass
 
 DEFAULT_TOUCHES = 8
-#: classes for the names that are not classes of the recogniser
-ALIASES = {'bar': 'rectangle', 'ball': 'circle'}
+ALIASES = {'bar': 'rectangle', 'ball': 'circle'}  #: classes for the names that are not classes of the recogniser
 REFUSED_CODE = 1  #: exit code if --output is given, but the adaptation is not kept
 
 

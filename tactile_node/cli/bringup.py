@@ -1,4 +1,5 @@
-"""`tactile bringup` runs the ROS 2 nodes of one bus, or only one side of them, in one process, like the launch file."""
+"""`tactile bringup` runs the ROS 2 nodes of one bus, or one side of these nodes, in one process, like the launch file.
+"""
 
 import argparse
 import os
@@ -39,7 +40,7 @@ OTHER_SPELLINGS = {'node_ids': 'node_id', 'layouts': 'layout'}
 
 
 class Option(NamedTuple):
-    """An option. If the user does not give it, its value is None, and the parameter file or the default applies."""
+    """An option. If an option is not given, its value is None, and the parameter file or the default applies."""
 
     description: str
     read: Callable[[str], object] = str

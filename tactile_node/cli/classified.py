@@ -97,7 +97,7 @@ def _counted(pattern: ContactPattern) -> Record:
 
 
 def _boxed(found: FoundContact, pitch: float | None) -> Record:
-    """Return the hollow fraction and, if the pitch is known, the smallest rectangle. Neither depends on the shape."""
+    """Return the hollow fraction and, if the pitch is known, the smallest rectangle around the contact."""
     if not found.pattern.mask.any():
         return {}
     box = found.box

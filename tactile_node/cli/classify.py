@@ -1,4 +1,4 @@
-"""`tactile classify`: recognise the shape of the largest contact in each frame, with the probability of each class."""
+"""`tactile classify` recognises the shape of the largest contact in each frame, with the probability of each class."""
 
 import argparse
 

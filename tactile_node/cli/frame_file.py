@@ -22,8 +22,8 @@ TEXT_REMEDY = ('Write numbers with a decimal point, a line for each row of taxel
 def read_text(content: bytes, where: str) -> np.ndarray:
     r"""Return the taxel frames in a text file, with NaN for each cell that is empty or not finite.
 
-    The cells of all rows are separated by the first of comma, semicolon and tab that the first row contains, or by
-    blanks if it contains none of these. Lines that start with # are ignored.
+    The first row determines the separator of all cells: comma, semicolon or tab, checked in this order, else blanks.
+    Lines that start with # are ignored.
 
     Parameters
     ----------
@@ -106,8 +106,7 @@ FILE_REMEDY = 'Give a .npy, .npz, .csv or .png file; `tactile classify --help` d
 class TaxelFrames(NamedTuple):
     """Successive frames of one pad. An attribute that the file does not contain is None."""
 
-    #: taxel values (K, rows, cols), bool or float, NaN where there is no valid value
-    values: np.ndarray
+    values: np.ndarray  #: taxel values (K, rows, cols), bool or float, NaN where there is no valid value
     stamps: np.ndarray | None = None    #: acquisition time of each frame (K,) [s, Unix epoch]
     sequence: np.ndarray | None = None  #: sequence number of each frame (K,), as in TaxelFrame
     status: np.ndarray | None = None    #: `TaxelStatus` of each taxel (K, rows, cols)

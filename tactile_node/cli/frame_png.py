@@ -53,7 +53,8 @@ def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.nda
                 raise _bad(where, f'{picture.width} x {picture.height} pixels, {getattr(picture, "n_frames", 1)} '
                            'pictures')
             is_deep = picture.mode.startswith('I')
-            clear = picture.info.get('transparency')  # grey value of transparent pixels, or None
+            # grey value of transparent pixels, or None
+            clear = picture.info.get('transparency')
             # Pillow would compare the unscaled grey value
             if clear is not None and picture.mode == 'L' and content[DEPTH_OFFSET] < 8:
                 raise _bad(where, f'a transparent grey of {content[DEPTH_OFFSET]} bits')

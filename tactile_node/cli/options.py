@@ -35,7 +35,7 @@ def names(text: str) -> list[str]:
 
 
 def pad_names(text: str) -> list[str]:
-    """Parse names like `names`.
+    """Parse the names of pads.
 
     Raises ConfigurationError for a name that contains a blank, because a comma is probably missing.
     """
@@ -47,7 +47,7 @@ def pad_names(text: str) -> list[str]:
 
 def number(text: str, option: str, kind: type = float, *, least: float = 0, above: float = -inf, most: float = inf,
            unit: str = '', remedy: str = 'Correct the number.') -> Any:
-    """Parse the number given as an option.
+    """Parse the number that is given for an option.
 
     Parameters
     ----------

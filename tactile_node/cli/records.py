@@ -64,7 +64,7 @@ def _json_lines(records: Iterable[Record]) -> Iterator[str]:
 
 def _csv_lines(records: Iterable[Record], columns: Sequence[str]) -> Iterator[str]:
     """Yield CSV lines. A record with an unknown column raises ValueError, so that no value is lost."""
-    # its methods return the text from `_Line.write`
+    # the methods of a csv writer return the result of `_Line.write`
     writer: Any = csv.DictWriter(_Line(), columns, lineterminator='\n')
     header = writer.writeheader()
     for record in records:

@@ -1,4 +1,4 @@
-"""`tactile scan` lists the CANopen nodes on a bus, their states, and the layouts in config/ that describe them.
+"""`tactile scan` lists the CANopen nodes on a bus with their states and the matching layouts in config/.
 
 The command reads a few objects of each node by SDO and writes nothing. With --passive, the command only listens. With
 --bitrate auto, the command first finds the bit rate by listening for --listen seconds at each of eight bit rates.

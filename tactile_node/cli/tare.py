@@ -1,6 +1,6 @@
 """`tactile tare` sets the zero of the pads: the current readings, with nothing on the pads, become zero.
 
-The running driver tares one pad after another. The driver refuses to tare a pad that is pressed. If the driver refuses,
+The running driver tares one pad after another. The driver refuses to tare a pad that is pressed. If a pad is pressed,
 the command retries for up to --wait seconds. The exit code is 1 if a pad was not tared.
 """
 

@@ -134,7 +134,7 @@ class _CanTypes:
 
     def __init__(self, path: str | Path):
         typesys = library('rosbags.typesys', path)
-        # Loading all types of a ROS distribution takes 0.2 s, during which a rotating recording would stop.
+        # Loading all types of a ROS distribution would interrupt a rotating recording for 0.2 s.
         self._store = typesys.get_typestore(typesys.Stores.EMPTY)
         self._store.register(typesys.get_types_from_msg(CAN_DEFINITION, CAN_TYPE))
         self._frame = self._store.types[CAN_TYPE]

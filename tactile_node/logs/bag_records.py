@@ -153,7 +153,7 @@ def decompress(data: bytes) -> bytes:
 
 
 def library(name: str, path: str | Path):
-    """Import an optional library for bags. If it is missing, raise LogError with installation instructions."""
+    """Import an optional library for bags. If the library is missing, raise LogError with installation instructions."""
     try:
         return import_module(name)
     except ImportError as error:
@@ -162,13 +162,13 @@ def library(name: str, path: str | Path):
 
 
 def bag_parts(path: str | Path) -> tuple[Part, ...]:
-    """Return the .mcap and .db3 files of a bag in the order of recording. Raises LogError if the bag has none."""
+    """Return the .mcap and .db3 files of a bag in recording order. Raises LogError if the bag has no such files."""
     path = Path(path)
     if not path.exists():
         raise LogError(str(path), expected='a bag', got='no such file', remedy='Check the path.')
     parts = parts_of(path)
     if not any(part.is_there for part in parts):
-        raise LogError(str(path), expected='a bag: .mcap or .db3 files', got='a folder without such files',
+        raise LogError(str(path), expected='a bag with .mcap or .db3 files', got='a folder without such files',
                        remedy='If the bag is compressed, decompress it first (ros2 bag convert).')
     return parts
 
@@ -182,7 +182,7 @@ def _found(path: str | Path, since: int) -> Iterator[Recorded | Damage]:
 
 
 def _one(damages: list[Damage], begin: float | None, end: float | None) -> Damage:
-    """Merge all damages between two messages into one damage."""
+    """Merge all damaged places between two messages into one."""
     return reduce(Damage.joined, damages)._replace(begin=begin, end=end)
 
 

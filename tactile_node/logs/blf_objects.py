@@ -1,7 +1,7 @@
 """Extract the intact objects of a Vector BLF log for python-can's BLF reader.
 
 Objects are stored in containers. An object may start in one container and end in the next. At an object of size 0,
-python-can's reader would yield the same CAN frame forever. python-can's reader also does not count missing objects.
+python-can's reader would yield the same CAN frame forever. The reader also does not count missing objects.
 """
 
 import os
@@ -30,7 +30,7 @@ _CONTENTS = {blf.CAN_MESSAGE: blf.CAN_MSG_STRUCT.size, blf.CAN_MESSAGE2: blf.CAN
 
 
 class BlfReader(can.BLFReader):
-    """python-can's BLF reader, given only intact objects. ``on_damage`` is called with each missing part."""
+    """BLF reader of python-can that receives only intact objects. ``on_damage`` is called with each missing part."""
 
     def __init__(self, file: BinaryIO, name: str, on_damage: OnDamage):
         super().__init__(file)

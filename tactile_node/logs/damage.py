@@ -12,8 +12,7 @@ class DamageKind(PhrasedCode):
 
     CHUNK = 1, 'a damaged chunk'  #: the checksum of the chunk is wrong, or the chunk cannot be decompressed
     RECORDS = 2, 'damaged records'  #: the bytes between two chunks are not records
-    #: the recorder was killed, the disk was full, or a download was incomplete
-    CUT_SHORT = 3, 'cut short before its end'
+    CUT_SHORT = 3, 'cut short before its end'  #: because of a killed recorder, a full disk or an incomplete download
     MISSING_FILE = 4, 'a missing file of a series'
     UNKNOWN_CHANNEL = 5, 'messages of an unknown channel'  #: the record that describes the channel is lost
     UNDECODABLE = 6, 'a message that does not fit its definition'
@@ -28,10 +27,8 @@ class Damage(NamedTuple):
     file: str  #: name of the file
     chunks: int | None = None  #: number of lost MCAP chunks, or None if unknown
     size: int = 0  #: number of lost bytes
-    #: time of recording of the message before the damage, or None if there is none [s, Unix epoch]
-    begin: float | None = None
-    #: time of recording of the message after the damage, or None if there is none [s, Unix epoch]
-    end: float | None = None
+    begin: float | None = None  #: recording time of the message before the damage [s, Unix epoch], or None
+    end: float | None = None    #: recording time of the message after the damage [s, Unix epoch], or None
     detail: str = ''  #: error message of the library that read the part
 
     @property
@@ -40,16 +37,16 @@ class Damage(NamedTuple):
         return None if self.begin is None or self.end is None else max(self.end - self.begin, 0.0)
 
     def joined(self, after: 'Damage') -> 'Damage':
-        """Merge this damage with the damage ``after`` it, and keep the kind of this damage."""
+        """Merge this damaged place with the following place ``after``, and keep the kind of this place."""
         chunks = None if self.chunks is None or after.chunks is None else self.chunks + after.chunks
         return self._replace(chunks=chunks, size=self.size + after.size)
 
 
-MOST_LINES = 20  #: maximum number of damages listed
+MOST_LINES = 20  #: maximum number of damaged places listed
 
 
 def damage_text(damage: Damage) -> str:
-    """Describe a damage as part of a sentence.
+    """Describe a damaged place as part of a sentence.
 
     >>> damage_text(Damage(DamageKind.CHUNK, 'x.mcap', 1, 4096, 10.0, 10.5, 'crc'))
     'x.mcap: a damaged chunk (1 chunks, 4096 bytes, 0.500 s from 1970-01-01 00:00:10.000 UTC on; crc)'
@@ -63,7 +60,7 @@ def damage_text(damage: Damage) -> str:
 
 
 def damage_lines(damages: Sequence[Damage]) -> list[str]:
-    """Return one line for each of the first MOST_LINES damages, and one line with the number of further damages."""
+    """Return one line for each of the first MOST_LINES damaged places, and one line that counts further places."""
     lines = [f'{damage_text(damage)}.' for damage in damages[:MOST_LINES]]
     return lines + ([f'... and {len(damages) - MOST_LINES} more.'] if len(damages) > MOST_LINES else [])
 
@@ -77,7 +74,7 @@ def _span(damage: Damage) -> str:
 
 
 def utc(seconds: float) -> str:
-    """Format a Unix time [s] to 1 ms. A number outside the range of dates is formatted as seconds.
+    """Format a Unix time [s] with a resolution of 1 ms. A number outside the range of dates is formatted as seconds.
 
     >>> utc(0.5)
     '1970-01-01 00:00:00.500 UTC'

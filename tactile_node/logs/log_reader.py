@@ -104,9 +104,8 @@ class CanLogReader:
 
     Notes
     -----
-    A CAN frame whose stamp is far from the stamps of its neighbours is dropped and counted as unread. If the log was
-    cut short by a full disk or an incomplete download, the intact part is read, and ``summary`` reports where the log
-    ends.
+    A CAN frame whose stamp is far from the stamps of its neighbours is dropped and counted as unread. If a full disk or
+    an incomplete download cut the log short, the intact part is read, and ``summary`` reports the end.
     """
 
     def __init__(self, path: str | Path, channel: str = '', window: TimeWindow = WHOLE):

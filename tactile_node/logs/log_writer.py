@@ -32,7 +32,7 @@ class LogFile:
     Raises
     ------
     OSError, ValueError, ImportError
-        Raised if the file cannot be written in this format. In this case the file is removed.
+        Raised if the file cannot be written in this format. A file that cannot be written is removed.
     """
 
     def __init__(self, path: Path):
@@ -121,7 +121,7 @@ class CanLogWriter:
         Number of messages that do not fit the format or arrived after the recording had failed.
     failure
         Reason why the recording failed, for example a full disk, or '' if it did not fail. The reason is also logged.
-        The recording then ends with the last flushed frame; nothing else is affected.
+        After a failure, the recording ends with the last flushed frame, and nothing else is affected.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def _new_file(path: Path, replaces: bool) -> Path:
     candidate, number = path, 2
     while True:
         try:
-            if not following(candidate):  # a reader would treat following files as parts of the new log
+            if not following(candidate):  # a reader would treat existing later parts as parts of the new log
                 candidate.open('xb').close()
                 return candidate
         except FileExistsError:

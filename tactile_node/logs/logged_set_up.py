@@ -69,7 +69,7 @@ class _LoggedNode:
         self._node_id = pad.node_ids[position]
         self._identity = identity
         self._tpdos = {tpdo.cob_id.of(self._node_id): tpdo for tpdo in pad.layout.tpdos if tpdo.node == position}
-        self._requested: dict[tuple[int, int], int | None] = {}  # value to be written by object, None for an upload
+        self._requested: dict[tuple[int, int], int | None] = {}  # requested value by object, or None for an upload
         self._values: dict[tuple[int, int], int] = {}
         self._unjudged: set[int] = set()  # COB-IDs of TPDOs not yet checked against the latest values
 
@@ -190,7 +190,7 @@ class HeardNodes:
     def strangers(self) -> dict[str, list[int]]:
         """Return the other nodes that were heard and send a pad's COB-IDs, by pad name.
 
-        Pads with at least one node of their own that was heard are omitted.
+        A pad is omitted if at least one of its nodes was heard.
         """
         return {name: sorted(found) for name, neighbours in self._neighbours.items()
                 if not self._heard & self._own[name] and (found := self._heard & neighbours)}

@@ -4,8 +4,8 @@ An MCAP file stores messages in chunks, each with a checksum of its content. A c
 a whole. An index at the end of the file, with a separate checksum, contains the positions of the chunks. The index is
 missing if the recorder was killed. Without an index, the reader reads the records (opcode, length, content) in
 sequence. If the sequence is broken, the reader searches for the next chunk, which can be recognised because its header
-contains the length twice and the name of the compression. Messages outside chunks have no checksum. After damage, all
-messages outside chunks are lost.
+contains the length twice and the name of the compression. Messages outside chunks have no checksum. After a damaged
+place, all messages outside chunks are lost up to the end of the file.
 
 The readers in the mcap library stop at the first damage. The library readers also skip a chunk with a damaged opcode
 like any unknown record. This module needs the mcap library, so `bag_records` imports this module only for a bag.
@@ -29,14 +29,17 @@ from mcap.summary import Summary
 from tactile_node.logs.damage import Damage, DamageKind
 
 MCAP_MAGIC = b'\x89MCAP0\r\n'
-RECORD_HEAD = struct.Struct('<BQ')     #: record header: opcode, length of the content [bytes]
+#: record header: opcode, length of the content [bytes]
+RECORD_HEAD = struct.Struct('<BQ')
 # footer: offset of the summary, offset of the summary offsets, checksum of the preceding bytes
 _FOOTER = struct.Struct('<QQI')
 TAIL_BYTES = RECORD_HEAD.size + _FOOTER.size + len(MCAP_MAGIC)  #: size of the footer and the closing magic [bytes]
 FIXED_LENGTHS = {Opcode.FOOTER: _FOOTER.size, Opcode.DATA_END: 4}  #: content length by opcode [bytes]
 OPCODES = frozenset(Opcode)
-CHUNK_SIZE = 40    #: size of a chunk without the records and the compression name [bytes]
-LARGEST_RECORD = 1 << 30  #: maximum size of an uncompressed record [bytes], because a damaged header may claim any size
+#: size of a chunk without the records and the compression name [bytes]
+CHUNK_SIZE = 40
+#: maximum size of an uncompressed record [bytes], because a damaged header may claim any size
+LARGEST_RECORD = 1 << 30
 #: block size for the search for the next chunk [bytes]
 SEARCH_BYTES = 1 << 20
 #: possible chunk header: opcode, length below 2**40, then times, size and checksum, then the compression name
@@ -44,7 +47,7 @@ _CHUNK_HEAD = re.compile(rb'(?s)\x06(?=.{5}\0\0\0.{28}(?:\0\0\0\0|\x03\0\0\0lz4|
 
 
 class Stored(NamedTuple):
-    """A message in the file."""
+    """A message stored in the file."""
 
     channel: Channel
     schema: Schema | None

@@ -16,8 +16,7 @@ class TextFormat(NamedTuple):
     """Line patterns of a text log format."""
 
     reader: Callable[[TextIO], MessageReader]  #: reader of python-can
-    #: line with a complete CAN frame, or line that changes the time of the following frames
-    frame: re.Pattern[str]
+    frame: re.Pattern[str]  #: line with a complete CAN frame, or line that changes the time of the following frames
     other: re.Pattern[str]  #: start of a line without a CAN frame, such as a comment, a statistic or an event
     header: re.Pattern[str] = re.compile('(?!)')  #: start of a line that the reader needs before the frames
     header_end: str = ''    #: line at which the reader ends its search for the header, and which the reader drops

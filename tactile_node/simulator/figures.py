@@ -201,9 +201,8 @@ def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
 
     Notes
     -----
-    The function estimates the coverage by counting points, because a contact may be hollow or rounded and need not be a
-    polygon. For polygons, `pose.outlines.coverages` is exact. The published weights and figures were computed with
-    these point counts.
+    The function counts points, because a contact may be hollow or rounded and need not be a polygon. For polygons,
+    `pose.outlines.coverages` is exact. The published weights and figures are based on point counts.
     """
     covered, near = np.zeros((rows, cols)), _window(contact, rows, cols)
     y, x = np.indices((rows, cols))[(slice(None), *near)].astype(float)

@@ -172,7 +172,7 @@ class LiveSegment(Segment):
             return calls
 
     def _pause(self, now: float) -> float:
-        """Return the time to wait for all queued frames [s], which exceeds the end of the next frame only slightly."""
+        """Return the time to wait for the queued frames [s], limited by the batch time, the next timer and 0.5 s."""
         due = min(max(self.wire.next_end, min(self.wire.busy_until, now + self._batch)), self.next_timer, now + 0.5)
         return due - now
 

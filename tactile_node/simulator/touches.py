@@ -103,8 +103,9 @@ def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Genera
                           skin=Skin(full_scale=full))
 
 
-TOUCH_HOLD = 3.0  #: duration of a contact [s], long enough for a grasp to become stable
-#: time between two contacts [s], long enough for one of several consecutive 1 s tares to fall between contacts
+#: duration of a contact [s], long enough for a grasp to become stable
+TOUCH_HOLD = 3.0
+#: time between two contacts [s], long enough for one of several 1 s tares to meet no contact
 TOUCH_PAUSE = 2.5
 #: standard deviation of a taxel [fraction of full scale], unless MOST_NOISE is lower
 TAXEL_NOISE = 0.005

@@ -15,7 +15,7 @@ class Waiting(NamedTuple):
 
     ready: float  #: time from which the frame may be sent [s]
     priority: int
-    seconds: float  #: duration of the frame [s]
+    seconds: float     #: duration of the frame [s]
     frame: Frame
     ends_sweep: bool
 
@@ -85,7 +85,7 @@ class Sender:
         return waiting
 
     def clear(self) -> None:
-        """Empty the queue, as on a loss of power."""
+        """Empty the queue, as after a loss of power."""
         self._queue.clear()
         self.sweeps = 0
         self._look()

@@ -2,7 +2,7 @@
 
 Lengths and positions are in taxel pitches. Taxel (row, col) is centred at x = col, y = row. A positive angle rotates x
 towards y. General position means an angle uniform over the whole circle, and a centre of area uniform within one taxel
-in the middle of the pad. The area is given in taxels. The shapes of the benchmark are:
+in the middle of the pad. Areas are given in taxels. The shapes of the benchmark are:
 
 - circle
 - square

@@ -188,7 +188,7 @@ def _check_number(path: Path, section: str, key: str, value: str) -> None:
 
 
 def refuse_eds(eds: str, section: str, *, expected: str, got: str) -> NoReturn:
-    """Raise ConfigurationError for a section of an EDS."""
+    """Raise ConfigurationError about a section of an EDS."""
     raise ConfigurationError(f'{eds}, {section}', expected=expected, got=got, remedy=_REMEDY)
 
 

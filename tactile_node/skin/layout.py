@@ -21,11 +21,9 @@ class EventDriven:
     transmission_type: int
     event_timer: float  #: longest time between two transmissions of a TPDO, or 0 to disable the timer
     inhibit_time: float  #: shortest time between two transmissions of a TPDO
-    is_sweeps: bool  #: True if all TPDOs of a scan are sent together, in the order of the layout
-    #: shortest time between the starts of two sweeps, or the event timer if the frames are not sweeps
-    period: float
-    #: maximum age of used TPDO values if the frames are not sweeps, else 0
-    max_age: float
+    is_sweeps: bool  #: True if all TPDOs of a scan are sent together, in layout order
+    period: float  #: shortest time between the starts of two sweeps, or the event timer if the frames are not sweeps
+    max_age: float  #: maximum age of used TPDO values if the frames are not sweeps, else 0
 
     @property
     def times(self) -> dict[int, int]:
@@ -108,7 +106,7 @@ class TaxelField(NamedTuple):
 class ValueFormat:
     """Format of a taxel's raw counts. The value is scale * (counts - offset), negated if ``falling``."""
 
-    unit: str  #: 'Pa', 'N' or '1' (on/off)
+    unit: str  #: unit of the values: 'Pa', 'N' or '1' (on/off)
     scale: float  #: unit per count
     offset: int  #: counts without load
     bits: int
@@ -206,7 +204,7 @@ SIDES = {'first_row': SkinSide.FIRST_ROW, 'last_row': SkinSide.LAST_ROW, 'first_
 
 @dataclass(frozen=True)
 class SkinLayout:
-    """Taxels of a pad, and the TPDOs in the device's sending order, or the DOMAIN, that carry the taxels."""
+    """Taxels of a pad, and the TPDOs (in the device's sending order) or the DOMAIN that carry the taxels."""
 
     source: str  #: path of the layout file to show in messages
     rows: int

@@ -50,7 +50,7 @@ def eds_tpdos(dictionary: ObjectDictionary, node_id: int) -> list[EdsTpdo]:
 
 
 def variable_of(dictionary: ObjectDictionary, index: int, sub: int) -> ODVariable | None:
-    """Return one value of an EDS, or COB-ID of the TPDO, or None if the EDS does not contain it."""
+    """Return one value of an EDS, or None if the EDS does not contain it."""
     entry = dictionary[index] if index in dictionary else None
     if isinstance(entry, ODVariable):
         return entry if sub == 0 else None

@@ -64,7 +64,7 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
     layouts
         Layout of each pad, or one layout for all pads.
     node_ids
-        Node-IDs of all pads. In order, each pad takes as many node-IDs as its layout has nodes.
+        Node-IDs of all pads. Each pad takes as many node-IDs, in order, as its layout has nodes.
     names
         Name of each pad. Without names, each pad is named after its first node, for example pad32.
 

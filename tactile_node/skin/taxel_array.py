@@ -11,7 +11,7 @@ from tactile_node.skin.layout import MAX_SIDE
 from tactile_node.taxel_frame import PRESS_BY_UNIT, SkinSide, TaxelStatus
 
 NANOSECONDS = 10**9
-#: True at each `TaxelStatus` code with which a taxel has a value
+#: mask that is True at each `TaxelStatus` code that implies a value
 GIVES_VALUE = np.isin(np.arange(256), (TaxelStatus.VALID, TaxelStatus.SATURATED))
 
 
@@ -28,7 +28,7 @@ class RejectReason(IntEnum):
     NOT_KNOWN = 0
     UNKNOWN_UNIT = 1  #: the unit is not "Pa", "N" or "1"
     NO_TAXELS = 2  #: rows or cols is 0, as in a default-constructed message
-    TOO_LARGE = 3  #: more rows, columns or features than any skin has
+    TOO_LARGE = 3  #: the message has more rows, columns or features than any skin
     WRONG_LENGTH = 4  #: the length of an array does not match rows * cols, the classes or the element names
     WRONG_PITCH = 5  #: the pitch is not a length > 0
     UNKNOWN_CODE = 6  #: a number is not defined in its enumeration
@@ -39,8 +39,7 @@ class RejectReason(IntEnum):
     PROCESSING_FAILED = 11  #: the message passed the checks, but processing the message raised an error
     MISSING_JOINT = 12  #: a joint needed to compute the gripper opening is missing
     IMPLAUSIBLE_OPENING = 13  #: the opening is impossible for a gripper, because the sign, scale or offset is wrong
-    #: the stamp is far ahead of all earlier stamps, because the message is wrong or a clock was set forward
-    STAMP_AHEAD = 14
+    STAMP_AHEAD = 14  #: the stamp is far ahead of earlier stamps, because of a wrong message or a clock set forward
     WRONG_SEQUENCE = 15  #: the sequence number is higher than possible so far
     OTHER_TYPE = 16  #: a publisher uses another version of the message, so values are read from the wrong places
     OTHER_SOURCE = 17  #: two sources publish on the topic, and it is unknown which source is correct

@@ -36,7 +36,7 @@ class TaxelCodec:
         self._shape = layout.rows, layout.cols
         self._value = layout.value
         self._rank = np.array([rank for rank, _ in fields], np.intp)
-        self._first = starts // 8  # first byte of each field, which ends within 8 bytes
+        self._first = starts // 8  # first byte of each field, which spans at most 8 bytes
         bit = (starts % 8).astype(np.uint64)
         self._shift = np.uint64(64 - bits) - bit if big else bit
         self._taxel = np.array([f.row * layout.cols + f.col for _, f in fields], np.intp)

@@ -22,7 +22,8 @@ class OverloadWatch:
     put
         Queues a call on the assembler's thread, behind the messages received so far.
     limit
-        Delay above which the process counts as overloaded [s]. The overload ends 2 ``limit`` after its last sign.
+        Delay above which the process counts as overloaded [s]. The overload ends when no sign of overload has been seen
+        for 2 ``limit``.
     """
 
     def __init__(self, put: Callable[[Callable[[], None]], None], limit: float):
@@ -178,7 +179,7 @@ class BusWatch:
         self._overload_reminder = Reminder()
 
     def opened(self) -> None:
-        """Log a warning if the planned bus load is high. Called when the bus is first opened."""
+        """Log a warning at the first opening of the bus if the planned bus load is high."""
         if self._planned_load > MOST_LOAD:
             logger.warning('According to the layouts and sync_period, %s. Raise sync_period, or move some pads to '
                            'another bus.',

@@ -241,7 +241,7 @@ class LogSource:
 
 
 def _of_pads(pads: Sequence[PadSettings]) -> set[int]:
-    """Return the COB-IDs, other than the TPDOs', that must come from a single bus."""
+    """Return all COB-IDs, except those of TPDOs, that must come from a single bus."""
     nodes = [node_id for pad in pads for node_id in pad.node_ids]
     return {pad.layout.sync_cob_id for pad in pads} | {
         base + node_id for base in (HEARTBEAT, SDO_REQUEST, SDO_RESPONSE) for node_id in nodes}

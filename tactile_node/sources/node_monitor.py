@@ -35,7 +35,7 @@ class NodeMonitor:
     node
         Node to monitor.
     monitor
-        Counts everything that is received on the bus.
+        Monitor that counts all messages received on the bus.
     heartbeat_timeout
         Maximum time without a heartbeat [s].
     data_timeout

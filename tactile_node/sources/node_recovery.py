@@ -42,7 +42,7 @@ class NodeRecovery:
     monitors
         Monitors of the nodes.
     is_enabled
-        False to only log faults.
+        True to recover from faults, False to only log faults.
     """
 
     def __init__(self, bus: SkinBus, monitors: Sequence[NodeMonitor], is_enabled: bool):
@@ -75,12 +75,12 @@ class NodeRecovery:
             logger.error('%s The other nodes continue. This node joins when it answers.', error, extra={'fact': error})
 
     def attend(self, now: float, is_active: bool, statistics: BusStatistics, bus: BusSeen) -> bool:
-        """Detect, log and recover the faults of the nodes.
+        """Detect and log the faults of the nodes, and recover from the faults.
 
         Parameters
         ----------
         now
-            Time up to which messages were received [s].
+            Time up to which all messages have been received [s].
         is_active
             True if the nodes should be OPERATIONAL.
         statistics
@@ -164,7 +164,7 @@ class NodeRecovery:
                          extra={'fact': monitor.device_errors})
 
     def _configure(self, monitor: NodeMonitor, timeout: float, tries: int = 1, pause: bool = True) -> None:
-        """Configure a node. If it restarts in the meantime, try again, up to ``tries`` times in total."""
+        """Configure a node. If the node restarts meanwhile, try again, up to ``tries`` times in total."""
         for _ in range(tries):
             setup = monitor.setup
             heartbeat_time = self._bus.configure_node(monitor.node, timeout, pause)

@@ -100,8 +100,8 @@ class HeartbeatWatch(CountWindow):
         heartbeats
             Number of heartbeats received so far.
         guarded
-            Number of heartbeats with a toggle bit. If this number rises, the node is answering another master that
-            guards it.
+            Number of heartbeats with a toggle bit. A rise means that the node is answering node guarding by another
+            master.
         period
             Heartbeat time of the device [s].
         delay
@@ -147,8 +147,7 @@ class NodeTraffic:
         self._measured_from = 0.0  # time before which received frames may be a backlog
         self.missing: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while other TPDOs do
         self.surplus: tuple[SentTpdo, ...] = ()  #: TPDOs that arrive more often than SYNC
-        #: order in which the node sends its TPDOs, or None if it matches the layout
-        self.order: TpdoOrder | None = None
+        self.order: TpdoOrder | None = None  #: order in which the node sends TPDOs, or None if it matches the layout
 
     @property
     def are_two(self) -> bool:

@@ -108,7 +108,7 @@ class Supervisor:
         with self._turn:
             if self._outage.is_running:
                 raise BusError('CAN bus', expected='a working bus', got=failure_text(self.failure),
-                               remedy='The driver reopens the bus until it works. Start after that.')
+                               remedy='Wait until the driver has reopened the bus, then start again.')
             self._bus.start(without=[monitor.node.node_id for monitor in self._monitors if not monitor.is_trusted])
             self._set_active(True)
 
@@ -212,7 +212,7 @@ class Supervisor:
     def _bus_failed(self, failure: Failure) -> None:
         """Log the failure once and wake the supervisor. Any thread may call this method."""
         if not self._outage.is_running:
-            logger.error('CAN bus has failed: %s. The driver will close and reopen the bus until it works.',
+            logger.error('The CAN bus has failed: %s. The driver will reopen the bus until it works.',
                          failure_text(failure), extra={'fact': failure.fault})
         self._wake.set()
 
@@ -220,7 +220,7 @@ class Supervisor:
         now, failure = time.monotonic(), self._bus.failure
         if failure is None:
             if self.monitor.can_frames > self._received_then:
-                logger.info('CAN bus works again after %.2f s.', self._outage.end(now))
+                logger.info('The CAN bus works again after %.2f s.', self._outage.end(now))
                 self._backoff.reset()
             return
         self._outage.begin(now, failure)

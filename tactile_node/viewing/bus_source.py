@@ -119,7 +119,7 @@ FRAME_GAP = 0.5  #: gap between displayed frames above which contact tracking re
 class RecordingSource(ViewSource):
     """A recording with its own player.
 
-    The first `start` begins to read the recording, which is read only once. The part read so far can already be shown.
+    The recording is read only once, beginning at the first `start`. Parts that have been read can be shown immediately.
     """
 
     def __init__(self, recording: BagRecording | LogRecording, recogniser: VisibilityGuard | None = None):
@@ -141,11 +141,11 @@ class RecordingSource(ViewSource):
 
     @property
     def length(self) -> float:
-        """Length of the part read so far [s]."""
+        """Length of the recording as read so far [s]."""
         return max(self._timeline.end - self._timeline.begin, 0.0)
 
     def play(self, is_playing: bool) -> None:
-        """Play or pause. At the end of the recording, playing begins again at the start."""
+        """Play or pause. Playing at the end of the recording restarts from the beginning."""
         with self._lock:
             if is_playing and self.is_complete and self.position >= self.length:
                 self.position = 0.0
@@ -203,7 +203,7 @@ class RecordingSource(ViewSource):
     def _read(self) -> None:
         try:
             problem = self._recording.read(self._timeline, self._closing.is_set)
-        except (TactileError, OSError) as error:  # the file is gone, or the timeline has filled the disk
+        except (TactileError, OSError) as error:  # the file has been removed, or the timeline has filled the disk
             problem = f'not read to its end: {error}'
         if problem:
             self.store.put_problem(problem)

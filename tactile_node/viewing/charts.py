@@ -1,4 +1,4 @@
-"""Draw the taxels of a pad, and charts over time, as inline SVG. The SVG macros are in pictures.html."""
+"""Draw the taxels of a pad, and charts of values over time, as inline SVG. The SVG macros are in pictures.html."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -134,7 +134,7 @@ def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
 
 
 FORCE = Frame(600, 220, 40, 10, 10, 24)
-FORCE_GAP = 0.3     #: time between two points from which no line joins the points [s]
+FORCE_GAP = 0.3     #: gap in time at which the line between two points is interrupted [s]
 LEAST_FORCE_SCALE = 1.0   #: minimum full scale of the force axis [N]
 TIME_TICKS = -20, -15, -10, -5, 0
 

@@ -30,8 +30,7 @@ class Remark(Enum):
     LOST_FRAMES = True, 'Pad {where}: {number:.0f} taxel frames are missing according to their sequence numbers.'
     INCOMPLETE = True, 'Pad {where}: {number:.0f} taxel frames lack CAN frames.'
     TAXEL_GAPS = True, 'Pad {where}: {number:.0f} gaps of half a second or longer without a taxel frame.'
-    # an idle bus is no problem
-    BUS_GAPS = False, '{number:.0f} gaps of half a second or longer without any CAN frame.'
+    BUS_GAPS = False, '{number:.0f} gaps of half a second or longer without any CAN frame.'  # an idle bus is no problem
     EMERGENCIES = True, 'Node {where} sent {number:.0f} EMCYs, which include errors.'
     BOOTED_AGAIN = True, 'Node {where} restarted during the recording; number of boot-ups: {number:.0f}.'
     TWO_VALUES = True, 'Node {where}: its identity changed. Two devices answered under this node-ID.'

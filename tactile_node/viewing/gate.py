@@ -1,7 +1,8 @@
-"""A gate in front of the web server, which checks each request and forwards only allowed requests.
+"""Gate that checks each request to the web server and forwards only allowed requests.
 
-The web server behind the gate does not check requests. The gate also receives the browsers' receipts. Each page update
-names a URL below TAKEN_PATH, and the browser requests that URL once it has applied the update.
+The web server behind the gate does not check requests. The gate also receives confirmations of page updates (receipts)
+from the browsers. Each page update names a URL below TAKEN_PATH, and the browser requests that URL once it has applied
+the update.
 
 The gate listens on this machine only. To view the page from another machine, forward the port with ssh. Each request
 must name this machine in its Host header. Without this check, any web page open in the browser could read the skin by
@@ -21,10 +22,10 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.threads import ReportedThread
 
 LOOPBACK = '127.0.0.1'
-LARGEST_HEAD = 16_384  #: maximum size of a request head [bytes]
-HEAD_TIMEOUT = 10.0    #: timeout for receiving a request head [s]
+LARGEST_HEAD = 16_384  #: maximum size of a request line and its headers [bytes]
+HEAD_TIMEOUT = 10.0    #: timeout for receiving a request line and its headers [s]
 PASSED_CHUNK = 65_536         #: maximum number of bytes forwarded at once
-SEND_BUFFER = 131_072  #: send buffer of each browser connection [bytes]; small, because buffered data grows old
+SEND_BUFFER = 131_072  #: size of the send buffer for a browser [bytes], kept small because buffered data become stale
 
 #: called with a page number and the number of the update that the browser has confirmed
 OnTaken = Callable[[int, int], None]
@@ -32,7 +33,7 @@ TAKEN_PATH = '/taken'
 
 
 class Request(NamedTuple):
-    """Head of an HTTP request, with header names in lower case."""
+    """Request line and headers of an HTTP request, with header names in lower case."""
 
     method: str
     target: str
@@ -185,7 +186,7 @@ class Gate:
 
 
 async def _copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Copy data only as fast as the receiver accepts it, so that no backlog builds up."""
+    """Copy data only as fast as the receiver accepts data, so that no backlog builds up."""
     while data := await reader.read(PASSED_CHUNK):
         writer.write(data)
         await writer.drain()

@@ -55,12 +55,12 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     Parameters
     ----------
     facts
-        Facts about the bus; None if the source has none.
+        Facts about the bus, or None if the source has none.
     age
         Age of the facts [s]. Facts older than OLD_STATUS_AGE are marked as old.
     before
-        Earlier facts from `HealthHistory` and the time that has passed since [s]. Newer losses are shown in red. If
-        ``before`` is None, all losses are shown in red.
+        Earlier facts from `HealthHistory`, and the time that has passed since then [s]. Newer losses are shown in red.
+        If ``before`` is None, all losses are shown in red.
     """
     if facts is None:
         return '<div class="tactile-note">this source has no status of a bus</div>'

@@ -119,11 +119,12 @@ class PadReport:
     touches: TouchList
     samples: tuple[Sample, ...]
     health: TaxelHealth | None            #: None if there is no taxel frame
-    node_ids: tuple[int, ...] = ()        #: node-IDs of the pad; empty if the recording does not contain them
+    node_ids: tuple[int, ...] = ()        #: node-IDs of the pad, or empty if the recording does not contain them
     layout: str | None = None             #: name of the layout
     layout_sha256: str | None = None
     statistics: PadStatistics | None = None
-    losses: tuple[tuple[str, int], ...] | None = None  #: reasons and numbers of lost CAN frames
+    #: reasons and numbers of lost CAN frames
+    losses: tuple[tuple[str, int], ...] | None = None
     #: evidence that the log comes from another device, in which case no taxels are reported
     contradiction: Contradiction | None = None
     #: other nodes that send the pad's COB-IDs, listed if the pad's own nodes were not heard
@@ -134,7 +135,7 @@ class PadReport:
 
 class NmtChange(NamedTuple):
     stamp: float
-    state: int       #: NMT state in the heartbeat; 0 for a boot-up
+    state: int       #: NMT state in the heartbeat, or 0 for a boot-up
 
 
 class Reported(NamedTuple):
@@ -142,7 +143,7 @@ class Reported(NamedTuple):
 
     stamp: float
     text: str
-    is_problem: bool  #: True for a warning or an error, False when it clears or for any other change
+    is_problem: bool  #: True if the message reports a warning or an error, rather than its end or another change
 
 
 @dataclass
@@ -184,8 +185,7 @@ class LoadCurve:
     stamps: np.ndarray
     bit_rates: np.ndarray | None    #: bits per second on the bus, or None if only ``shares`` are known
     shares: np.ndarray | None       #: load as a fraction of the bus's bit rate, or None if the bit rate is unknown
-    #: mean over the recording: a fraction if the bit rate is known, else bits per second
-    mean: float
+    mean: float  #: mean over the recording: a fraction if the bit rate is known, else bits per second
 
 
 @dataclass(frozen=True)

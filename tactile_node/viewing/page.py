@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 UPDATE_RATE = 17.5  #: maximum update rate [1/s]
 SLOW_PERIOD = 0.2   #: minimum update period of the chart and tables [s]
 SCENE_PERIOD = 0.15  #: minimum update period of the 3-D view [s]
-PAUSE_SHARE = 5.0    #: pause after updating the chart, tables or 3-D view, as a multiple of the time it took
+PAUSE_SHARE = 5.0    #: pause after an update of the chart, tables or 3-D view, as a multiple of the update's duration
 LONGEST_SILENCE = 0.4  #: longest time between updates, so that displayed ages advance without new data [s]
 CONNECTION_PERIOD = 0.2  #: period at which the connection to the browser is checked [s]
 MEASURED_TIME = 3.0  #: averaging time of the displayed rate and delay [s]
@@ -64,9 +64,9 @@ class PlayerControls:
 class Page:
     """Updates one browser from `start` to `stop`, with at most one update in flight.
 
-    Each update waits until the browser has confirmed the previous update. Therefore no data queues up for a slow
-    browser, and the browser never shows data older than one update. Data that may be marked as live is sent first and
-    alone, so that it arrives quickly. The chart, the tables and the 3-D scene follow in separate updates.
+    Each update waits until the browser has confirmed the previous update. Therefore no data queue up for a slow
+    browser, and the browser never shows data older than one update. Data that may be marked as live are sent first and
+    alone, so that they arrive quickly. The chart, the tables and the 3-D scene follow in separate updates.
     """
 
     def __init__(self, client: 'ClientHandle', source: ViewSource, is_connected: Callable[[], bool],
@@ -155,7 +155,7 @@ class Page:
         self._client.flush()
 
     def _has_taken_rest(self, shown: Shown, drawn: list[DrawnPad]) -> bool:
-        """Send the chart, tables or scene if due, and wait for the browser. Return False if it has disconnected."""
+        """Send the chart, tables or scene if due, and wait. Return False if the browser has disconnected."""
         begun = time.monotonic()
         is_scene_due, is_slow_due = begun >= self._scene_due and self._scene_wanted.value, begun >= self._slow_due
         if not is_scene_due and not is_slow_due:

@@ -54,8 +54,8 @@ def fresh_for(pads: list[DrawnPad]) -> float | None:
     Returns
     -------
     float or None
-        Time, counted from when the browser sent its last receipt [s]. The server counts from the arrival of this
-        receipt, which is later. Therefore old data are never marked as live, even if an update is delayed.
+        Time after the browser sent its last receipt [s]. The server computes this time from the later arrival of the
+        receipt. Therefore old data are never marked as live, even if an update is delayed.
     """
     return min((_fresh_for(pad.age, pad.since_receipt) for pad in pads if pad.is_live), default=None)
 

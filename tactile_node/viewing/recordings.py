@@ -87,13 +87,13 @@ class Timeline:
         return -1 if track is None else bisect_right(track.places, time) - 1
 
     def moment(self, pad: str, index: int) -> Moment:
-        """Return the frame at ``index``, an index returned by `Timeline.index`."""
+        """Return the frame at an ``index`` that `Timeline.index` returned."""
         track = self._tracks[pad]
         _, pitch, unit = track.geometry
         return Moment(index, track.frame(index), pitch, unit)
 
     def facts(self, time: float) -> tuple[BusFacts | None, float]:
-        """Return the newest facts at ``time`` and their age [s]. From the last frame on, later facts are included."""
+        """Return the newest facts at ``time`` and their age [s]. Later facts count at the last frame."""
         index = len(self._facts) - 1 if time >= self.end else bisect_right(self._fact_times, time) - 1
         return (self._facts[index], max(time - self._fact_times[index], 0.0)) if index >= 0 else (None, 0.0)
 
@@ -111,7 +111,7 @@ class BagRecording:
     path
         Path of the bag.
     pads
-        Pads to show; empty for all pads in the bag.
+        Pads to show, or empty for all pads in the bag.
     window
         Part of the bag to show.
 

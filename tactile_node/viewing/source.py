@@ -116,7 +116,7 @@ class ViewSource:
         """Raise TactileError if the source cannot be used. `check` is called once, before the first `start`."""
 
     def start(self) -> None:
-        """Start to fill the store, because a viewer is connected. Later failures are put into the store."""
+        """Start to fill the store, because a viewer is connected. Later failures are stored as the problem to show."""
         raise NotImplementedError
 
     def stop(self) -> None:

@@ -71,11 +71,11 @@ class PadState(NamedTuple):
     pad: str
     stamp: float         #: acquisition time [s, Unix epoch]
     acquired: float      #: acquisition time by time.monotonic [s]; for a recording, the time of display
-    values: np.ndarray   #: float (rows, cols), NaN for a taxel without a valid value
+    values: np.ndarray   #: taxel values, float (rows, cols), NaN where there is no valid value
     status: np.ndarray   #: `TaxelStatus` of each taxel, uint8 (rows, cols)
     pitch: float         #: [m]
-    unit: str            #: 'Pa', 'N' or '1'
-    contact: SeenContact | None = None  #: None if the source does not recognise contacts
+    unit: str            #: unit of the values: 'Pa', 'N' or '1'
+    contact: SeenContact | None = None  #: recognised contact, or None if the source does not recognise contacts
 
 
 class GraspFacts(NamedTuple):
@@ -84,7 +84,7 @@ class GraspFacts(NamedTuple):
     contact: str     #: name of a GraspContact, in lower case
     is_fresh: bool   #: True if the results of both pads are recent
     is_stable: bool
-    acquired: float  #: acquisition time of the older pad's data, by time.monotonic [s]; -inf if unknown
+    acquired: float      #: acquisition time of the older pad's data, by time.monotonic [s]; -inf if unknown
 
 
 class NodeFacts(NamedTuple):

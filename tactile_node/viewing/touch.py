@@ -14,7 +14,7 @@ class Sample(NamedTuple):
     """Result of shape recognition in one taxel frame of a touch."""
 
     stamp: float
-    shape: ShapeClass  #: shape fused over the touch so far
+    shape: ShapeClass             #: shape fused over the touch so far
     confidence: float
     force: float       #: force of the contact [N], or NaN if unknown
 
@@ -43,10 +43,9 @@ class ReportedTouch:
     force_is_bound: bool          #: True if the force is a lower bound
     size_is_bound: bool           #: True if the size is a lower bound
     is_open: bool                 #: True if the recording ends during the touch
-    dimensions: tuple[tuple[str, float], ...]  #: names and lengths [m] of the fitted outline
-    #: None if the page already has enough pictures of longer touches
-    picture: Picture | None
-    events: tuple[Event, ...] = ()  #: events that the motion of the centre of pressure showed
+    dimensions: tuple[tuple[str, float], ...]  #: names and lengths of the dimensions of the fitted outline [m]
+    picture: Picture | None       #: picture of the touch, or None if the page already shows enough longer touches
+    events: tuple[Event, ...] = ()  #: motion events detected from the centre of pressure
 
 
 MOST_TOUCHES = 500  #: maximum number of touches listed for a pad

@@ -150,7 +150,7 @@ class _OpenTouch:
         self._events: list[Event] = []
 
     def shown(self, seen: np.ndarray) -> float:
-        """Return the fraction of the last pressed taxels that the mask ``seen``, bool (rows, cols), contains."""
+        """Return the fraction of the last pressed taxels that are visible in the mask ``seen``, bool (rows, cols)."""
         return float(seen[self._last].mean())
 
     def feed(self, stamp: float, found: FoundContact) -> None:
