@@ -147,7 +147,7 @@ def topics_of(path: str | Path) -> dict[str, str]:
 
 def decompress(data: bytes) -> bytes:
     """Decompress a message. ``ros2 bag record --compression-mode message`` compresses each message separately."""
-    if not data.startswith(b'\x28\xB5\x2F\xFD'):  # magic number of Zstandard (RFC 8878); CDR begins with 00
+    if not data.startswith(b'\x28\xB5\x2F\xFD'):  # magic number of Zstandard (RFC 8878), whereas CDR begins with 00
         return data
     return import_module('zstandard').ZstdDecompressor().decompressobj().decompress(data)
 

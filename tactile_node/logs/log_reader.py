@@ -80,7 +80,7 @@ class CanLogReader:
     Parameters
     ----------
     path
-        Path of the log or bag. The first file of a rotated series stands for the whole series.
+        Path of the log or bag. Given the first file of a rotated series, the reader reads the whole series.
     channel
         Name of the bus to read from a log of several buses, or the topic in a bag. '' reads all buses.
     window

@@ -104,8 +104,8 @@ class CanLogWriter:
         only the last part is used.
     largest
         Size at which a new file is started [bytes], or 0 for a single file. Further files are named
-        ``session_part2.log`` and so on. Each file can be read alone, and reading the first file reads all files as one
-        log. No frame is lost between files.
+        ``session_part2.log`` and so on. Each file can be read alone, and a reader given the first file reads all files
+        as one log. No frame is lost between files.
     replaces
         True to replace an existing log.
 

@@ -39,7 +39,7 @@ class ConfiguredTpdo(NamedTuple):
     whole: int | None  #: rank of the layout's TPDO with the same content, or None
     rank: int = 0  #: position in the layout, where TPDOs that are not in the layout come last
     head: bytes = b''  #: first bytes of the CAN frame of a multiplexed TPDO
-    event_timer: float = 0.0  #: longest time between two transmissions [s]; if > 0, the TPDO ignores SYNC
+    event_timer: float = 0.0  #: longest time between two transmissions [s], or 0 for a TPDO that is sent at SYNC
     inhibit_time: float = 0.0  #: shortest time between two transmissions [s]
     is_on_change: bool = False  #: True if the TPDO ignores SYNC and is also sent when its bytes have changed
 

@@ -141,9 +141,9 @@ class ValueFormat:
 class TpdoLayout:
     """One CAN frame of a pad's sweep.
 
-    Several CAN frames may share a number and a COB-ID. Such frames differ in their first bytes, which contain a
-    manufacturer-specific row number in byte 0 or, for MPDOs in source addressing mode (CiA 301), node-ID, index and
-    sub-index.
+    Several CAN frames may share a number and a COB-ID. CAN frames with the same number and COB-ID differ in their first
+    bytes, which contain a manufacturer-specific row number in byte 0 or, for MPDOs in source addressing mode (CiA 301),
+    node-ID, index and sub-index.
     """
 
     number: int  #: number of the TPDO (1 = 0x1800)

@@ -51,7 +51,7 @@ class OverloadWatch:
     def waited(self, now: float, since: float) -> None:
         """Record that this process waited ``since`` [s] for another thread, and may not have run during that time.
 
-        Such a wait is no overload, but counts and periods cannot be measured during the wait.
+        A wait for another thread is no overload, but counts and periods cannot be measured during the wait.
         """
         if since > self.limit:
             self._excused = self.ran_again = now
@@ -85,9 +85,9 @@ class OverloadWatch:
 class SyncWatch:
     """Checks the SYNC messages on the bus. The driver does not receive the SYNCs that it sends.
 
-    If this driver produces SYNC, every received SYNC comes from another producer. Otherwise the watch measures the
-    period of the received SYNCs. The period counts as wrong if it is wrong in two consecutive windows, because the
-    first window may begin before the producer starts.
+    If this driver produces SYNC, every received SYNC comes from another producer. If another device produces SYNC, the
+    watch measures the period of the received SYNCs. The period counts as wrong if it is wrong in two consecutive
+    windows, because the first window may begin before the producer starts.
 
     Parameters
     ----------

@@ -127,7 +127,8 @@ class NodeRecovery:
             if is_active and not monitor.has_taxels_again(pad):
                 return
             lasted = monitor.outage.end(now)
-            logger.info('%s %s again after %.2f s; the outage: %s.', node_label(monitor.node.pad, monitor.node.node_id),
+            logger.info('%s %s again after %.2f s. Cause of the outage: %s.',
+                        node_label(monitor.node.pad, monitor.node.node_id),
                         'gives taxels' if is_active else 'is ready', lasted, failure_text(monitor.outage.cause))
         monitor.recovered(now)
 

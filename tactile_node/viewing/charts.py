@@ -78,7 +78,7 @@ class Frame(NamedTuple):
     bottom: float
 
     def place(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """Convert fractions ``x`` and ``y`` of the axis ranges to chart coordinates. Both may be numbers or arrays."""
+        """Convert fractions ``x`` and ``y`` of the axis ranges to chart coordinates. ``x`` and ``y`` may be arrays."""
         return (self.left + x * (self.width - self.left - self.right),
                 self.height - self.bottom - y * (self.height - self.top - self.bottom))
 

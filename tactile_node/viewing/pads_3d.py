@@ -76,7 +76,7 @@ BOX_FACES = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1,
 
 
 class Pads3d:
-    """3-D scene in one browser, sketched as a gripper. Pads are placed in order, not as in the URDF."""
+    """3-D scene in one browser, which sketches the pads on a gripper. Pads are placed in order, not as in the URDF."""
 
     def __init__(self, client: 'ClientHandle'):
         self._client = client

@@ -55,7 +55,7 @@ def fresh_for(pads: list[DrawnPad]) -> float | None:
     -------
     float or None
         Time after the browser sent its last receipt [s]. The server computes this time from the later arrival of the
-        receipt. Therefore old data are never marked as live, even if an update is delayed.
+        receipt. Old data are never marked as live, even if an update is delayed.
     """
     return min((_fresh_for(pad.age, pad.since_receipt) for pad in pads if pad.is_live), default=None)
 

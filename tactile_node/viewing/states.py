@@ -70,7 +70,7 @@ class PadState(NamedTuple):
 
     pad: str
     stamp: float         #: acquisition time [s, Unix epoch]
-    acquired: float      #: acquisition time by time.monotonic [s]; for a recording, the time of display
+    acquired: float      #: acquisition time by time.monotonic [s], or the display time for a recording
     values: np.ndarray   #: taxel values, float (rows, cols), NaN where there is no valid value
     status: np.ndarray   #: `TaxelStatus` of each taxel, uint8 (rows, cols)
     pitch: float         #: [m]
@@ -84,7 +84,7 @@ class GraspFacts(NamedTuple):
     contact: str     #: name of a GraspContact, in lower case
     is_fresh: bool   #: True if the results of both pads are recent
     is_stable: bool
-    acquired: float      #: acquisition time of the older pad's data, by time.monotonic [s]; -inf if unknown
+    acquired: float      #: acquisition time of the older pad's data by time.monotonic [s], or -inf if unknown
 
 
 class NodeFacts(NamedTuple):

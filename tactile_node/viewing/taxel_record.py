@@ -16,8 +16,8 @@ class TaxelHealth:
 
     frames: int
     by_status: np.ndarray      #: number of frames with each status, int (TaxelStatus, rows, cols)
-    lowest: np.ndarray         #: lowest value; NaN if the taxel never had a value
-    highest: np.ndarray        #: highest value; NaN if the taxel never had a value
+    lowest: np.ndarray         #: lowest value, or NaN if the taxel never had a value
+    highest: np.ndarray        #: highest value, or NaN if the taxel never had a value
     faults: np.ndarray         #: `TaxelFault` detected from the taxel's values, uint8
 
     @property
