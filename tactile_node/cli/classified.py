@@ -73,7 +73,7 @@ def _stamps(path: str, found: TaxelFrames, args: argparse.Namespace) -> np.ndarr
         return args.period * np.arange(len(found.values))
     got = 'both' if args.period else 'neither'
     raise InputError(f'file {path!r}, --fuse', expected='either stamps in the file or --period', got=got,
-                     remedy='Write an .npz with `tactile replay`, or give the time between two frames.')
+                     remedy='Write an .npz with `tactile replay`, or give the time between two frames as --period.')
 
 
 def _geometry(found: TaxelFrames, args: argparse.Namespace) -> tuple[float | None, SkinResponse | None]:

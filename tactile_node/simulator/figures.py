@@ -248,7 +248,7 @@ def pressure_frame(contact: Touching | None, rng: np.random.Generator, rows: int
     Returns
     -------
     numpy.ndarray
-        Values [Pa], float, shape (rows, cols), NaN for dead taxels.
+        Taxel values [Pa], float, shape (rows, cols), NaN for dead taxels.
     """
     values = np.zeros((rows, cols))
     if contact is not None:

@@ -74,7 +74,7 @@ def identity_of(dictionary: ObjectDictionary, eds: str) -> Identity:
 
 
 def _number(record: ODRecord | ODArray, sub: int, eds: str) -> int | None:
-    """Return the default of ``sub``, or None if the EDS does not list it, because canopen makes up ARRAY elements."""
+    """Return the default of ``sub``, or None for an ARRAY element that canopen has made up."""
     variable = record.subindices.get(sub)
     default = None if variable is None else variable.default
     if default is None or isinstance(default, int):

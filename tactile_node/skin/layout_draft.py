@@ -78,7 +78,7 @@ TAXELS_IN_LINE = 6      #: number of taxels per line of a list
 
 @dataclass(frozen=True)
 class Known:
-    """Properties of the skin that the user knows. Properties that are None are guessed."""
+    """Properties of the skin that the user knows. A property that is None is guessed."""
 
     rows: int | None = None
     cols: int | None = None

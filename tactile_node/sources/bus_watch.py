@@ -181,7 +181,7 @@ class BusWatch:
     def opened(self) -> None:
         """Log a warning at the first opening of the bus if the planned bus load is high."""
         if self._planned_load > MOST_LOAD:
-            logger.warning('According to the layouts and sync_period, %s. Raise sync_period, or move some pads to '
+            logger.warning('With the given layouts and sync_period, %s. Raise sync_period, or move some pads to '
                            'another bus.',
                            load_text(self._planned_load, self._pads), extra={'fact': self._planned_load})
 
