@@ -1,12 +1,12 @@
-"""`tactile assess`: report how reliable recognition is on your own skin, from about 8 touches of each object.
+"""`tactile assess` reports how reliable recognition is on your own skin, based on about 8 touches of each object.
 
     tactile assess --name circle --name bar --name unknown --output my_skin.npz            # live, guides you
     tactile assess --name circle --from discs.log --name unknown --from keys.log mug.npy   # report from recordings
 
-Give each object one of these names: one of the five shapes, bar (a rectangle), ball (a circle), a taught shape of
---model, or unknown for an object that is none of these. The command fits an adaptation of --model to your skin. If the
-adaptation improves the answers to touches that it was not fitted to, the command writes the adapted model to --output.
-Give this file to the classifier node (model:=), to `tactile classify` (--model) or to the library
+Name each object after one of the five shapes or a taught shape of --model, or use the name bar (a rectangle), ball (a
+circle), or unknown for any other object. The command fits an adaptation of --model to your skin. If the adaptation
+improves recognition of touches that were not used to fit it, the command writes the adapted model to --output. Pass the
+adapted model to the classifier node (model:=), to `tactile classify` (--model) or to the library
 (Recogniser(file=...)).
 """
 
@@ -45,8 +45,8 @@ from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, ShapeClass
 
 DEFAULT_TOUCHES = 8
-ALIASES = {'bar': 'rectangle', 'ball': 'circle'}  #: Class for each name that is not itself a class of the recogniser.
-REFUSED_CODE = 1  #: Exit code if --output is given, but the adaptation is not kept.
+ALIASES = {'bar': 'rectangle', 'ball': 'circle'}  #: classes for the names that are not classes of the recogniser
+REFUSED_CODE = 1  #: exit code if --output is given, but the adaptation is not kept
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -110,7 +110,7 @@ def _class_of(name: str, outputs: Sequence[ShapeClass]) -> ShapeClass:
     found = by_name.get(name) or by_name.get(ALIASES.get(name, ''))
     if found is None:
         raise ConfigurationError('--name', expected=f'one of {", ".join((*by_name, *ALIASES))}', got=repr(name),
-                                 remedy='Give an object that is none of these the name unknown. Or teach it first '
+                                 remedy='Give any other object the name unknown. Or teach its shape first '
                                  '(`tactile teach`), and assess the taught file (--model).')
     return found
 
@@ -118,7 +118,7 @@ def _class_of(name: str, outputs: Sequence[ShapeClass]) -> ShapeClass:
 def _check(frames: Sequence[TouchFrame]) -> None:
     if not frames:
         raise InputError('touches', expected='one or more', got='none',
-                         remedy='Press away from the edges of the pad, and lift the object between two touches.')
+                         remedy='Press away from the edges of the pad, and lift the object between touches.')
     if len(shapes := {frame.mask.shape for frame in frames}) > 1:
         sizes = ' and '.join(f'{rows}x{cols}' for rows, cols in sorted(shapes))
         raise InputError('touches', expected='touches of one skin', got=f'frames of {sizes} taxels',

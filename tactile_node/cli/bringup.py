@@ -1,4 +1,5 @@
-"""`tactile bringup` runs the ROS 2 nodes of one bus, or of one side of it, in one process, as the launch file does."""
+"""`tactile bringup` runs the ROS 2 nodes of one bus, or one side of these nodes, in one process, like the launch file.
+"""
 
 import argparse
 import os
@@ -23,7 +24,7 @@ from tactile_node.ros.settings import (
 SIMULATED_CHANNEL = 'tactile_bringup'
 SETTINGS = {Role.DRIVER: DriverSettings, Role.PROCESSOR: ProcessorSettings, Role.CLASSIFIER: ClassifierSettings,
             Role.GRASP: GraspNodeSettings}
-#: for each role, option -> parameter of its nodes; if several nodes read an option, the first one describes it
+#: options and the node parameters that they set, by role; if several nodes read an option, the first node describes it
 PARAMETERS: Mapping[Role, Mapping[str, str]] = {
     Role.DRIVER: {name: name for name in (
         'node_ids', 'layouts', 'interface', 'channel', 'bitrate', 'eds', 'record', 'replay', 'replay_channel',
@@ -34,12 +35,12 @@ PARAMETERS: Mapping[Role, Mapping[str, str]] = {
         'frame_prefix', 'gap', 'gap_source', 'gap_joints', 'gap_frames', 'gap_scale', 'gap_offset',
         'publish_pad_frames')}}}
 
-#: option or launch argument -> its alternative spelling
+#: alternative spellings of options and launch arguments
 OTHER_SPELLINGS = {'node_ids': 'node_id', 'layouts': 'layout'}
 
 
 class Option(NamedTuple):
-    """An option. If it is not given, the parameter file or the node's default decides; its value is then None."""
+    """An option. If an option is not given, its value is None, and the parameter file or the default applies."""
 
     description: str
     read: Callable[[str], object] = str
@@ -69,7 +70,7 @@ def parameter_option(row: Parameter) -> Option:
 
 
 def _rows() -> dict[str, Parameter]:
-    """Return, for each option that sets a parameter, the parameter row that describes it."""
+    """Return the table row of the parameter that each option sets, by option name."""
     found = {'pads': next(row for row in table(DriverSettings) if row.name == 'pads')}
     for role, options in PARAMETERS.items():
         rows = {row.name: row for row in table(SETTINGS[role])}
@@ -109,7 +110,7 @@ def describe_nodes(args: argparse.Namespace, namespace: str) -> tuple[NodeDescri
     Raises
     ------
     ConfigurationError
-        If an option belongs to a node that this process does not run.
+        Raised if an option belongs to a node that this process does not run.
     """
     if args.replay and args.side:
         raise ConfigurationError('--replay', expected='all nodes of the bus in one process',
@@ -128,25 +129,26 @@ def pad_names_of(args: argparse.Namespace) -> list[str]:
 
 
 def _check_side(args: argparse.Namespace) -> None:
-    """Raise ConfigurationError for an option that no node of this side reads; it belongs on the other host."""
+    """Raise ConfigurationError for an option that no node on this side reads."""
     read = {option for role in roles_of(Side(args.side)) for option in PARAMETERS[role]} | {'pads'}
     if Side(args.side) is Side.BUS:
         read.add('simulate')
     for option in sorted({*ROWS, 'simulate'} - read):
         if getattr(args, option) is not None:
-            raise ConfigurationError(f'--{option.replace("_", "-")}', expected='an option of a node of this side',
-                                     got=f'--side {args.side}', remedy='Give it on the other host.')
+            raise ConfigurationError(f'--{option.replace("_", "-")}', expected='an option of a node on this side',
+                                     got=f'--side {args.side}', remedy='Give this option on the other host.')
 
 
 def _source_parameters(args: argparse.Namespace) -> dict[str, ParameterValue]:
     """Return the driver parameters that replace the bus with a simulated skin or a log."""
     if args.simulate:
         return {'interface': 'virtual', 'channel': SIMULATED_CHANNEL}
-    return {'autostart': True} if args.replay else {}  # a replay starts even if the parameter file says false
+    # a replay starts even if autostart is false in the parameter file
+    return {'autostart': True} if args.replay else {}
 
 
 def _parameters(args: argparse.Namespace, options: Mapping[str, str]) -> dict[str, ParameterValue]:
-    """Return only the given options, so that the parameter file and the defaults decide about the others."""
+    """Return the options that the user gave. The parameter file and the defaults set all other parameters."""
     return {parameter: value for option, parameter in options.items() if (value := getattr(args, option)) is not None}
 
 
@@ -169,7 +171,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until Ctrl-C or the end of the log; return 0, or for a log the exit code of `nodes.replay.play`."""
+    """Run until Ctrl-C or the end of the log. Return the exit code of `nodes.replay.play` for a log, else 0."""
     with ExitStack() as stack:
         stop_requested = stack.enter_context(interruption())
         if args.end_with:
@@ -179,7 +181,7 @@ def run(args: argparse.Namespace) -> int:
         ros_arguments = [*given.arguments, *_params_file(args)]
         if args.simulate and any(node.role is Role.DRIVER for node in nodes):
             _simulate(args, stack)
-        from tactile_node.nodes.replay import play  # imported late, because `tactile --help` must work without ROS
+        from tactile_node.nodes.replay import play  # imported here, because `tactile --help` must work without ROS
         from tactile_node.nodes.run import running, wait
         system, spinner = stack.enter_context(running(nodes, ros_arguments))
         system.autostart(stop_requested)
@@ -203,7 +205,7 @@ def _params_file(args: argparse.Namespace) -> list[str]:
 
 
 def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:
-    """Start a simulated skin on a virtual bus in this process; ``stack`` stops it."""
+    """Start a simulated skin on a virtual bus in this process. ``stack`` stops the simulated skin."""
     from tactile_node.simulator.skin_simulator import SkinSimulator
     from tactile_node.simulator.touches import gripper_sources
     from tactile_node.skin.pads import make_pads, with_dictionaries

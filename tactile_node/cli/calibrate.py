@@ -1,8 +1,8 @@
-"""`tactile calibrate` determines the response of a skin from presses with a known disc.
+"""`tactile calibrate` determines the response of a skin by pressing a disc of known size onto the pad.
 
-The response is the depth of the taxels and the curve from their readings to pressure. Take a rigid cylinder with a flat
-face, at least 10 pitches in diameter. Record the pad at rest. Then press the disc onto the pad at six places or more,
-lightly and firmly, and lift it between presses. The face must lie flat and stay within the pad.
+The response consists of the depth of the taxels and the curve that converts readings to pressure. Take a rigid cylinder
+with a flat face, at least 10 pitches in diameter. Record the pad at rest. Then press the disc onto the pad at six
+places or more, lightly and firmly, and lift it between presses. The face must lie flat and stay within the pad.
 """
 
 import argparse
@@ -26,16 +26,16 @@ from tactile_node.output_file import check_writable
 from tactile_node.pose.moments import check_pitch
 from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 
-SUSPICIOUS_ERROR = 0.06  #: error of the uncalibrated radius above which --radius may be wrong [fraction of the radius]
+SUSPICIOUS_ERROR = 0.06  #: relative error of the uncalibrated radius above which --radius may be wrong
 
 
 class Readings(NamedTuple):
-    """Frames of one pad after its zero was subtracted."""
+    """Frames of one pad, with the zero subtracted."""
 
-    frames: np.ndarray     #: (K, rows, cols), NaN = no valid value
-    saturated: np.ndarray  #: (K, rows, cols), bool
+    frames: np.ndarray     #: readings (K, rows, cols), NaN where there is no valid value
+    saturated: np.ndarray  #: mask of the saturated taxels (K, rows, cols), bool
     pitch: float           #: distance between neighbouring taxels [m]
-    unit: str              #: unit of the readings; '' for an array
+    unit: str              #: unit of the readings, or '' for an array
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -114,7 +114,7 @@ def _of_log(args: argparse.Namespace) -> Readings:
 
 
 def _on_off(where: str) -> InputError:
-    return InputError(where, expected='readings that grow with pressure', got='on/off taxels',
+    return InputError(where, expected='readings that increase with pressure', got='on/off taxels',
                       remedy='On/off taxels have no response to calibrate.')
 
 

@@ -1,4 +1,4 @@
-"""`tactile check` reports every error in a skin layout and its EDS, and the load that the skin puts on the CAN bus."""
+"""`tactile check` reports all errors in a skin layout and its EDS, and the bus load that the skin causes."""
 
 import argparse
 import json
@@ -24,10 +24,10 @@ from tactile_node.skin.layout_file import read_layout
 from tactile_node.skin.layout_rules import collect_errors, layout_checks
 from tactile_node.yaml_section import line_of
 
-EDS_NODE_ID = 32           #: node-ID for which the EDS is read
+EDS_NODE_ID = 32           #: node-ID with which the EDS is read
 SYNC_PERIODS = (0.02, 0.01, 0.005)  #: SYNC periods for which the bus load is reported [s]
-MOST_ALIKE = 3             #: number of errors with the same remedy that are printed in full
-WIDEST_MAP = 120           #: widest map that is printed [columns]; a terminal would wrap a wider one
+MOST_ALIKE = 3             #: maximum number of errors with the same remedy printed in full
+WIDEST_MAP = 120           #: maximum width of a printed map [columns], because a terminal would wrap a wider map
 UNSORTED = ('the TPDOs {} are not in ascending order. List them in the order in which the device sends them; most '
             'devices send them by number')
 MAPPED_SIGN = '#'
@@ -46,8 +46,9 @@ class Use(NamedTuple):
 class CheckedLayout(NamedTuple):
     """Result of checking one layout."""
 
-    layout: SkinLayout | None  #: None if the layout file cannot be read
-    #: errors that make the driver refuse the layout, each with its line in the layout file (None: no line known)
+    #: checked layout, or None if the layout file cannot be read
+    layout: SkinLayout | None
+    #: errors that make the driver reject the layout, each with its line in the layout file, or None if no line is known
     errors: list[tuple[ConfigurationError, int | None]]
     warnings: list[str]
 
@@ -66,7 +67,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the result; return 2 if the driver would refuse the layout, 1 if there are warnings, else 0."""
+    """Print the result. Return 2 if the driver would reject the layout, 1 if there are warnings, else 0."""
     use = Use(args.bitrate, args.pads, args.sync_period)
     found = check_layout(args.layout, args.eds, use)
     if args.json:
@@ -86,7 +87,7 @@ def check_layout(layout_name: str, eds: str, use: Use) -> CheckedLayout:
     eds
         Path of the EDS, or '' for the EDS next to the layout.
     use
-        Planned bit rate, number of pads and SYNC period; the warnings about the bus load depend on them.
+        Planned bit rate, number of pads and SYNC period, from which the bus load is computed.
     """
     try:
         layout = read_layout(layout_name)
@@ -102,7 +103,7 @@ def check_layout(layout_name: str, eds: str, use: Use) -> CheckedLayout:
 
 
 def as_json(found: CheckedLayout, use: Use) -> dict:
-    """Return the result as a dict that JSON can hold; a fact that is not known is None."""
+    """Return the result as a JSON-compatible dict, with None for unknown values."""
     errors = [{'where': error.where, 'line': line, 'expected': error.expected, 'got': error.got,
                'remedy': error.remedy} for error, line in found.errors]
     return {'errors': errors, 'warnings': found.warnings, **(_facts(found.layout, use) if found.layout else {})}
@@ -121,7 +122,7 @@ def _facts(layout: SkinLayout, use: Use) -> dict:
 
 
 def _loads(layout: SkinLayout, use: Use) -> dict[float, float]:
-    """Return the bus load for each time between two sweeps [s]. Without SYNC, the device sets that time."""
+    """Return the bus load by sweep period [s]. Without SYNC, the device sets the sweep period."""
     periods = (use.sync_period, *SYNC_PERIODS) if layout.event_driven is None else (layout.event_driven.period,)
     return {period: planned_load([layout] * use.pads, use.bitrate, period)
             for period in sorted(set(periods), reverse=True)}
@@ -152,7 +153,7 @@ def _warnings(layout: SkinLayout, use: Use) -> list[str]:
 
 
 def _map(layout: SkinLayout) -> np.ndarray:
-    """Return one sign per taxel, shape (rows, cols): mapped, unmapped or dead."""
+    """Return a map with one character per taxel, shape (rows, cols): mapped, unmapped or dead."""
     kinds = np.full((layout.rows, layout.cols), UNMAPPED_SIGN)
     inside = [(field.row, field.col) for carrier in layout.carriers for field in carrier.taxels
               if 0 <= field.row < layout.rows and 0 <= field.col < layout.cols]
@@ -171,7 +172,7 @@ def _text(found: CheckedLayout, use: Use) -> list[str]:
 
 
 def _error_lines(errors: list[tuple[ConfigurationError, int | None]]) -> list[str]:
-    """Return the first errors with each remedy, then the number of the others; one mistake can recur in every TPDO."""
+    """Return the first errors with each remedy, and a count of the rest, because each TPDO may repeat a mistake."""
     lines, alike = [], Counter[str]()
     for error, line in errors:
         alike[error.remedy] += 1
@@ -202,6 +203,6 @@ def _description(layout: SkinLayout, use: Use) -> list[str]:
 
 
 def _line(layout_name: str, error: ConfigurationError) -> int | None:
-    """Return the line of the key that the error names, or None if the error is not about the layout file."""
+    """Return the line number of the key named in the error, or None if the error is not about the layout file."""
     key = re.search(r'key "(.+)"', error.where)
     return line_of(Path(config_path(layout_name)), key[1]) if key and '.eds' not in error.where else None

@@ -1,4 +1,4 @@
-"""Do the work of `tactile classify`: write one record per frame, from this frame alone or fused with earlier frames."""
+"""Implement `tactile classify`: write one record per frame, recognised alone or fused with earlier frames."""
 
 import argparse
 import math
@@ -36,7 +36,7 @@ def write_shapes(args: argparse.Namespace) -> None:
 
 
 def _single(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: argparse.Namespace) -> Iterator[Record]:
-    """Yield a record for each frame, from this frame alone."""
+    """Yield one record per frame, computed from that frame alone."""
     pitch, response = _geometry(frames, args)
     if response is not None and frames.values.dtype != bool:
         frames = frames._replace(values=response.curve(frames.values))
@@ -49,7 +49,7 @@ def _single(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: a
 
 
 def _fused(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: argparse.Namespace) -> Iterator[Record]:
-    """Yield a record for each frame, fused with the frames before it."""
+    """Yield one record per frame, fused with the preceding frames."""
     pitch, response = _geometry(frames, args)
     stamps, taxels = _stamps(path, frames, args), _taxels(frames, pitch, response)
     pipeline = ContactPipeline(recogniser, thresholds=thresholds(args), fits=bool(pitch),
@@ -73,7 +73,7 @@ def _stamps(path: str, found: TaxelFrames, args: argparse.Namespace) -> np.ndarr
         return args.period * np.arange(len(found.values))
     got = 'both' if args.period else 'neither'
     raise InputError(f'file {path!r}, --fuse', expected='either stamps in the file or --period', got=got,
-                     remedy='Write an .npz with `tactile replay`, or give the time between two frames.')
+                     remedy='Write an .npz with `tactile replay`, or give the time between two frames as --period.')
 
 
 def _geometry(found: TaxelFrames, args: argparse.Namespace) -> tuple[float | None, SkinResponse | None]:
@@ -82,7 +82,7 @@ def _geometry(found: TaxelFrames, args: argparse.Namespace) -> tuple[float | Non
 
 
 def _columns(classes: Sequence[ShapeClass]) -> list[str]:
-    """Return the column names of all records, in the order of the columns."""
+    """Return the column names of all records, in column order."""
     dimensions = list(dict.fromkeys(name for outline in OUTLINES.values() for name in outline.dimensions))
     return [*KNOWN_COLUMNS, 'shape', 'reason', 'doubt', 'confidence',
             *(f'probabilities.{shape.value}' for shape in classes), 'N', 'contacts', 'held', 'fused_frames', 'hollow',
@@ -97,7 +97,7 @@ def _counted(pattern: ContactPattern) -> Record:
 
 
 def _boxed(found: FoundContact, pitch: float | None) -> Record:
-    """Return the properties that need no shape: the hollow share and, if the pitch is known, the smallest rectangle."""
+    """Return the hollow fraction and, if the pitch is known, the smallest rectangle around the contact."""
     if not found.pattern.mask.any():
         return {}
     box = found.box
@@ -109,7 +109,7 @@ def _boxed(found: FoundContact, pitch: float | None) -> Record:
 
 
 def _fitted(fit: ShapeFit | None) -> Record:
-    """Return pose and size with their standard deviations; an unknown number, such as a circle's angle, is None."""
+    """Return pose and size with standard deviations. An undefined number, such as a circle's angle, is None."""
     if fit is None:
         return {}
     found = dict(zip(fit.parameter_names, fit.parameters))

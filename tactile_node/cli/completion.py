@@ -1,4 +1,4 @@
-"""`tactile completion` prints shell code, with which TAB completes commands, options and file names of `tactile`.
+"""`tactile completion` prints shell code for TAB completion of the commands, options and file names of `tactile`.
 
 bash:  echo 'eval "$(tactile completion bash)"' >> ~/.bashrc
 zsh:   echo 'autoload -U compinit && compinit; eval "$(tactile completion zsh)"' >> ~/.zshrc
@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def chosen_command(environment: Mapping[str, str]) -> str:
-    """Return the sub-command on the line that is being completed, or '' while the sub-command itself is incomplete.
+    """Return the sub-command on the command line, or '' while the user is still typing the sub-command.
 
     >>> chosen_command({'COMP_LINE': 'tactile classify --pi', 'COMP_POINT': '21', '_ARGCOMPLETE': '1'})
     'classify'

@@ -1,4 +1,4 @@
-"""`tactile draft` begins a skin layout from the TPDOs in an EDS, and marks the values that the EDS does not contain."""
+"""`tactile draft` drafts a skin layout from the TPDOs in an EDS, and marks the values that the EDS does not contain."""
 
 import argparse
 

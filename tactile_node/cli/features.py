@@ -1,4 +1,4 @@
-"""`tactile features` computes the quantities of the paper, under their names in tactile_node.helmholtz.features."""
+"""`tactile features` computes the quantities of the paper, named as in tactile_node.helmholtz.features."""
 
 import argparse
 
@@ -6,7 +6,7 @@ from tactile_node.cli.records import add_array_arguments
 from tactile_node.errors import InputError
 from tactile_node.helmholtz.feature_groups import Group
 
-#: group names as written on the command line, in the order of the help
+#: group names as on the command line, in the order of the help text
 NAMED_GROUPS = {name.lower(): group for name, group in Group.__members__.items()}
 
 
@@ -29,12 +29,12 @@ def groups(text: str) -> Group:
     for name in text.split(','):
         if name.strip() not in NAMED_GROUPS:
             raise InputError('--groups', expected=f'comma-separated names from {", ".join(NAMED_GROUPS)}',
-                             got=repr(name), remedy='For example --groups gravity,rotated.')
+                             got=repr(name), remedy='Give, for example, --groups gravity,rotated.')
         chosen |= NAMED_GROUPS[name.strip()]
     return chosen
 
 
 def run(args: argparse.Namespace) -> int:
-    from tactile_node.cli.frame_patterns import write_features  # imports scipy, which is slow
+    from tactile_node.cli.frame_patterns import write_features  # imports scipy, which loads slowly
     write_features(args)
     return 0

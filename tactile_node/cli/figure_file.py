@@ -1,4 +1,4 @@
-"""Write a figure of matplotlib to the file that an option names."""
+"""Write a matplotlib figure to the file named in an option."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,18 +11,18 @@ if TYPE_CHECKING:
 
 
 def check_figure(path: str | Path) -> None:
-    """Check that matplotlib can write a figure with the suffix of ``path``.
+    """Check that matplotlib supports the suffix of ``path``.
 
-    Call this before touches are recorded, because an error after the recording would lose them.
+    Call this function before recording touches, because an error after the recording would lose the touches.
 
     Raises
     ------
     InputError
-        If matplotlib does not support the suffix.
+        Raised if matplotlib does not support the suffix.
     ModuleNotFoundError
-        If matplotlib is not installed.
+        Raised if matplotlib is not installed.
     """
-    from matplotlib.backend_bases import FigureCanvasBase  # optional, and slow to import
+    from matplotlib.backend_bases import FigureCanvasBase  # matplotlib is optional and slow to import
 
     formats = FigureCanvasBase.get_supported_filetypes()
     if _format_of(path) not in formats:
@@ -31,7 +31,7 @@ def check_figure(path: str | Path) -> None:
 
 
 def write_figure(path: str | Path, figure: 'Figure') -> None:
-    """Write ``figure`` in the format of the suffix of ``path``, or as PNG if it has none."""
+    """Write ``figure`` in the format that the suffix of ``path`` names, or as PNG without a suffix."""
     with output_file(path) as stream:
         figure.savefig(stream, format=_format_of(path), dpi=110)
 

@@ -20,17 +20,17 @@ TEXT_REMEDY = ('Write numbers with a decimal point, a line for each row of taxel
 
 
 def read_text(content: bytes, where: str) -> np.ndarray:
-    r"""Return the taxel frames in a text file, with NaN for a cell that is empty or not finite.
+    r"""Return the taxel frames in a text file, with NaN for each cell that is empty or not finite.
 
-    The first row decides how cells are separated: by comma, semicolon or tab, tried in this order, else by blanks.
-    Lines that begin with # are ignored.
+    The first row determines the separator of all cells: comma, semicolon or tab, checked in this order, else blanks.
+    Lines that start with # are ignored.
 
     Parameters
     ----------
     content
-        Bytes of the file, UTF-8.
+        Content of the file, UTF-8.
     where
-        Name of the file for error messages.
+        File name to show in error messages.
 
     Returns
     -------
@@ -40,7 +40,7 @@ def read_text(content: bytes, where: str) -> np.ndarray:
     Raises
     ------
     InputError
-        If the text does not hold frames of one size. The error names line and cell.
+        Raised if the text does not contain frames of one size. The error message names the line and the cell.
 
     Examples
     --------
@@ -91,24 +91,25 @@ def _bad(where: str, expected: str, got: str) -> InputError:
 
 FORMATS = {'.npy': 'npy', '.npz': 'npz', '.csv': 'csv', '.png': 'png'}
 MAGIC_OF_ARCHIVE = b'PK'
-#: first bytes of a file -> its format, if the suffix does not tell; a file with other first bytes is read as text
+#: file formats by first bytes, used if the suffix is unknown; a file with other first bytes is read as text
 FORMAT_MAGIC = {b'\x93NUMPY': 'npy', MAGIC_OF_ARCHIVE: 'npz', b'\x89PNG': 'png'}
-VALUES_NAME = 'values'  #: name of the array in an .npz that holds the frames
-#: largest size of an archive after unpacking [bytes], because a small file can claim any size; 2 GiB hold 9 hours of
-#: 16 x 16 taxels at 50 Hz
+#: name of the array in an .npz that contains the frames
+VALUES_NAME = 'values'
+#: maximum size of an archive after unpacking [bytes], because a small file can claim any size; 2 GiB hold 9 hours of 16
+#: x 16 taxels at 50 Hz
 MOST_UNPACKED = 2 << 30
-ENCRYPTED_FLAG = 1  #: bit in the flags of an archive member that marks it as encrypted (PKWARE APPNOTE 4.4.4)
+ENCRYPTED_FLAG = 1  #: flag bit of an encrypted archive member (PKWARE APPNOTE 4.4.4)
 VALUED_STATUSES = TaxelStatus.VALID, TaxelStatus.SATURATED
 FILE_REMEDY = 'Give a .npy, .npz, .csv or .png file; `tactile classify --help` describes each format.'
 
 
 class TaxelFrames(NamedTuple):
-    """Successive frames of one pad; an attribute is None if the file does not contain it."""
+    """Successive frames of one pad. An attribute that the file does not contain is None."""
 
-    values: np.ndarray                  #: (K, rows, cols), bool or float, NaN = no valid value
-    stamps: np.ndarray | None = None    #: (K,) acquisition time [s, Unix epoch]
-    sequence: np.ndarray | None = None  #: (K,) sequence number, as in TaxelFrame
-    status: np.ndarray | None = None    #: (K, rows, cols) TaxelStatus
+    values: np.ndarray  #: taxel values (K, rows, cols), bool or float, NaN where there is no valid value
+    stamps: np.ndarray | None = None    #: acquisition time of each frame (K,) [s, Unix epoch]
+    sequence: np.ndarray | None = None  #: sequence number of each frame (K,), as in TaxelFrame
+    status: np.ndarray | None = None    #: `TaxelStatus` of each taxel (K, rows, cols)
     pad: str | None = None
     pitch: float | None = None          #: [m]
     unit: str | None = None             #: unit of the values: 'Pa', 'N' or '1' (on/off)
@@ -124,21 +125,19 @@ class TaxelFrames(NamedTuple):
 
 
 def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
-    """Read the taxel frames in a file.
-
-    The suffix decides the format. If the suffix is unknown, or for standard input, the first bytes decide.
+    """Read the taxel frames in a file. The format follows from the suffix or, if that is unknown, from the first bytes.
 
     Parameters
     ----------
     path
         Path of the file, or '-' for standard input.
     greys
-        Values that the black and white pixels of a picture stand for.
+        Taxel values of black and white pixels in a picture.
 
     Raises
     ------
     InputError
-        If the file cannot be read or holds no taxel frames.
+        Raised if the file cannot be read or contains no taxel frames.
     """
     content = _content(path)
     suffix = Path(path).suffix.lower()
@@ -158,7 +157,7 @@ def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
 
 def write_archive(stream: BinaryIO, frames: Sequence[TaxelFrame], shape: tuple[int, int], *, pad: str, pitch: float,
                   unit: str) -> None:
-    """Write taxel frames as an .npz archive that holds every attribute of `TaxelFrames`.
+    """Write taxel frames as an .npz archive with all attributes of `TaxelFrames`.
 
     Parameters
     ----------
@@ -205,16 +204,17 @@ def _load(path: str, content: bytes) -> np.ndarray | dict[str, np.ndarray]:
     except MemoryError:
         raise _unusable(path, 'more than fits into memory') from None
     except (ValueError, KeyError, OSError, BadZipFile, zlib.error) as error:
-        # numpy takes every file in an unknown format for a pickle, which this package never loads.
+        # NumPy treats every file of unknown format as a pickle, and this package never loads pickles.
         got = 'another format, or Python objects' if 'pickle' in str(error) else ' '.join(str(error).split())
         raise _unusable(path, got) from None
-    if not all(isinstance(each, np.ndarray) for each in arrays.values()):  # NumPy returns other members as bytes
+    # NumPy returns members that are not arrays as bytes
+    if not all(isinstance(each, np.ndarray) for each in arrays.values()):
         raise _unusable(path, 'members that hold no array')
     return arrays
 
 
 def _check_members(path: str, content: bytes) -> None:
-    """Raise InputError, before anything is unpacked, if a member is not from NumPy or the archive is too large."""
+    """Raise InputError before unpacking if a member is not a NumPy array or the archive is too large."""
     with ZipFile(io.BytesIO(content)) as archive:
         members = archive.infolist()
     strange = [member.filename for member in members if not _is_of_numpy(member)]
@@ -260,7 +260,7 @@ def _single(path: str, arrays: dict[str, np.ndarray], name: str) -> Any:
 
 
 def _check_status(path: str, values: np.ndarray, status: np.ndarray) -> None:
-    """Raise InputError for an unknown status number, and for a value of a taxel whose status says it has none."""
+    """Raise InputError for an unknown status number, or for a value on a taxel whose status rules out a value."""
     if not np.isin(status, list(TaxelStatus)).all():
         raise _unusable(path, f'a status outside the range {min(TaxelStatus)} to {max(TaxelStatus)}')
     if (np.isfinite(values) & ~np.isin(status, VALUED_STATUSES)).any():

@@ -18,8 +18,8 @@ from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.library.contacts import check_values
 from tactile_node.taxel_frame import TaxelStatus
 
-LONG = 4  #: a single frame with this many times more rows than columns was probably meant as one frame per line
-LEAST_FLAT = 16  #: shortest line that may hold a whole frame [taxels]: the size of a small pad
+LONG = 4  #: ratio of rows to columns from which a single frame was probably meant as one frame per line
+LEAST_FLAT = 16  #: minimum length of a line that may contain a whole frame [taxels], the size of a small pad
 
 
 def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
@@ -28,17 +28,18 @@ def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
     Raises
     ------
     InputError
-        If a unit contradicts the file or its values, or if a file cannot be read.
+        Raised if a unit contradicts the file or its values, or if a file cannot be read.
     """
     greys = Greys(args.black, args.white)
     if not np.isfinite(greys).all() or greys.black == greys.white:
         raise InputError('--black, --white', expected='two different numbers', got=f'{greys.black}, {greys.white}',
-                         remedy='Leave both out for fractions of full scale.')
+                         remedy='To use fractions of full scale, leave both options out.')
     for path in args.frames:
         found = read_frames(path, greys)
         if args.unit is not None and found.unit not in (None, args.unit):
             raise InputError(f'file {path!r}', expected=f'values in {args.unit!r}, as --unit says',
-                             got=f'the unit {found.unit!r}', remedy='Leave --unit out: the file names its unit.')
+                             got=f'the unit {found.unit!r}',
+                             remedy='Leave --unit out, because the file contains its unit.')
         found = found._replace(unit=args.unit or found.unit)
         frames, rows, cols = found.values.shape
         if frames == 1 and cols >= LEAST_FLAT and rows >= LONG * cols:
@@ -61,9 +62,9 @@ def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest
     found
         Frames of the file.
     args
-        Options of the command; the thresholds and the output are taken from them.
+        Options of the command, which include the thresholds and the output.
     largest
-        True to keep only the largest contact of a bool frame; False to keep all its active taxels.
+        True to keep only the largest contact of a bool frame, False to keep all active taxels.
     """
     extractor = PatternExtractor(thresholds(args), unit=found.unit, largest=largest)
     for k, frame in enumerate(show_progress(found.values, path, len(found.values), prints=prints(args))):
@@ -71,7 +72,7 @@ def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest
 
 
 def taxels_known(found: TaxelFrames, k: int) -> dict[str, np.ndarray]:
-    """Return masks of the saturated and of the unmapped taxels of frame ``k``; empty if the file has no status."""
+    """Return masks of the saturated and the unmapped taxels in frame ``k``, or no masks if the file has no status."""
     if found.status is None:
         return {}
     return {'saturated': found.status[k] == TaxelStatus.SATURATED, 'unmapped': found.status[k] == TaxelStatus.UNMAPPED}
@@ -84,7 +85,8 @@ def thresholds(args: argparse.Namespace) -> PressThresholds | None:
                                              args.release)
     if args.press is not None or args.release is not None:
         raise InputError('thresholds', expected='--full-scale with --press or --release', got='no full scale',
-                         remedy='Give the largest value that a taxel can have, or leave all three out.')
+                         remedy='Give the largest value that a taxel can have as --full-scale, or leave all three '
+                         'options out.')
     return None
 
 
@@ -100,5 +102,5 @@ def _records(args: argparse.Namespace) -> Iterator[Record]:
 
 
 def _columns(wanted: Group) -> list[str]:
-    """Return the column names; a sample pattern gives them, so that they do not depend on the first frame."""
+    """Return the column names, taken from a sample pattern so that they do not depend on the first frame."""
     return [*KNOWN_COLUMNS, *flatten(compute_features(np.ones((2, 2), bool), wanted).as_json())]

@@ -1,4 +1,4 @@
-"""Read a taxel frame from a grey picture with one pixel per taxel; the top line is taxel row 0."""
+"""Read a taxel frame from a grey picture with one pixel per taxel. The top line of pixels is taxel row 0."""
 
 import io
 from typing import NamedTuple
@@ -13,14 +13,14 @@ PICTURE_REMEDY = (f'Save a grey picture with one pixel per taxel, at most {MAX_S
 
 
 class Greys(NamedTuple):
-    """Values that black and white pixels stand for; the other greys are interpolated linearly."""
+    """Taxel values of black and white pixels. Values of other greys are interpolated linearly."""
 
     black: float
     white: float
 
 
-DEPTH_OFFSET = 24  #: byte that holds the bit depth (PNG specification 11.2.2: the IHDR chunk comes first)
-DEFAULT_GREYS = Greys(0.0, 1.0)  #: fractions of full scale; bright means pressed
+DEPTH_OFFSET = 24  #: offset of the bit depth [bytes] (PNG specification 11.2.2: the IHDR chunk comes first)
+DEFAULT_GREYS = Greys(0.0, 1.0)  #: values are fractions of full scale, and bright means pressed
 
 
 def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.ndarray:
@@ -33,19 +33,19 @@ def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.nda
     where
         Name of the file for error messages.
     greys
-        Values that black and white pixels stand for.
+        Taxel values of black and white pixels.
 
     Returns
     -------
     numpy.ndarray
-        Values, shape (rows, cols), NaN where a pixel is transparent.
+        Taxel values, shape (rows, cols), NaN where a pixel is transparent.
 
     Raises
     ------
     InputError
-        If the picture is in colour, has half-transparent pixels, is larger than a pad or cannot be read.
+        Raised if the picture is in colour, has half-transparent pixels, is larger than a pad or cannot be read.
     """
-    from PIL import Image, UnidentifiedImageError  # part of the extra `picture`, and slow to import
+    from PIL import Image, UnidentifiedImageError  # Pillow is optional (extra `picture`) and slow to import
 
     try:
         with Image.open(io.BytesIO(content), formats=['PNG']) as picture:
@@ -53,8 +53,10 @@ def read_png(content: bytes, where: str, greys: Greys = DEFAULT_GREYS) -> np.nda
                 raise _bad(where, f'{picture.width} x {picture.height} pixels, {getattr(picture, "n_frames", 1)} '
                            'pictures')
             is_deep = picture.mode.startswith('I')
-            clear = picture.info.get('transparency')  # the grey value that means transparent, or None
-            if clear is not None and picture.mode == 'L' and content[DEPTH_OFFSET] < 8:  # Pillow compares it unscaled
+            # grey value of transparent pixels, or None
+            clear = picture.info.get('transparency')
+            # Pillow would compare the unscaled grey value
+            if clear is not None and picture.mode == 'L' and content[DEPTH_OFFSET] < 8:
                 raise _bad(where, f'a transparent grey of {content[DEPTH_OFFSET]} bits')
             pixels = np.asarray(picture if is_deep else picture.convert('RGBA'))
     except InputError:

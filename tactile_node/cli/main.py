@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The program `tactile`: run a sub-command, and print every error of this package as one line."""
+"""The `tactile` program: run a sub-command, and print each error of this package on one line."""
 
 import argparse
 import logging
@@ -15,7 +15,8 @@ from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions
 
 #: Name and help of each sub-command. The first FIRST_COMMANDS are in the order in which a new user needs them. The
-#: module of the same name has ``add_options`` and ``run``; it is imported only if its sub-command is chosen.
+#: module with the name of the sub-command contains ``add_options`` and ``run``, and is imported only if the user
+#: chooses this sub-command.
 COMMANDS = (
     ('simulate', 'simulate a CANopen skin that touches shapes or repeats a recording'),
     ('scan', 'find the CANopen nodes of a bus'),
@@ -37,14 +38,14 @@ COMMANDS = (
 )
 FIRST_COMMANDS = 11
 
-#: Command that runs nodes. Their own handler forwards log messages to /rosout and stderr.
+#: Command that runs ROS nodes. The nodes forward log messages to /rosout and stderr with their own handler.
 RUNS_NODES = 'bringup'
 
-#: Modules without which a command cannot do anything. The help says which of them are missing.
+#: Modules without which a command cannot do anything. The help text lists the missing modules.
 NEEDED = {'simulate': ('termios',), 'bringup': ('rclpy', 'tactile_skin'), 'view': ('viser',),
           'tare': ('rclpy', 'tactile_skin'), 'completion': ('argcomplete',)}
 _ROS = 'Source a ROS 2 workspace that contains tactile_skin, or run `make setup` once.'
-#: Remedy for each module that may be missing.
+#: Remedies for missing modules, by module name.
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'can': 'Install it: pip install python-can.', 'canopen': 'Install it: pip install canopen (docs/install.md).',
          'jinja2': 'Install it: pip install jinja2.',
@@ -54,8 +55,8 @@ NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'PIL': "Install Pillow: pip install 'tactile-skin[picture]'.",
          'argcomplete': "Install it: pip install 'tactile-skin[completion]'."}
 
-#: Environment variable that the shell sets when it asks for completions. Its value is the number of words that start
-#: the program.
+#: Environment variable that the shell sets when it requests completions. The value of the variable is the number of
+#: words that start the program.
 COMPLETES = '_ARGCOMPLETE'
 
 
@@ -65,7 +66,7 @@ def main(argv: list[str] | None = None) -> int:
     Parameters
     ----------
     argv : list[str] or None
-        Arguments without the name of the program; None for those of the process.
+        Arguments without the program name, or None for the arguments of the process.
 
     Returns
     -------
@@ -89,8 +90,8 @@ def main(argv: list[str] | None = None) -> int:
               f'{NEEDS[error.name]}', file=sys.stderr)
         return 2
     except BrokenPipeError:
-        # The reader of the pipe (head, less) has closed it. Without this line, Python fails again when it flushes
-        # stdout at exit.
+        # The reader (head, less) has closed the pipe. Without this line, Python would fail again when it flushes stdout
+        # at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
@@ -98,7 +99,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def program() -> int:
-    """Run `main` as a process, and ignore Ctrl-C after it, which would make a clean end look like a crash."""
+    """Run `main` as a process, then ignore Ctrl-C, because an interrupt during shutdown would look like a crash."""
     if COMPLETES in os.environ:
         import argcomplete
 
@@ -128,7 +129,7 @@ def _logging(command: str) -> Iterator[None]:
 
 
 class _Program(argparse.ArgumentParser):
-    """Parser whose help has one line for each command, with the FIRST_COMMANDS in a group of their own."""
+    """Parser whose help lists each command on one line, with the FIRST_COMMANDS first commands in a separate group."""
 
     def format_help(self) -> str:
         lines = [f'    {name:<12}{text}{_lack(name)}' for name, text in COMMANDS]
@@ -138,7 +139,7 @@ class _Program(argparse.ArgumentParser):
 
 
 def _parser(chosen: str) -> argparse.ArgumentParser:
-    """Return the parser of all sub-commands; only the ``chosen`` one has options, so that no other is imported."""
+    """Return the parser for all sub-commands. Only the ``chosen`` sub-command is imported and gets its options."""
     parser = _Program(prog='tactile', description='Recognise contact shapes with a tactile skin on a CAN bus.',
                       epilog='`tactile COMMAND --help` explains a command.')
     version = f'tactile_skin {tactile_node.__version__}' if chosen == '--version' else ''
@@ -149,7 +150,7 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
         if name == chosen:
             module = import_module(f'tactile_node.cli.{name}')
             command.description = module.__doc__
-            if '\n' in str(module.__doc__):  # keep the line breaks of a long description
+            if '\n' in str(module.__doc__):  # keeps the line breaks of a long description
                 command.formatter_class = argparse.RawDescriptionHelpFormatter
             command.set_defaults(run=module.run)
             module.add_options(command)
@@ -157,7 +158,7 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
 
 
 def _lack(command: str) -> str:
-    """Return a note on the missing modules that ``command`` needs, for the help, or '' if it can run."""
+    """Return a help note on the missing modules that ``command`` needs, or '' if none are missing."""
     missing = [module for module in NEEDED.get(command, ()) if find_spec(module) is None]
     return f' (not available: needs {", ".join(missing)})' if missing else ''
 

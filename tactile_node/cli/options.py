@@ -1,4 +1,4 @@
-"""Options that several sub-commands share. Their types raise ConfigurationError for a text that they cannot read."""
+"""Options shared by several sub-commands. The option types raise ConfigurationError for text that they cannot parse."""
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,54 +24,54 @@ DEFAULT_NODE_ID = 32
 
 
 def node_ids(text: str) -> list[int]:
-    """Return the node-IDs in a text: '32,0x40' -> [32, 64]. With ``action='extend'``, the option may be repeated."""
+    """Parse node-IDs: '32,0x40' -> [32, 64]. With ``action='extend'``, the option may be repeated."""
     return [number(part, '--node-id', int, least=1, most=MAX_NODE_ID, remedy='For example --node-id 32,64.')
             for part in text.split(',')]
 
 
 def names(text: str) -> list[str]:
-    """Return the names in a text: 'left,right' -> ['left', 'right']."""
+    """Parse names: 'left,right' -> ['left', 'right']."""
     return [part.strip() for part in text.split(',') if part.strip()]
 
 
 def pad_names(text: str) -> list[str]:
-    """Return the names in a text as `names` does.
+    """Parse the names of pads.
 
-    Raises ConfigurationError for a name that contains a blank, because the comma is then probably missing.
+    Raises ConfigurationError for a name that contains a blank, because a comma is probably missing.
     """
     if any(len(name.split()) > 1 for name in names(text)):
         raise ConfigurationError('--pads', expected='names separated by commas', got=repr(text),
-                                 remedy='For example --pads left,right.')
+                                 remedy='Give, for example, --pads left,right.')
     return names(text)
 
 
 def number(text: str, option: str, kind: type = float, *, least: float = 0, above: float = -inf, most: float = inf,
            unit: str = '', remedy: str = 'Correct the number.') -> Any:
-    """Return the number in the text of an option.
+    """Parse the number that is given for an option.
 
     Parameters
     ----------
     text : str
-        Text of the number. An int may also be hexadecimal, for example 0x20.
+        Text to parse. An int may also be hexadecimal, for example 0x20.
     option : str
-        Name of the option, for the error.
+        Name of the option to show in the error.
     kind : type
         float or int.
     least : float
-        Smallest number that is allowed.
+        Smallest allowed number.
     above : float
-        The number has to be larger than this.
+        Exclusive lower bound.
     most : float
-        Largest number that is allowed.
+        Largest allowed number.
     unit : str
-        Unit of the number, for the error.
+        Unit to show in the error.
     remedy : str
-        Remedy, for the error.
+        Remedy to show in the error.
 
     Raises
     ------
     ConfigurationError
-        If the text is not a number of this kind, or the number is out of range.
+        Raised if the text is not a number of this kind, or if the number is out of range.
 
     Examples
     --------
@@ -123,7 +123,7 @@ def window_of(args: argparse.Namespace) -> TimeWindow:
 
 
 def switch(text: str) -> bool:
-    """Return the bool in a text: true or false in upper or lower case, as ROS writes them, or 1 or 0."""
+    """Parse a bool: true or false in any case, because ROS writes both upper and lower case, or 1 or 0."""
     if text.lower() not in ('true', 'false', '1', '0'):
         raise ConfigurationError('a switch', expected='true or false', got=repr(text),
                                  remedy='Write true or false.')
@@ -131,7 +131,7 @@ def switch(text: str) -> bool:
 
 
 def bit_rate(text: str) -> int | None:
-    """Return the bit rate in a text: '500000' -> 500000; None for 'auto'."""
+    """Parse a bit rate: '500000' -> 500000, and 'auto' -> None."""
     return None if text == 'auto' else number(text, '--bitrate', int, least=1, unit='bit/s, or auto',
                                               remedy='For example --bitrate 500000.')
 
@@ -147,9 +147,9 @@ def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_C
     channel : str
         Default of --channel.
     is_set : bool
-        False if an option that is not given should be None, so that the command can take the value from a file.
+        False to set options that are not given to None, so that the command can take the value from a file.
     finds_bit_rate : bool
-        True if the command accepts --bitrate auto; the option is then None.
+        True to accept --bitrate auto, which sets the option to None.
     """
     read = bit_rate if finds_bit_rate else partial(number, option='--bitrate', kind=int, least=1, unit='bit/s')
     rate = (read, 'bit rate of the bus [bit/s]' + ', or auto' * finds_bit_rate)
@@ -160,7 +160,7 @@ def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_C
 
 
 def add_node_id_option(parser: argparse.ArgumentParser) -> None:
-    """Add --node-id. The option is None if it is not given; `pads_of` then uses the default."""
+    """Add --node-id. If --node-id is not given, the option is None and `pads_of` uses the default."""
     parser.add_argument('--node-id', type=node_ids, action='extend', metavar='ID,...',
                         help=f'CANopen node-ID of each pad (default: {DEFAULT_NODE_ID})')
 
@@ -178,7 +178,7 @@ def add_any_device_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_output_option(parser: argparse.ArgumentParser, *names: str, **properties: Any) -> None:
-    """Add the option of an output file, and --force, which `check_writable` reads.
+    """Add the option for an output file, and --force, which `check_writable` reads.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def add_output_option(parser: argparse.ArgumentParser, *names: str, **properties
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
-    """Add --layout, --node-id, --channel and --any-device, for a log of pads that share one layout."""
+    """Add --layout, --node-id, --channel and --any-device, for a log of pads with the same layout."""
     parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout (default: %(default)s)')
     add_node_id_option(parser)
     parser.add_argument('--channel', default='', help='bus to play from a log of several buses, by its name in the '
@@ -210,15 +210,15 @@ def add_model_option(parser: argparse.ArgumentParser) -> None:
 
 
 def recogniser_of(args: argparse.Namespace) -> 'VisibilityGuard':
-    """Return the recogniser with the model of --model. Raises ConfigurationError if the file cannot be used."""
-    from tactile_node.shape.methods import make_recogniser  # imports scipy, which would slow completion
+    """Return a recogniser with the model from --model. Raises ConfigurationError if the file cannot be used."""
+    from tactile_node.shape.methods import make_recogniser  # imports scipy, which would slow down shell completion
     return make_recogniser(LEARNED, args.model)
 
 
 def add_skin_options(parser: argparse.ArgumentParser) -> None:
     """Add --node-id, --layout and --eds.
 
-    An option is None if it is not given; `pads_of` and `eds_of` then use the defaults.
+    Options that are not given are None, and `pads_of` and `eds_of` use the defaults.
     """
     add_node_id_option(parser)
     parser.add_argument('--layout', type=names, metavar='LAYOUT,...',
@@ -235,20 +235,20 @@ def pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[PadSe
     args : argparse.Namespace
         Options of the command.
     names : Sequence[str]
-        Names of the pads; empty for names that are made from the node-IDs.
+        Names of the pads, or empty to derive the names from the node-IDs.
 
     Raises
     ------
     ConfigurationError
-        If a layout cannot be used, or the options contradict each other.
+        Raised if a layout cannot be used, or if the options contradict each other.
     """
-    from tactile_node.skin.pads import make_pads  # imports canopen, which would slow completion
+    from tactile_node.skin.pads import make_pads  # imports canopen, which would slow down shell completion
     layouts = [args.layout] if isinstance(args.layout, str) else args.layout or [DEFAULT_LAYOUT]
     return make_pads(layouts, args.node_id or [DEFAULT_NODE_ID], names)
 
 
 def live_pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[LivePad, ...]':
-    """Return the pads as `pads_of` does, with the object dictionaries of --eds, which a live bus needs.
+    """Return the pads from `pads_of` with the object dictionaries from --eds, which a live bus needs.
 
     Raises ConfigurationError if a layout or an EDS cannot be used.
     """
@@ -257,7 +257,7 @@ def live_pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[
 
 
 def single_pad_of(args: argparse.Namespace, remedy: str) -> 'PadSettings':
-    """Return the only pad of the options. Raises ConfigurationError with ``remedy`` if there are several pads."""
+    """Return the only pad in the options. Raises ConfigurationError with ``remedy`` if there are several pads."""
     pads = pads_of(args)
     if len(pads) > 1:
         raise ConfigurationError('--node-id', expected='the nodes of one pad', got=f'{len(pads)} pads', remedy=remedy)
@@ -272,34 +272,35 @@ def bus_settings_of(args: argparse.Namespace, record: str = '') -> BusSettings:
     args : argparse.Namespace
         Options of the command.
     record : str
-        Path of the log to record; '' to record nothing.
+        Path of the log to record, or '' to record nothing.
     """
     return BusSettings(args.interface or DEFAULT_INTERFACE, args.channel or DEFAULT_CHANNEL,
                        args.bitrate or DEFAULT_BITRATE, record=record)
 
 
 def eds_of(args: argparse.Namespace) -> list[str]:
-    """Return the files of --eds; '' stands for the EDS that belongs to the layout."""
+    """Return the EDS files from --eds, where '' means the EDS that belongs to the layout."""
     return args.eds or ['']
 
 
 @contextmanager
 def open_network(args: argparse.Namespace, on_batch: 'Callable[[Batch], None]') -> 'Iterator[BusNetwork]':
-    """Open the bus that the options of `add_bus_options` describe, and close it at the end.
+    """Open the bus described by the options of `add_bus_options`, and close it on exit.
 
     Parameters
     ----------
     args : argparse.Namespace
         Options of the command.
     on_batch : Callable[[Batch], None]
-        Function that gets the received messages.
+        Function that is called with received messages.
 
     Raises
     ------
     BusError
-        If the bus cannot be opened, or at the end if it failed in the meantime.
+        Raised if the bus cannot be opened, or on exit if the bus failed in the meantime.
     """
-    from tactile_node.bus.bus_network import BusNetwork, open_bus  # imports python-can, which would slow completion
+    # imports python-can, which would slow down shell completion
+    from tactile_node.bus.bus_network import BusNetwork, open_bus
     failures: list[Exception] = []
     network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate), on_batch,
                          lambda fault, error: failures.append(error), name=f'{args.interface} {args.channel}')

@@ -18,15 +18,15 @@ UNUSABLE_REMEDY = ('`tactile replay` counts the reasons. Compare "map" in the la
 
 
 class PlayedLog(NamedTuple):
-    """Content of a CAN log after it was played."""
+    """Content of a CAN log that has been played."""
 
-    frames: dict[str, list[TaxelFrame]]  #: taxel frames by pad name; empty if they were not kept
-    source: LogSource                    #: closed source; it still has its statistics and summary
+    frames: dict[str, list[TaxelFrame]]  #: taxel frames by pad name, or empty if the frames were not kept
+    source: LogSource                    #: closed source, from which statistics and summary can still be read
     has_ended: bool                      #: False if the user interrupted the replay
 
     @property
     def unused(self) -> list[InputError]:
-        """One error for each pad without taxels: the log holds none of its TPDOs, or none of them can be used."""
+        """One error for each pad for which the log contains no usable TPDO."""
         return [InputError(f'log, pad {name!r}', expected='TPDOs with taxels',
                            got=f'{pad.received} TPDOs, none of which can be used' if pad.received else 'no TPDO',
                            remedy=UNUSABLE_REMEDY if pad.received else 'Check --node-id and --layout.')
@@ -36,7 +36,7 @@ class PlayedLog(NamedTuple):
 def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '',
              any_device: bool = False, window: TimeWindow = WHOLE, keep: bool = True,
              must_be_used: bool = False) -> PlayedLog:
-    """Play a CAN log and report on stderr every part that cannot be read.
+    """Play a CAN log, and report unreadable parts on stderr.
 
     Parameters
     ----------
@@ -45,26 +45,26 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
     pads
         Pads whose taxel frames are assembled.
     pace
-        1.0 for the recorded pace, 2.0 for twice as fast, None for as fast as possible.
+        1.0 for the recorded pace, 2.0 for twice as fast, or None for as fast as possible.
     channel
-        Bus to play if the log holds several, as the log names it.
+        Bus to play if the log contains several buses, as named in the log.
     any_device
-        True to play the log even if it shows another device or another TPDO mapping.
+        True to play the log even if its SDO transfers show another device or another TPDO mapping.
     window
         Part of the log to play.
     keep
-        True to keep the taxel frames; False to count them only, which needs a constant amount of memory.
+        True to keep the taxel frames, or False to only count the frames, which needs constant memory.
     must_be_used
-        True to raise an error if the replay was interrupted or a pad has no usable TPDO.
+        True to raise an error if the user interrupts the replay or a pad has no usable TPDO.
 
     Raises
     ------
     LogError
-        If the log cannot be played to its end.
+        Raised if the log cannot be played to its end.
     KeyboardInterrupt
-        If ``must_be_used`` and the user interrupted the replay.
+        Raised if ``must_be_used`` is set and the user interrupts the replay.
     InputError
-        If ``must_be_used`` and a pad has no usable TPDO in the log.
+        Raised if ``must_be_used`` is set and a pad has no usable TPDO in the log.
     """
     frames: dict[str, list[TaxelFrame]] = {pad.name: [] for pad in pads}
     count = 0
@@ -83,8 +83,9 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
             bar.update(count - bar.n)
         source.close()
     if source.failure:
-        raise LogError(path, expected='a log that plays to its end', got=source.failure.detail.removesuffix('.'),
-                       remedy='The frames before this place are not used.')
+        raise LogError(path, expected='a log that can be played to its end',
+                       got=source.failure.detail.removesuffix('.'),
+                       remedy='The frames before the error are not used.')
     for line in damage_lines(source.reader.damages):
         print(line, file=sys.stderr)
     if source.statistics().unread:

@@ -14,7 +14,7 @@ from tactile_node.logs.log_writer import MEGABYTE, CanLogWriter
 from tactile_node.logs.series import files_of
 from tactile_node.output_file import check_new, check_writable
 
-HINT_DELAY = 3.0  #: silence after which the hint is printed [s]
+HINT_DELAY = 3.0  #: time without CAN frames after which a hint is printed [s]
 SILENCE_HINT = ('Nothing was received so far. A CANopen skin is silent until a master starts it. Run the driver on the '
                 'same bus, or let the driver record: tactile bringup --record FILE.')
 
@@ -30,7 +30,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record until interrupted; return 1 if no frame was received, else 0."""
+    """Record until interrupted. Return 1 if no CAN frame was received, else 0."""
     check_writable(args.file, force=args.force)
     for path in files_of(args.file):
         check_new(path, force=args.force)
@@ -44,8 +44,8 @@ def run(args: argparse.Namespace) -> int:
     finally:
         bus.shutdown()
     if log.failure:
-        raise LogError(str(log.path), expected='a disk with room for the recording', got=log.failure,
-                       remedy='The frames written before this can still be read.')
+        raise LogError(str(log.path), expected='enough disk space for the recording', got=log.failure,
+                       remedy='The frames written before the error can still be read.')
     parts = f' and {log.parts - 1} files after it' if log.parts > 1 else ''
     print(f'{log.can_frames} CAN frames in {log.path}{parts}')
     if log.unwritten:
@@ -60,9 +60,9 @@ def _record(bus: can.BusABC, log: CanLogWriter, duration: float) -> None:
         while not stop_requested.is_set() and not log.failure and time.monotonic() < end:
             try:
                 message = bus.recv(0.1)
-            except Exception as error:  # each backend raises its own error when the adapter is unplugged
+            except Exception as error:  # each backend raises a different error when the adapter is unplugged
                 raise BusError(bus.channel_info, expected='to continue receiving', got=str(error),
-                               remedy='What was received so far is in the log. Check the adapter.') from error
+                               remedy='The log contains all frames received so far. Check the adapter.') from error
             if message is not None:
                 log.write(message)
             elif hint_at is not None and time.monotonic() > hint_at and not log.can_frames:

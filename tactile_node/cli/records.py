@@ -1,4 +1,4 @@
-"""Write the results for frames as JSON lines or CSV, to standard output or to a file."""
+"""Write one result per frame as JSON lines or CSV, to standard output or to a file."""
 
 import argparse
 import csv
@@ -24,20 +24,20 @@ def prints(args: argparse.Namespace) -> bool:
 
 
 def write_records(records: Iterable[Record], columns: Callable[[], Sequence[str]], args: argparse.Namespace) -> None:
-    """Write records to the output that the options name.
+    """Write records to the output selected by the options.
 
     Parameters
     ----------
     records
         Results, one record per frame.
     columns
-        Function that returns the column names for CSV. JSON does not need them.
+        Function that returns the column names, called only for CSV.
     args
-        Options of the command: format, output and input files. An input file is never overwritten.
+        Options of the command: format, output and input files. Input files are never overwritten.
     """
     lines = _json_lines(records) if args.format == JSON else _csv_lines(records, columns())
     if prints(args):
-        for line in lines:  # line by line, so that a pipe receives each result at once
+        for line in lines:  # written line by line, so that a pipe receives each result immediately
             sys.stdout.write(line)
         return
     inputs = [path for path in args.frames if path != '-']
@@ -63,8 +63,9 @@ def _json_lines(records: Iterable[Record]) -> Iterator[str]:
 
 
 def _csv_lines(records: Iterable[Record], columns: Sequence[str]) -> Iterator[str]:
-    """Yield CSV lines. An unknown column is a programming error and raises ValueError rather than losing a value."""
-    writer: Any = csv.DictWriter(_Line(), columns, lineterminator='\n')  # its methods return what `_Line.write` returns
+    """Yield CSV lines. A record with an unknown column raises ValueError, so that no value is lost."""
+    # the methods of a csv writer return the result of `_Line.write`
+    writer: Any = csv.DictWriter(_Line(), columns, lineterminator='\n')
     header = writer.writeheader()
     for record in records:
         yield header + writer.writerow(flatten(record))

@@ -1,4 +1,5 @@
-"""`tactile replay` plays a CAN log without ROS, writes taxel frames to a file and accounts for every CAN frame."""
+"""`tactile replay` plays a CAN log without ROS, writes taxel frames to a file and accounts for every CAN frame.
+"""
 
 import argparse
 import io
@@ -50,14 +51,14 @@ def run(args: argparse.Namespace) -> int:
     Returns
     -------
     int
-        1 if a pad has no usable TPDO in the log, if other nodes send its COB-IDs, or if the user interrupted the
-        replay; else UNREAD_EXIT if a part of the log could not be read; else 0.
+        1 if a pad has no usable TPDO in the log, if other nodes send a pad's COB-IDs, or if the user interrupted the
+        replay. In all other cases, UNREAD_EXIT if a part of the log could not be read, else 0.
     """
     pads = pads_of(args, args.pads)
     paths = _outputs(args.output, pads)
     for path in filter(None, paths.values()):
         check_writable(path, [args.log], force=args.force)
-    with ExitStack() as stack:  # opened before the log is played, so that an unwritable file is reported at once
+    with ExitStack() as stack:  # opened before the log is played, so that an unwritable file is reported early
         outputs = {name: stack.enter_context(output_file(path, [args.log]) if path else _standard_output())
                    for name, path in paths.items()}
         played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel, any_device=args.any_device,
@@ -74,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archive: bool) -> bytes:
-    """Return the content of the output file. It is built in memory, because numpy seeks and a pipe cannot."""
+    """Return the content of the output file, built in memory because NumPy needs to seek and a pipe cannot seek."""
     stream, shape = io.BytesIO(), (layout.rows, layout.cols)
     if is_archive:
         write_archive(stream, frames, shape, pad=pad, pitch=layout.pitch, unit=layout.value.unit)
@@ -84,22 +85,22 @@ def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archi
 
 
 def _is_archive(output: str) -> bool:
-    """Return True if ``output`` is an .npz. Raises ConfigurationError for any suffix but .npz, .npy and none."""
+    """Return True if ``output`` is an .npz file. Raises ConfigurationError for a suffix other than .npz or .npy."""
     suffix = Path(output).suffix.lower()
     if suffix not in ('', '.npy', '.npz'):
-        raise ConfigurationError(f'--output {output}', expected='.npz, with stamps, or .npy', got=suffix,
-                                 remedy='Name another file.')
+        raise ConfigurationError(f'--output {output}', expected='an .npz file (with stamps) or an .npy file',
+                                 got=suffix, remedy='Name another file.')
     return suffix == '.npz'
 
 
 def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict[str, Path | None]:
-    """Return the output file for each pad name; None means standard output."""
+    """Return the output files by pad name, with None for standard output."""
     if output is None:
         return {}
     if output == '-':
         if len(pads) > 1:
             raise ConfigurationError('--output -', expected='one pad', got=f'{len(pads)} pads',
-                                     remedy='Name a file: each pad gets its own.')
+                                     remedy='Name a file, because each pad gets its own file.')
         return {pads[0].name: None}
     _is_archive(output)
     path = Path(output)

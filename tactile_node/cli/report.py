@@ -1,4 +1,4 @@
-"""`tactile report` writes one HTML page about a recording, for a support ticket."""
+"""`tactile report` writes an HTML page about a recording, for a support ticket."""
 
 import argparse
 import sys

@@ -1,8 +1,8 @@
-"""`tactile scan` lists the CANopen nodes on a bus, their states, and the layouts in config/ that describe them.
+"""`tactile scan` lists the CANopen nodes on a bus with their states and the matching layouts in config/.
 
-The command reads a few objects of each node by SDO and writes nothing. With --passive it only listens. With --bitrate
-auto it first finds the bit rate: it listens for the time --listen at each of eight bit rates. It does so in listen-only
-mode, which does not disturb the bus.
+The command reads a few objects of each node by SDO and writes nothing. With --passive, the command only listens. With
+--bitrate auto, the command first finds the bit rate by listening for --listen seconds at each of eight bit rates.
+Listen-only mode keeps the search from disturbing the bus.
 """
 
 import argparse
@@ -19,8 +19,8 @@ from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.eds_rules import Identity, identity_of
 
-LONGEST_LISTENING = 86_400.0  #: longest time that --listen accepts [s]
-LISTENING_TIME = 1.5  #: default of --listen [s]; most nodes send a heartbeat at least once per second
+LONGEST_LISTENING = 86_400.0  #: maximum value of --listen [s]
+LISTENING_TIME = 1.5  #: default of --listen [s], because most nodes send a heartbeat at least once per second
 SILENT_HINT = 'Nothing was received, and no node answered. Check power, termination, bit rate and cable.'
 SILENT_PASSIVE_HINT = 'Nothing was received. A node without a heartbeat is found only without --passive.'
 DAMAGED_HINT = ('Only damaged CAN frames were received: {} error frames. Check the bit rate, the termination, and that '
@@ -41,7 +41,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the nodes; return 1 if none was found, else 0."""
+    """Print the nodes. Return 1 if no node was found, else 0."""
     for folder in args.eds:
         if not Path(folder).is_dir():
             raise ConfigurationError('--eds', expected='a folder', got=repr(folder), remedy='Check the path.')
@@ -69,14 +69,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def as_json(node: FoundNode, matching: list[Path]) -> dict:
-    """Return the facts about a node as a dict that JSON can hold; an unknown fact is None.
+    """Return the facts about a node as a JSON-compatible dict, with None for unknown facts.
 
     Parameters
     ----------
     node
-        Node that was found.
+        The node to describe.
     matching
-        EDS files whose identity matches the node.
+        EDS files that match the identity of the node.
     """
     return {**node._asdict(), 'state': None if node.state is None else state_name(node.state),
             'identity': node.identity._asdict(), 'eds': [str(path) for path in matching],
@@ -100,7 +100,7 @@ def _layout(eds: Path) -> Path:
 
 
 def _known(folders: list[Path]) -> list[tuple[Path, Identity]]:
-    """Return the EDS files that name an identity, with this identity; report unreadable files on stderr."""
+    """Return the EDS files that contain an identity, with that identity. Report unreadable files on stderr."""
     found = []
     for path in sorted(path for folder in folders for path in folder.glob('*.[eE][dD][sS]')):
         try:

@@ -1,8 +1,8 @@
-"""`tactile sdo` reads or writes one object of a CANopen device, and stores its parameters or restores the maker's.
+"""`tactile sdo` reads or writes one object of a CANopen device, or stores its parameters or restores its defaults.
 
-OBJECT is an index with a sub-index, hexadecimal or decimal: 0x1018:1 or 25601:16. Without a sub-index, 0 is used. With
---eds, OBJECT may also be a name from the EDS, such as Identity.Vendor-ID. Hexadecimal numbers need their 0x, even
-where a device manual leaves it out.
+OBJECT is an index with a sub-index, hexadecimal or decimal: 0x1018:1 or 25601:16. The default sub-index is 0. With
+--eds, OBJECT may also be a name from the EDS, such as Identity.Vendor-ID. Hexadecimal numbers need the prefix 0x, even
+if the device manual omits the prefix.
 
 A running driver treats a write to 0x1005, 0x1800... or 0x1A00... as a change by another master. The driver then
 publishes no values from this node until it has configured the node again (RECONFIGURED).
@@ -35,9 +35,9 @@ from tactile_node.skin.object_value import (
     type_name,
 )
 
-SDO_ANSWER_TIMEOUT = 1.0    #: time allowed for an answer [s]
-STORE_TIMEOUT = 10.0        #: time allowed for the answer to store or restore [s], because flash memory is slow
-LONGEST_TIMEOUT = 3600.0    #: longest time that --timeout accepts [s]
+SDO_ANSWER_TIMEOUT = 1.0    #: timeout for a response [s]
+STORE_TIMEOUT = 10.0        #: timeout for the response to store or restore [s], because flash memory is slow
+LONGEST_TIMEOUT = 3600.0    #: maximum value of --timeout [s]
 RECONFIGURES = ('this object decides which TPDOs the node sends. A running driver publishes no values from this node '
                 'until it has configured the node again')
 
@@ -67,7 +67,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Execute the action. Raises DeviceError if the device refuses it."""
+    """Execute the action. Raises DeviceError if the device refuses the transfer."""
     args.act(args)
     return 0
 
@@ -100,8 +100,8 @@ def _read(args: argparse.Namespace) -> None:
         value = decode_value(kind or 'hex', data)
     except WrongValueError as error:
         raise DeviceError(f'node {args.node_id}, object {address}', expected=f'{error.expected} ({kind})',
-                          got=f'{len(data)} bytes: {data.hex()}', remedy='Correct --type or the EDS, or read it with '
-                          '--type hex.') from error
+                          got=f'{len(data)} bytes: {data.hex()}', remedy='Correct --type or the EDS, or read the '
+                          'object with --type hex.') from error
     _report(args, address, kind, data, '=', value)
 
 
@@ -109,12 +109,12 @@ def _write(args: argparse.Namespace) -> None:
     address, kind = _target(args)
     if kind is None:
         raise ConfigurationError('--type', expected=f'the type of object {address}', got='none',
-                                 remedy='Give --type or --eds: they decide how many bytes are written.')
+                                 remedy='Give --type or --eds to set how many bytes are written.')
     try:
         data = encode_value(kind, args.value)
     except WrongValueError as error:
         raise ConfigurationError('VALUE', expected=f'{error.expected} ({kind})', got=repr(args.value),
-                                 remedy='Correct it, or --type.') from error
+                                 remedy='Correct the value or --type.') from error
     if address.index in DECIDES_TPDOS:
         print(f'tactile: warning: {RECONFIGURES}.', file=sys.stderr)
     with _client(args) as sdo:
@@ -123,7 +123,7 @@ def _write(args: argparse.Namespace) -> None:
 
 
 def _parameters(args: argparse.Namespace, index: int, signature: bytes, done: str) -> None:
-    """Write the signature that makes a device store or restore its parameters (CiA 301, 7.5.2.13 and 7.5.2.14)."""
+    """Write the signature with which a device stores or restores its parameters (CiA 301, 7.5.2.13 and 7.5.2.14)."""
     with _client(args) as sdo:
         write_object(sdo, ObjectAddress(index, args.sub), signature)
     facts = {'node_id': args.node_id, 'sub': args.sub}
@@ -131,7 +131,7 @@ def _parameters(args: argparse.Namespace, index: int, signature: bytes, done: st
 
 
 def _target(args: argparse.Namespace) -> tuple[ObjectAddress, str | None]:
-    """Return the address that ``object`` names, and the type of its value, or None if the type is not known."""
+    """Return the address named by ``object`` and the type of its value, or None if the type is unknown."""
     dictionary = load_eds(args.eds, args.node_id) if args.eds else ObjectDictionary()
     try:
         address = parse_address(args.object)
@@ -156,7 +156,7 @@ def _named(args: argparse.Namespace, dictionary: ObjectDictionary) -> ObjectAddr
 def _report(args: argparse.Namespace, address: ObjectAddress, kind: str | None, data: bytes, verb: str,
             value: int | float | str) -> None:
     if args.json:
-        is_json = not isinstance(value, float) or isfinite(value)  # JSON has no NaN
+        is_json = not isinstance(value, float) or isfinite(value)  # JSON supports neither NaN nor infinity
         print(json.dumps({'node_id': args.node_id, 'index': address.index, 'sub': address.sub, 'type': kind,
                           'value': value if is_json else None, 'data': data.hex()}))
         return

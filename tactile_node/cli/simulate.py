@@ -1,9 +1,9 @@
 """`tactile simulate` runs a simulated CANopen skin, on a CAN bus or behind a pseudo-terminal (slcan).
 
-Like a real skin, the simulated skin sends no TPDOs until a master (the driver) starts it. Behind a pseudo-terminal, the
-simulator reproduces the timing of a wire with the bit rate --bitrate: each frame ends when a real wire would have
-carried it, and frames compete by arbitration. When it ends, and at each SIGUSR1, the simulator reports what the wire
-has carried since the last report, and how late the simulator itself was.
+Like a real skin, the simulated skin sends no TPDOs until a CANopen master, such as the driver, starts it. Behind a
+pseudo-terminal, the simulator reproduces the timing of a CAN bus at the bit rate --bitrate. CAN frames compete by
+arbitration, and each CAN frame is delivered when a real bus would have delivered it. On exit and on each SIGUSR1, the
+simulator reports the bus traffic since the last report and its own lateness.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from tactile_node.simulator.touches import TAXEL_NOISE, TOUCH_AREAS, TOUCH_HOLD,
 from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import PadSettings
 
-DARK_GREY = 128  #: pixels with a grey value below this belong to the figure
+DARK_GREY = 128  #: pixels with a lower grey value belong to the silhouette
 
 
 def read_shape(text: str) -> str | Silhouette:
@@ -36,17 +36,17 @@ def read_shape(text: str) -> str | Silhouette:
     Parameters
     ----------
     text
-        Name of a class of the recogniser, name of a built-in silhouette, or path of a picture or bool .npy array.
+        Name of a shape class, name of a built-in silhouette, or path of a picture or bool .npy file.
 
     Returns
     -------
     str or Silhouette
-        The name of the class, or the silhouette.
+        Name of the shape class, or the silhouette.
 
     Raises
     ------
     InputError
-        If ``text`` is no such name, or if the file cannot be used.
+        Raised if ``text`` is not a known name or an existing file, or if the file cannot be used.
     """
     if text in CLASSES:
         return text
@@ -55,7 +55,7 @@ def read_shape(text: str) -> str | Silhouette:
     path = Path(text)
     if not path.is_file():
         raise InputError('--shapes', expected=f'{", ".join((*CLASSES, *NAMED))}, or a picture', got=repr(text),
-                         remedy='Give one of these names, or the file of a picture (dark on white) or bool .npy array.')
+                         remedy='Give one of these names, or the path of a picture (dark on white) or bool .npy file.')
     return silhouette_of(path.stem, _array(path) if path.suffix == '.npy' else _picture(path))
 
 
@@ -83,10 +83,10 @@ def _picture(path: Path) -> np.ndarray:
 
 def _unusable(path: Path, got: str) -> InputError:
     return InputError(f'picture {str(path)!r}', expected=f'a picture, dark on white, up to {MOST_SIDE} x {MOST_SIDE}, '
-                      'or a bool .npy array', got=got, remedy='Save it as .png.')
+                      'or a bool .npy array', got=got, remedy='Save the picture as .png.')
 
 
-MOST_DELAY = 1.0  #: longest --delay, --jitter and --batch [s]
+MOST_DELAY = 1.0  #: maximum value of --delay, --jitter and --batch [s]
 MOST_SLIDE = 1.0  #: highest --slide [m/s]
 
 
@@ -140,7 +140,7 @@ def _wire(args: argparse.Namespace) -> WireSettings | None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until interrupted; return 1 if the bus failed, else 0."""
+    """Run until interrupted. Return 1 if the bus failed, else 0."""
     pads = live_pads_of(args)
     nodes = [str(node_id) for pad in pads for node_id in pad.node_ids]
     failures: list[Exception] = []
@@ -176,7 +176,7 @@ def _report(simulator: SkinSimulator, file: str | None) -> None:
 
 
 def _open(args: argparse.Namespace) -> tuple[can.BusABC, str]:
-    """Return the bus, and the channel or port at which a driver finds it."""
+    """Return the bus, and the channel or port to which a driver connects."""
     if args.pty:
         adapter = SlcanPty(args.link)
         return adapter, adapter.port

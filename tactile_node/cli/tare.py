@@ -1,7 +1,7 @@
-"""`tactile tare` sets the zero of the pads: the present readings, with nothing on the pads, become zero.
+"""`tactile tare` sets the zero of the pads: the current readings, with nothing on the pads, become zero.
 
-The running driver tares one pad after another. It refuses to tare a pad that is pressed. The command then tries again
-until the time --wait has passed. The exit code is 1 if a pad was not tared.
+The running driver tares one pad after another. The driver refuses to tare a pad that is pressed. If a pad is pressed,
+the command retries for up to --wait seconds. The exit code is 1 if a pad was not tared.
 """
 
 import argparse
@@ -11,7 +11,7 @@ import time
 from tactile_node.cli.options import add_number, pad_names
 from tactile_node.errors import TareRefusal
 
-DEFAULT_WAIT = 10.0  #: time for which the command tries again [s]
+DEFAULT_WAIT = 10.0  #: time for which the command retries [s]
 PRESSED = TareRefusal.PRESSED, TareRefusal.CONTACT
 
 
@@ -27,8 +27,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Tare each pad; return 1 if a pad was not tared, else 0."""
-    from tactile_node.nodes.tare_client import tare_client  # imported late, because `--help` must work without ROS
+    """Tare each pad. Return 1 if a pad was not tared, else 0."""
+    from tactile_node.nodes.tare_client import tare_client  # imported here, because `--help` must work without ROS
     is_done = True
     with tare_client(args.namespace) as client:
         for pad in args.pads or client.pads():

@@ -1,11 +1,11 @@
-"""`tactile teach`: teach the recogniser your own shapes in a few minutes, from about 30 touches of each shape.
+"""`tactile teach` teaches the recogniser your own shapes in a few minutes, from about 30 touches of each shape.
 
     tactile teach --name plug --output my_shapes.npz                     # live, guides you through 30 touches
     tactile teach --name plug --from touches.log --output my_shapes.npz  # from recordings, also .npz and .npy
 
-The file contains the networks of --model and your shapes. Give it to the classifier node (model:=), to
-`tactile classify` (--model) or to the library (Recogniser(file=...)). On topics, a taught shape has the code OTHER and
-its own name.
+The output file contains the networks of --model and your shapes. Pass the file to the classifier node (model:=), to
+`tactile classify` (--model) or to the library (Recogniser(file=...)). On the ROS topics, a taught shape has the code
+OTHER and its own name.
 """
 
 import argparse
@@ -45,8 +45,8 @@ from tactile_node.shape.recogniser import KINDS, ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, TaughtShape
 
 DEFAULT_TOUCHES = 30
-VARIANT_SEED = 0  #: Seed for the variants of the touches.
-REFUSED_CODE = 1  #: Exit code if the taught shapes are not good enough to be written.
+VARIANT_SEED = 0  #: seed of the random variants of the touches
+REFUSED_CODE = 1  #: exit code if recognition of the taught shapes is too poor to write the file
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -77,7 +77,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Teach the shapes and write --output.
 
-    Returns 0, or REFUSED_CODE if a shape is not good enough and --accept-poor is not given.
+    Returns 0, or REFUSED_CODE if recognition of a shape is too poor and --accept-poor is not given.
     """
     model = config_path(args.model)
     recogniser, base = ShapeRecogniser.from_file(model), read_arrays(model)
@@ -118,16 +118,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _record(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
-    """Return the kind of frames and the examples of one shape, from its files or live."""
+    """Return the kind of frames and the examples of one shape, from files or from the live bus."""
     touches = touches_of(name, args)
     if len(touches.touches) < LEAST_TOUCHES:
         raise InputError(f'touches of {name}', expected=f'{LEAST_TOUCHES} or more, typically {DEFAULT_TOUCHES}',
                          got=str(len(touches.touches)),
-                         remedy='Record more touches, and lift the object between them.')
+                         remedy='Record more touches, and lift the object between touches.')
     examples = examples_of(touches.touches, np.random.default_rng(VARIANT_SEED))
     graded = {patch.graded for patch in examples.patches}
     if len(graded) > 1:
-        raise InputError(f'touches of {name}', expected='pressures, or on/off taxels', got='both',
+        raise InputError(f'touches of {name}', expected='either pressures or on/off taxels', got='both',
                          remedy='Teach the shape from touches on one skin.')
     return KINDS[graded.pop()], examples
 
@@ -150,7 +150,7 @@ def _summary(held_out: HeldOut, names: Sequence[str], kind: str) -> str:
 
 
 def _pictures(path: str | None) -> list[Path]:
-    """Return the paths of the pictures that `_draw` may write."""
+    """Return the paths of all pictures that `_draw` may write."""
     return [Path(path), *(Path(path).with_stem(f'{Path(path).stem}_{kind}') for kind in KINDS)] if path else []
 
 

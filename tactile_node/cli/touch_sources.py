@@ -23,15 +23,15 @@ from tactile_node.skin.pads import with_dictionaries
 from tactile_node.taxel_frame import ON_OFF_UNIT
 
 ARRAY_SUFFIXES = ('.npy', '.npz')
-REST_FRAMES = 25      #: Number of frames from which the zero of a live skin is determined.
-STEADY_FRAMES = 10    #: Number of frames for which an object has to rest for the touch to count.
-FRAME_TIMEOUT = 10.0  #: Time without a frame after which a live recording fails [s].
+REST_FRAMES = 25      #: number of frames used to determine the zero of a live skin
+STEADY_FRAMES = 10    #: number of frames for which an object must be still for the touch to count
+FRAME_TIMEOUT = 10.0  #: time without a frame after which a live recording fails [s]
 WHAT_TO_DO = ('Touch the skin {count} times with this object: {name}. Hold the object still until the touch counts. '
               'Then lift it, rotate it, and touch at another place. Keep away from the edges of the pad.')
 
 
 class OfLastName(argparse.Action):
-    """Collects the files of each --from in ``sources``, under the name that precedes it."""
+    """Collects the files of each --from in ``sources``, under the preceding --name."""
 
     def __call__(self, parser, namespace, values, option_string=None):
         if not namespace.name:
@@ -42,22 +42,22 @@ class OfLastName(argparse.Action):
 def touches_of(name: str, args: argparse.Namespace, finder_type: type[TouchFinder] = TouchFinder) -> Touches:
     """Return the touches of one object from its files, or live from the bus if it has no files.
 
-    The function also prints the number of touches. It records live touches in the folder of --output, or in the working
-    folder.
+    The function also prints the number of touches. Live touches are recorded in the folder of --output, or in the
+    working folder.
 
     Parameters
     ----------
     name : str
         Name of the object.
     args : argparse.Namespace
-        --touches, --output, the options of skin and bus, and the ``sources`` that `OfLastName` collects.
+        Options of the command: --touches, --output, the skin and bus options, and ``sources`` from `OfLastName`.
     finder_type : type[TouchFinder]
-        Finder, which decides which touches are used.
+        Finder that selects the touches to use.
 
     Raises
     ------
     KeyboardInterrupt
-        If the user stops a live recording.
+        Raised if the user stops a live recording.
     """
     files = args.sources.get(name)
     if files:
@@ -96,10 +96,10 @@ def _in_log(path: str, finder_type: type[TouchFinder], args: argparse.Namespace)
 
 def live_touches(name: str, count: int, args: argparse.Namespace, record: str,
                  finder_type: type[TouchFinder] = TouchFinder) -> Touches:
-    """Guide the user through the touches of one object on a live bus, and record the bus.
+    """Guide the user through the touches of one object, and record the live bus.
 
-    If the log ``record`` exists, the function records to a new file next to it. It prints the path of the recording in
-    any case, also after an error.
+    If the log ``record`` exists, the function records to a new file next to that log. The function always prints the
+    path of the recording, even after an error.
 
     Parameters
     ----------
@@ -108,18 +108,18 @@ def live_touches(name: str, count: int, args: argparse.Namespace, record: str,
     count : int
         Number of touches.
     args : argparse.Namespace
-        Options of skin and bus.
+        Options of the skin and the bus.
     record : str
         Path of the log to record.
     finder_type : type[TouchFinder]
-        Finder, which decides which touches are used.
+        Finder that selects the touches to use.
 
     Raises
     ------
     KeyboardInterrupt
-        If the user stops the recording.
+        Raised if the user stops the recording.
     BusError
-        If the bus fails, or no frame arrives for FRAME_TIMEOUT.
+        Raised if the bus fails, or if no frame arrives for FRAME_TIMEOUT.
     """
     pad = single_pad_of(args, 'Touch one pad; the result is also valid for the other pad.')
     frames: SimpleQueue[np.ndarray] = SimpleQueue()
@@ -173,7 +173,7 @@ def _next(frames: SimpleQueue, failures: list[Failure], stop_requested) -> np.nd
             raise KeyboardInterrupt
         if failures:
             raise BusError('CAN bus', expected='a working bus', got=failure_text(failures[0]).rstrip('.'),
-                           remedy='Correct the fault and begin again.')
+                           remedy='Correct the fault, then start the command again.')
         try:
             return frames.get(timeout=0.1)
         except Empty:

@@ -1,10 +1,10 @@
 """`tactile view` shows the pads in a browser or on a terminal: live from topics or a bus, or from a recording.
 
-Without RECORDING, --interface and --channel, the command shows the topics of running nodes; it subscribes to them only
-while somebody watches. With --interface or --channel, it reads a bus without ROS. It then starts the pads itself, so no
-driver may run on that bus. RECORDING is a CAN log or a ROS 2 bag of this package's topics; you can seek in it. The
-page is served to this machine only. To see it from another machine, run `ssh -L 8080:localhost:8080 ROBOT` there and
-open http://localhost:8080.
+Without RECORDING, --interface and --channel, the command shows the topics of running ROS nodes. The command subscribes
+to topics only while a viewer is connected. With --interface or --channel, the command reads a bus without ROS and
+starts the pads itself, so no driver may run on that bus. RECORDING is a CAN log or a ROS 2 bag of this package's
+topics, in which you can seek. The page is served to this machine only. To view the page from another machine, run `ssh
+-L 8080:localhost:8080 ROBOT` there and open http://localhost:8080.
 """
 
 import argparse
@@ -36,7 +36,7 @@ TOPICS = 'topics'
 BUS = 'a bus'
 LOG = 'a CAN log'
 BAG = 'a bag of taxel arrays'
-#: options that apply to each kind of source, besides those that apply to all kinds
+#: options that apply only to some kinds of source, by kind
 APPLIED_OPTIONS = {
     TOPICS: ('namespace',),
     BUS: ('interface', 'channel', 'bitrate', 'node_id', 'layout', 'eds', 'model'),
@@ -62,7 +62,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show the pads until Ctrl-C; on a terminal, a recording ends the command when it has been played."""
+    """Show the pads until Ctrl-C, or on a terminal until a recording has been played to its end."""
     with interruption() as stop_requested:
         source = source_of(args)
         try:
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def source_of(args: argparse.Namespace) -> ViewSource:
-    """Return the source that the options name. Raises ConfigurationError and LogError."""
+    """Return the source selected by the options. Raises ConfigurationError and LogError."""
     if args.recording is not None:
         return _recording_source(args)
     if args.interface is not None or args.channel is not None:
@@ -106,7 +106,7 @@ def _recording_source(args: argparse.Namespace) -> ViewSource:
 
 
 def _refuse_ignored(args: argparse.Namespace, kind: str, remedy: str = 'Leave them out.') -> None:
-    """Raise ConfigurationError if the user gave an option that this ``kind`` of source would ignore."""
+    """Raise ConfigurationError if the user gave an option that a source of this ``kind`` would ignore."""
     every = dict.fromkeys(name for names in APPLIED_OPTIONS.values() for name in names)
     ignored = [name for name in every if getattr(args, name) and name not in APPLIED_OPTIONS[kind]]
     if ignored:

@@ -1,8 +1,8 @@
-"""CAN frames in ROS 2 bags as can_msgs/msg/Frame: .mcap, .db3 (rosbag2) or the folder of a bag. Needs no ROS.
+"""Read and write CAN frames (can_msgs/msg/Frame) in ROS 2 bags without ROS: .mcap, .db3 (rosbag2) or a bag folder.
 
-The writer ends an MCAP chunk after CHUNK_BYTES and at each flush. A truncated file can therefore be read up to the
-place where it ends, and damage costs only the chunk that contains it. The library rosbags also writes bags, but its
-chunks have no checksum.
+The writer ends an MCAP chunk after CHUNK_BYTES and at each flush. A truncated file can therefore be read up to its last
+complete chunk, and damage destroys only the affected chunk. The rosbags library also writes bags, but without chunk
+checksums.
 """
 
 from collections.abc import Iterator
@@ -17,8 +17,9 @@ from tactile_node.logs.damage import Damage, DamageKind
 from tactile_node.logs.replay_times import SECOND, WHOLE, TimeWindow
 
 CAN_TYPE = 'can_msgs/msg/Frame'
-CAN_TOPIC = 'from_can_bus'  #: topic name of ros2_socketcan
-#: definition of CAN_TYPE in the package can_msgs, with the types that it contains
+#: topic name used by ros2_socketcan
+CAN_TOPIC = 'from_can_bus'
+#: definition of CAN_TYPE from the can_msgs package, with all contained types
 CAN_DEFINITION = '''std_msgs/Header header
 uint32 id
 bool is_rtr
@@ -35,31 +36,31 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 '''
-#: Size of a chunk, uncompressed [bytes]: 0.5 s of a full bus with 1 Mbit/s. A killed recording loses at most one chunk.
-#: Damage to a larger chunk would cost more, and smaller chunks would make the file larger.
+#: Uncompressed size of a chunk [bytes], which is 0.5 s of traffic on a full 1 Mbit/s bus. A killed recording loses at
+#: most one chunk. Larger chunks would lose more data when damaged, and smaller chunks would make the file larger.
 CHUNK_BYTES = 1 << 18
 
 
 def read_can_frames(path: str | Path, on_damage: OnDamage = lambda _: None, window: TimeWindow = WHOLE
                     ) -> Iterator[can.Message]:
-    """Yield the CAN messages of a bag in the order in which they were recorded.
+    """Yield the CAN messages of a bag in the order of recording.
 
     Parameters
     ----------
     path
-        Bag: a file or its folder.
+        Path of the bag: a file or a folder.
     on_damage
-        Called with each part that cannot be read.
+        Called with each unreadable part.
     window
         Part of the recording to read.
 
     Raises
     ------
     LogError
-        If the bag has no topic of type can_msgs/msg/Frame.
+        Raised if the bag has no topic of type can_msgs/msg/Frame.
     """
     path, types, given = Path(path), _CanTypes(path), 0
-    seen: dict[str, str] = {}  # topic -> type
+    seen: dict[str, str] = {}  # message types by topic
     bounds = (0, None) if window == WHOLE else window.of(begin_of(path))
     try:
         for recorded in records_of(path, on_damage, *bounds):
@@ -83,13 +84,13 @@ def read_can_frames(path: str | Path, on_damage: OnDamage = lambda _: None, wind
 
 
 class McapCanWriter:
-    """Writes CAN messages to an .mcap as can_msgs/msg/Frame, with the interface of python-can's writers."""
+    """Writes CAN messages to an .mcap file as can_msgs/msg/Frame, with the interface of python-can's writers."""
 
     def __init__(self, path: str | Path):
         types = _CanTypes(path)
         writer = library('mcap.writer', path)
         if not hasattr(writer.Writer, 'flush'):
-            raise ImportError('a library mcap older than 1.5.0, which cannot end a chunk')
+            raise ImportError('an mcap library older than 1.5.0, which cannot end a chunk')
         self.file = open(path, 'wb')
         self._types = types
         self._sequence = 0
@@ -100,17 +101,19 @@ class McapCanWriter:
         self._repeat_types(schema, library('mcap.records', path), library('mcap.data_stream', path))
 
     def on_message_received(self, message: can.Message) -> None:
-        """Write a message. Raises ValueError for a CAN FD frame, which can_msgs/msg/Frame cannot hold."""
+        """Write a message. Raises ValueError for a CAN FD frame, which does not fit into can_msgs/msg/Frame."""
         if message.is_fd:
             raise ValueError('a CAN FD frame does not fit into can_msgs/msg/Frame')
         seconds, part = divmod(message.timestamp, 1)
-        time = int(seconds) * SECOND + round(part * SECOND)  # in two parts, because one float would round to 256 ns
+        # converted in two parts, because a single float would round to 256 ns
+        time = int(seconds) * SECOND + round(part * SECOND)
         self._sequence += 1
         self._writer.add_message(channel_id=self._channel, log_time=time, data=self._types.cdr(message, time),
                                  publish_time=time, sequence=self._sequence)
 
     def _repeat_types(self, schema: int, records, streams) -> None:
-        """Write schema and channel before the first chunk, so that damage to that chunk does not cost all messages."""
+        """Write schema and channel before the first chunk too, so that damage to that chunk does not lose all messages.
+        """
         builder = streams.RecordBuilder()
         records.Schema(id=schema, name=CAN_TYPE, encoding=MSG_ENCODING, data=CAN_DEFINITION.encode()).write(builder)
         records.Channel(id=self._channel, topic=CAN_TOPIC, message_encoding='cdr', metadata={},
@@ -131,13 +134,13 @@ class _CanTypes:
 
     def __init__(self, path: str | Path):
         typesys = library('rosbags.typesys', path)
-        # Loading all types of a ROS distribution takes 0.2 s, during which a rotating recording would stop.
+        # Loading all types of a ROS distribution would interrupt a rotating recording for 0.2 s.
         self._store = typesys.get_typestore(typesys.Stores.EMPTY)
         self._store.register(typesys.get_types_from_msg(CAN_DEFINITION, CAN_TYPE))
         self._frame = self._store.types[CAN_TYPE]
 
     def message(self, recorded: Recorded) -> can.Message:
-        """Return the recorded message, stamped by the CAN driver, or else with the time of recording as its stamp."""
+        """Return the recorded message with the stamp of the CAN driver or, without one, the time of recording."""
         frame = self._store.deserialize_cdr(decompress(recorded.cdr), CAN_TYPE)
         stamp = frame.header.stamp
         time = stamp.sec + stamp.nanosec / SECOND if stamp.sec or stamp.nanosec else recorded.time / SECOND

@@ -1,4 +1,4 @@
-"""Read the raw messages of a ROS 2 bag in order: .mcap, .db3 (rosbag2) or the folder of a bag. Needs no ROS."""
+"""Read the raw messages of a ROS 2 bag in order without ROS: .mcap, .db3 (rosbag2) or a bag folder."""
 
 import gzip
 import sqlite3
@@ -19,19 +19,19 @@ from tactile_node.logs.series import BAG_SUFFIXES, Part, files_of, parts_of
 def message_count(path: str | Path, types: Collection[str]) -> int | None:
     """Count the messages of a recording for a progress bar.
 
-    Errors in the file are ignored here; the reader of the messages reports them.
+    Errors in the file are ignored during counting, because the message reader reports them.
 
     Parameters
     ----------
     path
-        A .log, whose lines are counted, or a bag of .mcap files.
+        Path of a .log file, whose lines are counted, or of a bag of .mcap files.
     types
         Message types to count in a bag.
 
     Returns
     -------
     int or None
-        Number of lines or messages; None if it is not known without reading the messages.
+        Number of lines or messages, or None if counting would require reading the messages.
     """
     path = Path(path)
     try:
@@ -49,7 +49,7 @@ def _lines(path: Path) -> int:
 
 
 def _count_of_mcap(path: Path, types: Collection[str]) -> int:
-    """Return the number of messages from the summary. Raises EOFError if the file has no summary."""
+    """Return the number of messages according to the summary. Raises EOFError if the file has no summary."""
     with open_mcap(path) as file:
         if file.summary is None or file.summary.statistics is None:
             raise EOFError(f'{path} has no counts')
@@ -61,7 +61,7 @@ def _count_of_mcap(path: Path, types: Collection[str]) -> int:
 if TYPE_CHECKING:
     from tactile_node.logs.mcap_file import McapFile
 
-MSG_ENCODING = 'ros2msg'  #: encoding of message definitions in the form of .msg files
+MSG_ENCODING = 'ros2msg'  #: encoding of message definitions written like .msg files
 OnDamage = Callable[[Damage], None]
 
 
@@ -72,30 +72,30 @@ class Recorded(NamedTuple):
     type: str
     time: int  #: time of recording [ns]
     cdr: bytes
-    definition: str = ''  #: the type and the types that it contains, as .msg files; '' if the bag has no definition
+    definition: str = ''  #: .msg definitions of the type and its contained types, or '' if the bag has none
 
 
 def is_bag(path: str | Path) -> bool:
-    """Return True if the path is a bag: a file with a bag's suffix, or a folder."""
+    """Return True if the path is a bag: a file with a bag suffix, or a folder."""
     return Path(path).suffix in BAG_SUFFIXES or Path(path).is_dir()
 
 
 def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int | None = None) -> Iterator[Recorded]:
-    """Yield the messages of a recording, one by one from all its files.
+    """Yield the messages from all files of a recording.
 
     Parameters
     ----------
     path
-        Bag: a file or its folder.
+        Path of the bag: a file or a folder.
     on_damage
-        Called with each part that cannot be read, before the next message is yielded.
+        Called with each unreadable part before the next message is yielded.
     since, until
-        Time of recording [ns]; messages with since <= time < until are read.
+        Range of recording times [ns]. Messages with since <= time < until are read.
 
     Raises
     ------
     LogError
-        If the path is not a bag.
+        Raised if the path is not a bag.
     """
     last: float | None = None
     damages: list[Damage] = []
@@ -104,7 +104,7 @@ def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int
             damages.append(found)
             continue
         if until is not None and found.time >= until:
-            if found.time >= until + SECOND:  # because messages can be out of order, by less than a second
+            if found.time >= until + SECOND:  # messages can be out of order by less than a second
                 break
             continue
         if damages:
@@ -131,12 +131,12 @@ def begin_of(path: str | Path) -> int:
 def topics_of(path: str | Path) -> dict[str, str]:
     """Return the type of each topic in the bag.
 
-    Topics in a damaged part may be missing. The function is fast unless the recorder did not finish the bag.
+    Topics in a damaged part may be missing. If the recorder did not finish the bag, the function reads the whole bag.
 
     Raises
     ------
     LogError
-        If the path is not a bag.
+        Raised if the path is not a bag.
     """
     found: dict[str, str] = {}
     for part in bag_parts(path):
@@ -146,30 +146,30 @@ def topics_of(path: str | Path) -> dict[str, str]:
 
 
 def decompress(data: bytes) -> bytes:
-    """Return a message decompressed; ``ros2 bag record --compression-mode message`` compresses each one separately."""
-    if not data.startswith(b'\x28\xB5\x2F\xFD'):  # magic number of Zstandard (RFC 8878); CDR begins with 00
+    """Decompress a message. ``ros2 bag record --compression-mode message`` compresses each message separately."""
+    if not data.startswith(b'\x28\xB5\x2F\xFD'):  # magic number of Zstandard (RFC 8878), whereas CDR begins with 00
         return data
     return import_module('zstandard').ZstdDecompressor().decompressobj().decompress(data)
 
 
 def library(name: str, path: str | Path):
-    """Import a library for bags. It is optional, so a missing one raises LogError with the way to install it."""
+    """Import an optional library for bags. If the library is missing, raise LogError with installation instructions."""
     try:
         return import_module(name)
     except ImportError as error:
-        raise LogError(str(path), expected='the libraries that bags need', got=str(error),
-                       remedy="Install them: pip install 'tactile-skin[bag]'.") from error
+        raise LogError(str(path), expected='the libraries needed to read bags', got=str(error),
+                       remedy="Install these libraries: pip install 'tactile-skin[bag]'.") from error
 
 
 def bag_parts(path: str | Path) -> tuple[Part, ...]:
-    """Return the .mcap and .db3 files of a bag in the order of recording. Raises LogError if there are none."""
+    """Return the .mcap and .db3 files of a bag in recording order. Raises LogError if the bag has no such files."""
     path = Path(path)
     if not path.exists():
         raise LogError(str(path), expected='a bag', got='no such file', remedy='Check the path.')
     parts = parts_of(path)
     if not any(part.is_there for part in parts):
-        raise LogError(str(path), expected='a bag: .mcap or .db3 files', got='a folder without such files',
-                       remedy='Decompress a compressed bag first (ros2 bag convert).')
+        raise LogError(str(path), expected='a bag with .mcap or .db3 files', got='a folder without such files',
+                       remedy='If the bag is compressed, decompress it first (ros2 bag convert).')
     return parts
 
 
@@ -182,7 +182,7 @@ def _found(path: str | Path, since: int) -> Iterator[Recorded | Damage]:
 
 
 def _one(damages: list[Damage], begin: float | None, end: float | None) -> Damage:
-    """Join the damages between two messages into one damage."""
+    """Merge all damaged places between two messages into one."""
     return reduce(Damage.joined, damages)._replace(begin=begin, end=end)
 
 
@@ -210,7 +210,7 @@ def _definition(schema) -> str:
 
 def _topics_of_mcap(path: Path) -> dict[str, str]:
     with open_mcap(path) as file:
-        if not file.channels:  # without a summary, the channels are known only after reading
+        if not file.channels:  # without a summary, the channels are known only after reading the messages
             for _ in file.read():
                 pass
         return {channel.topic: '' if schema is None else schema.name for channel, schema in file.channels}
@@ -234,16 +234,16 @@ def _topics_of_sqlite(path: Path) -> dict[str, str]:
         with closing(open_sqlite(path)) as base:
             return dict(base.execute('SELECT name, type FROM topics'))
     except sqlite3.Error:
-        return {}  # the reader of the messages reports the error
+        return {}  # the message reader reports the error
 
 
 def open_sqlite(path: Path) -> sqlite3.Connection:
-    """Open a database read-only for several threads, because different threads open, play and close a log."""
+    """Open a database read-only for use by several threads, because different threads open, play and close a log."""
     return sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True, check_same_thread=False)
 
 
 def _definitions(base: sqlite3.Connection) -> dict[str, str]:
-    """Return the definition of each type; bags from before ROS 2 Iron have no table of definitions."""
+    """Return the message definitions by type. Bags recorded before ROS 2 Iron have no table of definitions."""
     try:
         return dict(base.execute('SELECT topic_type, encoded_message_definition FROM message_definitions '
                                  'WHERE encoding = ?', (MSG_ENCODING,)))

@@ -1,7 +1,7 @@
-"""Extract the intact objects of a BLF log (Vector) for the reader of python-can.
+"""Extract the intact objects of a Vector BLF log for python-can's BLF reader.
 
-Objects are stored in containers; an object may begin in one container and end in the next. At an object of size 0, the
-reader of python-can would yield the same frame for ever. It also does not count missing objects.
+Objects are stored in containers. An object may start in one container and end in the next. At an object of size 0,
+python-can's reader would yield the same CAN frame forever. The reader also does not count missing objects.
 """
 
 import os
@@ -17,19 +17,20 @@ from tactile_node.logs.bag_records import OnDamage
 from tactile_node.logs.damage import Damage, DamageKind
 
 SIGNATURE = b'LOBJ'
-PADDING = 3  #: largest number of bytes between two objects
-RESTORE_POINTS = 115  #: type of objects that the count in the file's header does not include
+PADDING = 3  #: maximum number of bytes between two objects
+RESTORE_POINTS = 115  #: object type that is not included in the object count of the file header
 _BASE = blf.OBJ_HEADER_BASE_STRUCT
 _CONTAINER = blf.LOG_CONTAINER_STRUCT
-_HEADS = {1: blf.OBJ_HEADER_V1_STRUCT.size, 2: blf.OBJ_HEADER_V2_STRUCT.size}  # version -> bytes after _BASE
-#: type of an object with a CAN frame -> size of its content [bytes]
+# header size after _BASE by version [bytes]
+_HEADS = {1: blf.OBJ_HEADER_V1_STRUCT.size, 2: blf.OBJ_HEADER_V2_STRUCT.size}
+#: content size of each object type that contains a CAN frame [bytes]
 _CONTENTS = {blf.CAN_MESSAGE: blf.CAN_MSG_STRUCT.size, blf.CAN_MESSAGE2: blf.CAN_MSG_STRUCT.size,
              blf.CAN_ERROR_EXT: blf.CAN_ERROR_EXT_STRUCT.size, blf.CAN_FD_MESSAGE: blf.CAN_FD_MSG_STRUCT.size,
              blf.CAN_FD_MESSAGE_64: blf.CAN_FD_MSG_64_STRUCT.size}
 
 
 class BlfReader(can.BLFReader):
-    """The BLF reader of python-can, which receives only intact objects; ``on_damage`` is called with missing parts."""
+    """BLF reader of python-can that receives only intact objects. ``on_damage`` is called with each missing part."""
 
     def __init__(self, file: BinaryIO, name: str, on_damage: OnDamage):
         super().__init__(file)
@@ -47,7 +48,7 @@ class BlfReader(can.BLFReader):
             self.file = file
 
     def _whole_objects(self, file: BinaryIO) -> Iterator[bytes]:
-        """Yield intact objects, one after another, up to the next damage or the end of a container."""
+        """Yield runs of intact objects, each up to the next damage or the end of a container."""
         data, read, is_damaged = b'', 0, False
         for content in self._contents(file):
             data = b'' if content is None else data + content  # an object that ends in a damaged container is lost
@@ -75,9 +76,9 @@ class BlfReader(can.BLFReader):
                                    detail=f'{read} of {self.object_count or "an unknown number of"} objects'))
 
     def _contents(self, file: BinaryIO) -> Iterator[bytes | None]:
-        """Yield the content of each container, None for a damaged one, and objects outside containers.
+        """Yield the content of each container, or None if it is damaged, and each object outside the containers.
 
-        Stops at a head that cannot be read, because the next object cannot be found.
+        The iteration stops at an unreadable header, because the next object cannot be found.
         """
         while head := file.read(_BASE.size):
             size, kind = _BASE.unpack(head)[-2:] if len(head) == _BASE.size else (0, 0)
@@ -94,7 +95,7 @@ class BlfReader(can.BLFReader):
 
 
 def _unpacked(content: bytes) -> bytes:
-    """Return the content of a container, as far as it is complete. Raises zlib.error if it is damaged."""
+    """Return the readable content of a container. Raises zlib.error if the content is damaged."""
     if len(content) < _CONTAINER.size:
         return b''
     method, _ = _CONTAINER.unpack_from(content)
@@ -103,7 +104,7 @@ def _unpacked(content: bytes) -> bytes:
 
 
 def _size(data: bytes, begin: int) -> int:
-    """Return the length of the object at ``begin``; 0 if it is too short or another object begins within it."""
+    """Return the length of the object at ``begin``, or 0 if it is too short or overlaps another object."""
     _, _, version, size, kind = _BASE.unpack_from(data, begin)
     least = _BASE.size + (_HEADS.get(version, size) + _CONTENTS[kind] if kind in _CONTENTS else 0)
     return size if size >= least and data.find(SIGNATURE, begin + 1, begin + size + len(SIGNATURE) - 1) < 0 else 0

@@ -1,4 +1,4 @@
-"""Describe the parts of a recording that cannot be read: the reason, the size and the time of recording."""
+"""Describe the unreadable parts of a recording: the reason, the size and the time of recording."""
 
 from collections.abc import Sequence
 from datetime import datetime, timezone
@@ -8,11 +8,11 @@ from tactile_node.code_names import PhrasedCode
 
 
 class DamageKind(PhrasedCode):
-    """Reason why a part of a bag or of a series of files is not read."""
+    """Reasons why a part of a bag or a series of files cannot be read."""
 
-    CHUNK = 1, 'a damaged chunk'  #: its checksum is wrong, or it cannot be decompressed
+    CHUNK = 1, 'a damaged chunk'  #: the checksum of the chunk is wrong, or the chunk cannot be decompressed
     RECORDS = 2, 'damaged records'  #: the bytes between two chunks are not records
-    CUT_SHORT = 3, 'cut short before its end'  #: after a killed recording, a full disk or an incomplete download
+    CUT_SHORT = 3, 'cut short before its end'  #: because of a killed recorder, a full disk or an incomplete download
     MISSING_FILE = 4, 'a missing file of a series'
     UNKNOWN_CHANNEL = 5, 'messages of an unknown channel'  #: the record that describes the channel is lost
     UNDECODABLE = 6, 'a message that does not fit its definition'
@@ -21,32 +21,32 @@ class DamageKind(PhrasedCode):
 
 
 class Damage(NamedTuple):
-    """One damaged place in a recording; adjacent places are joined into one."""
+    """One damaged place in a recording. Adjacent damaged places are merged."""
 
     kind: DamageKind
     file: str  #: name of the file
-    chunks: int | None = None  #: number of lost MCAP chunks; None if not known
+    chunks: int | None = None  #: number of lost MCAP chunks, or None if unknown
     size: int = 0  #: number of lost bytes
-    begin: float | None = None  #: time of recording of the message before it [s, Unix epoch]; None if there is none
-    end: float | None = None    #: time of recording of the message after it [s, Unix epoch]; None if there is none
-    detail: str = ''  #: message of the library that read the part
+    begin: float | None = None  #: recording time of the message before the damage [s, Unix epoch], or None
+    end: float | None = None    #: recording time of the message after the damage [s, Unix epoch], or None
+    detail: str = ''  #: error message of the library that read the part
 
     @property
     def seconds(self) -> float | None:
-        """Longest time that is lost [s]; None at the start or the end of the recording."""
+        """Maximum duration of the lost part [s], or None at the start or end of the recording."""
         return None if self.begin is None or self.end is None else max(self.end - self.begin, 0.0)
 
     def joined(self, after: 'Damage') -> 'Damage':
-        """Return this damage and the one ``after`` it as one, with the kind of this one."""
+        """Merge this damaged place with the following place ``after``, and keep the kind of this place."""
         chunks = None if self.chunks is None or after.chunks is None else self.chunks + after.chunks
         return self._replace(chunks=chunks, size=self.size + after.size)
 
 
-MOST_LINES = 20  #: number of damages that are listed
+MOST_LINES = 20  #: maximum number of damaged places listed
 
 
 def damage_text(damage: Damage) -> str:
-    """Return a damage as a part of a sentence.
+    """Describe a damaged place as part of a sentence.
 
     >>> damage_text(Damage(DamageKind.CHUNK, 'x.mcap', 1, 4096, 10.0, 10.5, 'crc'))
     'x.mcap: a damaged chunk (1 chunks, 4096 bytes, 0.500 s from 1970-01-01 00:00:10.000 UTC on; crc)'
@@ -60,7 +60,7 @@ def damage_text(damage: Damage) -> str:
 
 
 def damage_lines(damages: Sequence[Damage]) -> list[str]:
-    """Return a line for each of the first MOST_LINES damages, and a line with the number of the others."""
+    """Return one line for each of the first MOST_LINES damaged places, and one line that counts further places."""
     lines = [f'{damage_text(damage)}.' for damage in damages[:MOST_LINES]]
     return lines + ([f'... and {len(damages) - MOST_LINES} more.'] if len(damages) > MOST_LINES else [])
 
@@ -74,7 +74,7 @@ def _span(damage: Damage) -> str:
 
 
 def utc(seconds: float) -> str:
-    """Return a Unix time [s] as text, to 1 ms; a number that is not a date is returned as seconds.
+    """Format a Unix time [s] with a resolution of 1 ms. A number outside the range of dates is formatted as seconds.
 
     >>> utc(0.5)
     '1970-01-01 00:00:00.500 UTC'

@@ -1,4 +1,4 @@
-"""Tell the buses of a log apart by the channel of each CAN frame."""
+"""Distinguish the buses in a log by the channel of each CAN frame."""
 
 from collections.abc import Collection
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from tactile_node.assembly.router import non_data_kind
 
 
 class TwoBuses(NamedTuple):
-    """A fault: CAN frames that the pads need came from two buses."""
+    """Fault report: CAN frames of the pads come from two buses."""
 
     can_id: int  #: identifier of the frame from the second bus
     channels: tuple[str, ...]  #: names of the buses
@@ -18,18 +18,19 @@ class TwoBuses(NamedTuple):
 class ChosenChannel:
     """Selects the frames of one bus.
 
-    A sent frame may have no channel name. Such frames are selected if the chosen bus is the first one in the log.
+    Sent frames may have no channel name. Frames without a channel name are selected if the chosen bus is the first bus
+    in the log.
 
     Parameters
     ----------
     channel
-        Name of the bus; '' selects all frames.
+        Name of the bus, or '' to select all frames.
     """
 
     def __init__(self, channel: str):
         self._channel = channel
-        self._received: list[str] = []  # channels with received frames, in the order of the log
-        self.others: set[str] = set()  #: channels with frames that were not selected
+        self._received: list[str] = []  # channels of received frames, in log order
+        self.others: set[str] = set()  #: channels of frames that were not selected
 
     def takes(self, message: can.Message) -> bool:
         channel = str(message.channel)
@@ -49,11 +50,11 @@ class OneBus:
 
     def __init__(self, can_ids: Collection[int]):
         self._can_ids = frozenset(can_ids)
-        self._received: set[str] = set()  # channels with received frames
-        self._used: dict[str, int] = {}  # channel with frames of can_ids -> identifier of the first one
+        self._received: set[str] = set()  # channels of received frames
+        self._used: dict[str, int] = {}  # first identifier from ``can_ids`` on each channel
 
     def feed(self, message: can.Message) -> TwoBuses | None:
-        """Process the next frame of the log, and return the fault if the frame comes from a second bus, or None."""
+        """Process the next frame of the log. Return a fault if the frame comes from a second bus, else None."""
         channel = str(message.channel)
         is_known = channel in self._received or not message.is_rx
         if not is_known:

@@ -1,4 +1,4 @@
-"""Read CAN logs: text formats line by line, the other formats of python-can by suffix (.blf and more), ROS 2 bags."""
+"""Read CAN logs: text logs, other formats of python-can such as .blf, and ROS 2 bags."""
 
 import gzip
 import logging
@@ -23,31 +23,34 @@ from tactile_node.logs.series import parts_of
 
 logger = logging.getLogger(__name__)
 
-CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')                #: output of `candump -L`
-CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')  #: output of `candump can0`
-#: a stamp this much earlier than the last one is out of order, because frames of one clock differ by less [s]
+#: output of `candump -L`
+CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')
+#: output of `candump can0`
+CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')
+#: backward step of the stamps above which a frame is out of order, because frames stamped by one clock differ by less
+#: [s]
 SET_BACK = 1.0
-#: a stamp this much later than the last one is suspicious, because a working skin never pauses for so long [s]
+#: forward step of the stamps above which a stamp is suspicious, because a working skin never pauses this long [s]
 FAR_AHEAD = 10.0
 
 
 def _reader(path: str, on_unread: Callable[[str], None], on_damage: OnDamage) -> MessageReader:
-    """Return a reader of python-can that receives only the whole lines of a text, or the whole objects of a .blf."""
+    """Return a python-can reader that receives only complete lines of a text log or intact objects of a .blf file."""
     with open(path, 'rb') as file:
         opened = gzip.open if file.read(2) == b'\x1f\x8b' else open
     with opened(path, 'rb') as stream:
         try:
             head = stream.read(4096)
-        except (EOFError, OSError, zlib.error):  # damaged; reading the whole file will report where
+        except (EOFError, OSError, zlib.error):  # reading the whole file will report the damage
             head = b''
     if CONSOLE.match(head):
         raise LogError(path, expected='a log with the stamps of its CAN frames',
-                       got='the text that candump shows on a terminal',
+                       got='text in the format that candump prints on a terminal',
                        remedy='Record with `tactile record`, or with candump -L.')
     suffix = Path(path.lower().removesuffix('.gz')).suffix
     form = text_formats.CANDUMP if CANDUMP.match(head) else text_formats.FORMATS.get(suffix)
     if form is not None:
-        text = opened(path, 'rt', encoding='utf-8', errors='replace')  # so that a bad byte costs only its own line
+        text = opened(path, 'rt', encoding='utf-8', errors='replace')  # a bad byte then affects only its line
         reader: Any = form.reader(text)
         reader.file = text_formats.whole_lines(text, form, on_unread)
         return reader
@@ -56,13 +59,13 @@ def _reader(path: str, on_unread: Callable[[str], None], on_damage: OnDamage) ->
         return BlfReader(content, Path(path).name, on_damage)
     if suffix == '.db':
         return _SqliteReader(path)
-    logger.warning('%s is read by python-can, which skips the parts that it does not understand, and does not count '
+    logger.warning('%s is read by python-can, which skips parts that it cannot parse, and does not count '
                    'them.', path)
     return can.LogReader(path)
 
 
 class _SqliteReader(can.SqliteReader):
-    """The SQLite reader of python-can, with a connection that any thread may use."""
+    """python-can's SQLite reader, with a connection that any thread may use."""
 
     def __init__(self, path: str):
         super().__init__(path)
@@ -77,32 +80,32 @@ class CanLogReader:
     Parameters
     ----------
     path
-        Log or bag. For a rotated series, the first file; the series is read as one log.
+        Path of the log or bag. Given the first file of a rotated series, the reader reads the whole series.
     channel
-        Bus to read if the log holds several: its name in the log, or the topic in a bag. '' reads all buses.
+        Name of the bus to read from a log of several buses, or the topic in a bag. '' reads all buses.
     window
-        Part of the recording to read. In a bag, the messages before it are not read.
+        Part of the recording to read. In a bag, messages before this part are skipped without being read.
 
     Attributes
     ----------
     unread
-        Number of lines, or of broken parts, that could not be read.
+        Number of unreadable lines or parts.
     problem
-        Reason for the last unread line or part.
+        Reason why the last unread line or part could not be read.
     damages
-        Missing parts of a bag, a .blf or a series, and the time in which they were recorded.
+        Missing parts of a bag, a .blf file or a series, with the time at which they were recorded.
     can_frames
         Number of CAN frames read so far.
 
     Raises
     ------
     LogError
-        If the file is missing, has no known format or holds no CAN frame.
+        Raised if the file is missing, has an unknown format or contains no CAN frame.
 
     Notes
     -----
-    A frame whose stamp is far from those of its neighbours is dropped and counted as unread. If a full disk or an
-    incomplete download has cut the log short, the intact part is read, and ``summary`` says where it ends.
+    A CAN frame whose stamp is far from the stamps of its neighbours is dropped and counted as unread. If a full disk or
+    an incomplete download cut the log short, the intact part is read, and ``summary`` reports the end.
     """
 
     def __init__(self, path: str | Path, channel: str = '', window: TimeWindow = WHOLE):
@@ -141,7 +144,7 @@ class CanLogReader:
 
     @property
     def summary(self) -> str:
-        """Number of frames read, the last stamp and the unread parts, as a sentence."""
+        """Sentence with the number of frames read, the last stamp and the unread parts."""
         rest = f'; {self.unread} lines or parts unread: {self.problem}' if self.unread else ''
         return f'{self.can_frames} CAN frames, the last at {utc(self._last)}{rest}.'
 
@@ -152,7 +155,7 @@ class CanLogReader:
             self._unread(error)
 
     def _within(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
-        """Yield the messages in the window. Earlier messages must be read too, because a text has no index."""
+        """Yield the messages in the window. Earlier messages must be read too, because text logs have no index."""
         begin: float | None = None
         for message in messages:
             begin = message.timestamp if begin is None else begin
@@ -183,8 +186,8 @@ class CanLogReader:
                 damage._replace(begin=self._last or None)))
         except LogError:
             raise
-        except Exception as error:  # each reader of python-can raises its own errors for a bad header
-            if path != Path(self.path):  # one file of a series; the other files are still read
+        except Exception as error:  # each python-can reader raises different errors for a bad header
+            if path != Path(self.path):  # the other files of the series can still be read
                 self._unread(error)
                 return
             self._refuse(f'{type(error).__name__}: {error}',
@@ -192,7 +195,7 @@ class CanLogReader:
         try:
             with reader:
                 yield from reader
-        except Exception as error:  # a truncated or damaged .gz; each reader raises its own errors
+        except Exception as error:  # each reader raises different errors for a truncated or damaged .gz
             self._unread(error)
 
     def _damaged(self, damage: Damage) -> None:
@@ -208,16 +211,15 @@ class CanLogReader:
 
 
 def without_strays(messages: Iterable[can.Message], on_stray: Callable[[can.Message], None]) -> Iterator[can.Message]:
-    """Drop each frame whose stamp alone is wrong.
+    """Drop each isolated CAN frame with a wrong stamp.
 
-    The stamp of such a frame is more than FAR_AHEAD later, or more than SET_BACK earlier, than the stamps of its
-    neighbours. If the next frame continues from the new time, the frame is kept, because the clock was set or the bus
-    was at rest.
+    A stamp is wrong if it is more than FAR_AHEAD later or more than SET_BACK earlier than the stamps of its neighbours.
+    If the next frame continues from the new time, the frame is kept, because the clock was set or the bus was idle.
 
     Parameters
     ----------
     messages
-        Messages in the order of the log.
+        Messages in log order.
     on_stray
         Called with each dropped message.
 

@@ -1,4 +1,4 @@
-"""Write CAN logs (.log, .log.gz, .mcap) to one file, or to several files of limited size."""
+"""Write CAN logs (.log, .log.gz, .mcap) to a single file, or to several files of limited size."""
 
 import logging
 import threading
@@ -17,12 +17,12 @@ from tactile_node.threads import ReportedThread
 logger = logging.getLogger(__name__)
 
 WRITTEN_SUFFIXES = ('.log', '.log.gz', '.mcap')  #: formats that can be written
-FLUSH_PERIOD = 0.5  #: time between two flushes [s]; a killed recording loses at most this much
+FLUSH_PERIOD = 0.5  #: time between two flushes [s], and the most that a killed recording loses
 MEGABYTE = 1_000_000  #: [bytes]
 
 
 class LogFile:
-    """Writes CAN messages to an empty file, in the format of its suffix. It is not thread-safe.
+    """Writes CAN messages to an empty file in the format of its suffix. The class is not thread-safe.
 
     Attributes
     ----------
@@ -32,13 +32,13 @@ class LogFile:
     Raises
     ------
     OSError, ValueError, ImportError
-        If the file cannot be written in this format. The file is then removed.
+        Raised if the file cannot be written in this format. A file that cannot be written is removed.
     """
 
     def __init__(self, path: Path):
         self.path = path
         self.can_frames = 0
-        self._flushed = self._size = 0  # CAN frames and bytes on the disk since the last flush
+        self._flushed = self._size = 0  # CAN frames and bytes on the disk after the last flush
         try:
             self.writer: Any = McapCanWriter(path) if path.suffix == '.mcap' else can.Logger(str(path))
         except (OSError, ValueError, ImportError):
@@ -50,38 +50,38 @@ class LogFile:
         return self.can_frames > self._flushed
 
     def reaches(self, largest: int) -> bool:
-        """Return True if the file has ``largest`` bytes, including all messages written so far. Raises OSError."""
+        """Return True if the file, with all messages written so far, has at least ``largest`` bytes. Raises OSError."""
         if isinstance(self.writer, McapCanWriter) and self.writer.file.tell() + CHUNK_BYTES < largest:
             return False  # checked without a flush, because a flush would end the chunk
         self.flush()
         return self._size >= largest
 
     def write(self, message: can.Message) -> None:
-        """Write a message. Raises ValueError if the format cannot hold it, OSError if the disk is full."""
+        """Write a message. Raises ValueError if the message does not fit the format, or OSError if the disk is full."""
         self.writer.on_message_received(message)
         self.can_frames += 1
 
     def flush(self) -> None:
-        """Bring all messages written so far into the file, in a form that a reader can read. Raises OSError."""
+        """Flush all messages written so far to the file, so that a reader can read them. Raises OSError."""
         if isinstance(self.writer, McapCanWriter):
             self.writer.flush()
         self.writer.file.flush()
         self._flushed, self._size = self.can_frames, self.path.stat().st_size
 
     def close(self) -> None:
-        """Write the rest and end the file. If it raises OSError, the caller must call `cut_back`."""
+        """Write remaining messages and close the file. If `close` raises OSError, the caller must call `cut_back`."""
         self.flush()
         self.writer.stop()
 
     def cut_back(self) -> int:
-        """Truncate the file after the last flushed frame; return the number of frames that are lost thereby.
+        """Truncate the file after the last flushed frame, and return the number of lost frames.
 
-        This is needed after an OSError. A full disk may have accepted half a frame, and the number of lost frames would
-        be unknown.
+        The truncation is needed after an OSError, because a full disk may have accepted only half a frame, and the
+        number of lost frames would be unknown.
         """
         try:
             self.writer.stop()
-        except (OSError, ValueError):  # the rest cannot be written, or the file is already closed
+        except (OSError, ValueError):  # remaining data cannot be written, or the file is already closed
             pass
         with self.path.open('r+b') as file:
             file.truncate(self._size)
@@ -90,45 +90,48 @@ class LogFile:
 
 
 class CanLogWriter:
-    """Writes CAN messages to a log as they are received. It is thread-safe.
+    """Writes CAN messages to a log as they are received. The class is thread-safe.
 
-    The log is flushed every FLUSH_PERIOD, so a killed process loses no more than that.
+    The log is flushed every FLUSH_PERIOD, so a killed process loses at most the messages of one period.
 
     Parameters
     ----------
     path
-        File to write. If it exists and is not to be replaced, the log gets another name, such as ``session-2.log``.
+        File to write. If the file exists and ``replaces`` is False, the log gets another name, such as
+        ``session-2.log``.
     channel
-        Name of the bus for messages without one: the messages that this package sends, and those from some adapters.
-        For a device path, only its last part is used.
+        Bus name for messages without a name, such as sent messages and messages from some adapters. From a device path,
+        only the last part is used.
     largest
-        Size at which the next file begins [bytes], named ``session_part2.log`` and so on; 0 for a single file. Each
-        file can be read alone, or all as one log by the first. No frame is lost in between.
+        Size at which a new file is started [bytes], or 0 for a single file. Further files are named
+        ``session_part2.log`` and so on. Each file can be read alone, and a reader given the first file reads all files
+        as one log. No frame is lost between files.
     replaces
         True to replace an existing log.
 
     Attributes
     ----------
     path
-        File that is written.
+        File that is being written.
     parts
         Number of files.
     can_frames
         Number of recorded messages.
     unwritten
-        Number of messages that the format cannot hold, or that came after the recording failed.
+        Number of messages that do not fit the format or arrived after the recording had failed.
     failure
-        Reason why the recording failed, for example a full disk; '' if it did not. The reason is also logged.
-        The recording then ends with the last flushed frame; nothing else is affected.
+        Reason why the recording failed, for example a full disk, or '' if it did not fail. The reason is also logged.
+        After a failure, the recording ends with the last flushed frame, and nothing else is affected.
 
     Raises
     ------
     LogError
-        If the file cannot be written from the start, or if its suffix stands for no format.
+        Raised if the file cannot be created, or if its suffix is not supported.
     """
 
     def __init__(self, path: str | Path, channel: str = '', largest: int = 0, *, replaces: bool = False):
-        self._channel = '_'.join(channel.rsplit('/')[-1].split()) or None  # because log formats separate by spaces
+        # spaces are replaced, because log formats use them as separators
+        self._channel = '_'.join(channel.rsplit('/')[-1].split()) or None
         self._largest = largest
         self._lock = threading.Lock()
         self._recorded = 0  # number of messages in the earlier files
@@ -143,7 +146,7 @@ class CanLogWriter:
         except (OSError, ValueError, ImportError) as error:
             raise LogError(str(path),
                            expected='a log file that can be written',
-                           got=str(error), remedy='Check folder, permissions and suffix.') from error
+                           got=str(error), remedy='Check the folder, the permissions and the suffix.') from error
         self._closed = threading.Event()
         ReportedThread(self._keep_flushed, 'log').start()
 
@@ -152,7 +155,7 @@ class CanLogWriter:
         return self._recorded + self._last.can_frames
 
     def write(self, message: can.Message) -> None:
-        """Write one message; after `close`, do nothing."""
+        """Write one message, or do nothing after `close`."""
         with self._lock:
             if self._file is None:
                 self.unwritten += bool(self.failure)
@@ -161,7 +164,7 @@ class CanLogWriter:
                 message.channel = self._channel
             try:
                 self._file.write(message)
-            except ValueError:  # the format cannot hold the message
+            except ValueError:  # the message does not fit the format
                 self.unwritten += 1
             except OSError as error:
                 self.unwritten += 1
@@ -185,7 +188,7 @@ class CanLogWriter:
                         self._file.flush()
 
     def _limit(self, file: LogFile) -> None:
-        """Begin the next file if this one is large enough."""
+        """Start a new file if ``file`` has reached the size limit."""
         if not self._largest or file.can_frames % 256:
             return
         with self._failing():
@@ -215,7 +218,7 @@ class CanLogWriter:
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        """End the recording. Data on the disk remain; data still in the buffer are lost."""
+        """End the recording. Flushed data remain on the disk, and buffered data are lost."""
         file, self._file = self._file, None
         if file is not None:
             self.unwritten += file.cut_back()
@@ -240,9 +243,9 @@ def _check_suffix(path: Path) -> None:
 def _new_file(path: Path, replaces: bool) -> Path:
     """Create the file for a recording and return its path.
 
-    If ``path`` or a file that continues it exists, a number from 2 on is added to the name. The file is created at
-    once, so that a recording that starts at the same time chooses another number. With ``replaces``, the existing
-    file and its continuations are removed first.
+    If ``path`` or a later part of its series exists, a number is appended to the name, starting at 2. The file is
+    created immediately, so that a recording that starts at the same time chooses another number. With ``replaces``, all
+    existing files of the series are removed first.
     """
     suffix = suffix_of(path)
     for old in files_of(path) if replaces else ():
@@ -250,7 +253,7 @@ def _new_file(path: Path, replaces: bool) -> Path:
     candidate, number = path, 2
     while True:
         try:
-            if not following(candidate):  # otherwise, a reader would treat these files as parts of the new log
+            if not following(candidate):  # a reader would treat existing later parts as parts of the new log
                 candidate.open('xb').close()
                 return candidate
         except FileExistsError:

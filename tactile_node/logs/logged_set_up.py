@@ -1,7 +1,7 @@
-"""Compare the set-up of devices, as the SDO answers in a log show it, with layout and EDS (CiA 301, 7.2.4).
+"""Compare the device set-up found in the SDO transfers of a log with the layout and the EDS (CiA 301, 7.2.4).
 
-Values that the log does not contain are not judged. A value is unknown if the log begins after the set-up, or if the
-device has been reset since. Only expedited transfers are read, because the objects in question have at most 4 bytes.
+Values that the log does not contain are not checked. A value is unknown if the log begins after the set-up, or if the
+device has been reset since. Only expedited transfers are read, because the checked objects have at most 4 bytes.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,7 +22,7 @@ WATCHED_OBJECTS = frozenset((objects.IDENTITY, *objects.COMMUNICATION_RECORDS, *
 
 
 class Contradiction(NamedTuple):
-    """A difference between a device in the log and its layout or EDS."""
+    """A difference between a device in the log and the device's layout or EDS."""
 
     pad: str
     node_id: int
@@ -32,14 +32,14 @@ class Contradiction(NamedTuple):
 
 
 class LoggedSetUp:
-    """Reads the SDO transfers of the pads' nodes, and judges each TPDO by the values seen so far.
+    """Reads the SDO transfers of the pads' nodes, and checks each TPDO against the values seen so far.
 
     Parameters
     ----------
     pads
         Pads whose nodes are checked.
     identities
-        Pad name -> identity in its EDS, for the pads that have an EDS.
+        Identities from the EDS by pad name, for the pads with an EDS.
     """
 
     def __init__(self, pads: Sequence[PadSettings], identities: Mapping[str, Identity]):
@@ -57,7 +57,7 @@ class LoggedSetUp:
         Returns
         -------
         Contradiction or None
-            Proof that the frame comes from another device or carries other taxels; None if there is none.
+            Evidence that the frame comes from another device or carries other taxels, or None without such evidence.
         """
         take = self._takers.get(can_id)
         return None if take is None else take(can_id, data)
@@ -69,9 +69,9 @@ class _LoggedNode:
         self._node_id = pad.node_ids[position]
         self._identity = identity
         self._tpdos = {tpdo.cob_id.of(self._node_id): tpdo for tpdo in pad.layout.tpdos if tpdo.node == position}
-        self._requested: dict[tuple[int, int], int | None] = {}  # object -> value to be written; None for an upload
+        self._requested: dict[tuple[int, int], int | None] = {}  # requested value by object, or None for an upload
         self._values: dict[tuple[int, int], int] = {}
-        self._unjudged: set[int] = set()  # COB-IDs of TPDOs not yet judged with the latest values
+        self._unjudged: set[int] = set()  # COB-IDs of TPDOs not yet checked against the latest values
 
     @property
     def can_ids(self) -> Sequence[int]:
@@ -83,7 +83,7 @@ class _LoggedNode:
             return
         command = data[0] & COMMAND
         if command == constants.REQUEST_DOWNLOAD:
-            self._values.pop(key, None)  # until the answer comes, the old or the new value may be valid
+            self._values.pop(key, None)  # either value may be valid until the response arrives
             if data[0] & constants.EXPEDITED:
                 self._requested[key] = _value(data)
         elif command == constants.REQUEST_UPLOAD:
@@ -101,7 +101,7 @@ class _LoggedNode:
         return None
 
     def heartbeat(self, _can_id: int, data: bytes) -> None:
-        if nmt_state(data) == objects.NmtState.BOOT_UP:  # the device is back at its stored values
+        if nmt_state(data) == objects.NmtState.BOOT_UP:  # the device has returned to its stored values
             self._values.clear()
             self._requested.clear()
 
@@ -119,7 +119,7 @@ class _LoggedNode:
         return None
 
     def _judge_identity(self) -> Contradiction | None:
-        """Return a contradiction if the identity is wrong; an entry that was not read is assumed to be right."""
+        """Return a contradiction if the identity is wrong. Entries that were not read are assumed to be correct."""
         ours = self._identity
         if ours is None:
             return None
@@ -138,7 +138,7 @@ class _LoggedNode:
                 yield self._contradiction(index, f'0x{can_id:03X} to be TPDO {tpdo.number}, as the layout says',
                                           f'0x{cob_id & objects.ID_MASK:03X} as TPDO {number}')
         wanted = [objects.SAM_MPDO] if tpdo.is_mpdo else [len(tpdo.mapping), *(mapped.entry for mapped in tpdo.mapping)]
-        count = self._values.get((mapping, 0), 0)  # 0: the mapping is being changed
+        count = self._values.get((mapping, 0), 0)  # 0 means that the mapping is being changed
         seen = [self._values.get((mapping, sub)) for sub in range(len(wanted))]
         if count and any(value not in (None, ours) for value, ours in zip(seen, wanted)):
             yield self._contradiction(mapping, f'the objects {_text(wanted)} in TPDO {tpdo.number}, as the layout '
@@ -149,9 +149,9 @@ class _LoggedNode:
 
 
 def _object_of(data: bytes) -> tuple[int, int] | None:
-    """Return index and sub-index of an SDO frame, or None if that object is not watched.
+    """Return index and sub-index of an SDO frame, or None if the object is not watched.
 
-    Segment frames carry neither, but their bytes can look as if they do.
+    Segment frames contain no index, but their bytes can look like an index.
     """
     index = int.from_bytes(data[1:3], 'little')
     if len(data) != SDO_BYTES or index not in WATCHED_OBJECTS:
@@ -173,7 +173,7 @@ def _text(mapping: Sequence[int | None]) -> str:
 class HeardNodes:
     """Records which nodes send heartbeats or boot-ups in a log, and finds other nodes that send the COB-IDs of a pad.
 
-    With a wrong node-ID, a pad could be assembled from the TPDOs of two other pads.
+    If a node-ID is wrong, a pad could be assembled from the TPDOs of two other pads.
     """
 
     def __init__(self, pads: Sequence[PadSettings]):
@@ -182,22 +182,22 @@ class HeardNodes:
         self._heard: set[int] = set()
 
     def feed(self, message: can.Message) -> None:
-        """Process the next CAN frame. A request of node guarding is ignored, because the master sends it."""
+        """Process the next CAN frame. Node guarding requests are ignored, because the master sends these requests."""
         node_id = objects.node_of(message.arbitration_id, objects.HEARTBEAT)
         if node_id is not None and non_data_kind(message) is None and message.data:
             self._heard.add(node_id)
 
     def strangers(self) -> dict[str, list[int]]:
-        """Return, for each pad, the other nodes that were heard and send COB-IDs of the pad.
+        """Return the other nodes that were heard and send a pad's COB-IDs, by pad name.
 
-        A pad is left out if one of its own nodes was heard.
+        A pad is omitted if at least one of its nodes was heard.
         """
         return {name: sorted(found) for name, neighbours in self._neighbours.items()
                 if not self._heard & self._own[name] and (found := self._heard & neighbours)}
 
 
 def _neighbours(pad: PadSettings) -> set[int]:
-    """Node-IDs with which a device of this layout sends some of the pad's COB-IDs."""
+    """Return the other node-IDs with which a device of this layout would send some of the pad's COB-IDs."""
     tpdos = pad.layout.tpdos
     own = {tpdo.cob_id.of(pad.node_ids[tpdo.node]) for tpdo in tpdos}
     return {node_id for node_id in range(objects.MIN_NODE_ID, objects.MAX_NODE_ID + 1) if node_id not in pad.node_ids

@@ -1,13 +1,14 @@
 """Read the messages of one MCAP file in their stored order, and continue after damage.
 
 An MCAP file stores messages in chunks, each with a checksum of its content. A chunk with a wrong checksum is dropped as
-a whole. An index at the end of the file, with its own checksum, says where the chunks are. The index is missing if the
-recorder was killed. The records then follow each other (opcode, length, content) and are read in turn. Where this
-sequence is broken, the reader searches for the next chunk: the head of a chunk contains its length twice, and the name
-of its compression. Messages outside a chunk have no checksum; after damage, they are lost up to the end of the file.
+a whole. An index at the end of the file, with a separate checksum, contains the positions of the chunks. The index is
+missing if the recorder was killed. Without an index, the reader reads the records (opcode, length, content) in
+sequence. If the sequence is broken, the reader searches for the next chunk, which can be recognised because its header
+contains the length twice and the name of the compression. Messages outside chunks have no checksum. After a damaged
+place, all messages outside chunks are lost up to the end of the file.
 
-The readers of the library mcap stop at the first damage. They also skip a chunk with a damaged opcode as if it were
-any unknown record. This module needs the library mcap, so `bag_records` imports it only for a bag.
+The readers in the mcap library stop at the first damage. The library readers also skip a chunk with a damaged opcode
+like any unknown record. This module needs the mcap library, so `bag_records` imports this module only for a bag.
 """
 
 import os
@@ -28,20 +29,25 @@ from mcap.summary import Summary
 from tactile_node.logs.damage import Damage, DamageKind
 
 MCAP_MAGIC = b'\x89MCAP0\r\n'
-RECORD_HEAD = struct.Struct('<BQ')     #: head of a record: opcode, length of its content [bytes]
-_FOOTER = struct.Struct('<QQI')  # offset of the summary, offset of the summary's offsets, checksum of all up to here
+#: record header: opcode, length of the content [bytes]
+RECORD_HEAD = struct.Struct('<BQ')
+# footer: offset of the summary, offset of the summary offsets, checksum of the preceding bytes
+_FOOTER = struct.Struct('<QQI')
 TAIL_BYTES = RECORD_HEAD.size + _FOOTER.size + len(MCAP_MAGIC)  #: size of the footer and the closing magic [bytes]
-FIXED_LENGTHS = {Opcode.FOOTER: _FOOTER.size, Opcode.DATA_END: 4}  #: opcode -> length of its content [bytes]
+FIXED_LENGTHS = {Opcode.FOOTER: _FOOTER.size, Opcode.DATA_END: 4}  #: content length by opcode [bytes]
 OPCODES = frozenset(Opcode)
-CHUNK_SIZE = 40    #: size of a chunk without its records and the name of its compression [bytes]
-LARGEST_RECORD = 1 << 30  #: largest record, uncompressed [bytes]; a damaged head may claim any number
-SEARCH_BYTES = 1 << 20   #: size of the blocks in which the next chunk is searched [bytes]
-#: possible head of a chunk: opcode, a length below 2**40, then times, size and checksum, then the compression's name
+#: size of a chunk without the records and the compression name [bytes]
+CHUNK_SIZE = 40
+#: maximum size of an uncompressed record [bytes], because a damaged header may claim any size
+LARGEST_RECORD = 1 << 30
+#: block size for the search for the next chunk [bytes]
+SEARCH_BYTES = 1 << 20
+#: possible chunk header: opcode, length below 2**40, then times, size and checksum, then the compression name
 _CHUNK_HEAD = re.compile(rb'(?s)\x06(?=.{5}\0\0\0.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd))')
 
 
 class Stored(NamedTuple):
-    """A message in the file."""
+    """A message stored in the file."""
 
     channel: Channel
     schema: Schema | None
@@ -50,7 +56,7 @@ class Stored(NamedTuple):
 
 
 def _read(file: int, size: int, at: int) -> bytes:
-    os.lseek(file, at, os.SEEK_SET)  # os.pread does not exist on Windows
+    os.lseek(file, at, os.SEEK_SET)  # Windows lacks os.pread
     return os.read(file, size)
 
 
@@ -62,12 +68,12 @@ class McapFile:
     file
         File descriptor.
     name
-        Name of the file, for damage reports.
+        File name to show in damage reports.
 
     Attributes
     ----------
     summary
-        Summary at the end of the file; None if it is missing or damaged.
+        Summary at the end of the file, or None if the summary is missing or damaged.
     """
 
     def __init__(self, file: int, name: str):
@@ -80,11 +86,11 @@ class McapFile:
 
     @property
     def channels(self) -> list[tuple[Channel, Schema | None]]:
-        """Channels known so far, each with its schema."""
+        """Channels known so far, each with a schema."""
         return [(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
 
     def read(self, since: int = 0) -> Iterator[Stored | Damage]:
-        """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` where the file is damaged."""
+        """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` for each damaged place."""
         read, is_damaged = 0, False
         indexes = () if self.summary is None else self.summary.chunk_indexes
         for found in self._read_indexed(indexes, since) if indexes else self._walk(since):
@@ -102,7 +108,7 @@ class McapFile:
             return None
         try:
             summary = NonSeekingReader(BytesIO(MCAP_MAGIC + content + tail)).get_summary()
-        except Exception:  # without a checksum, the bytes may be anything
+        except Exception:  # without a checksum, the content may be arbitrary bytes
             return None
         indexes = () if summary is None else summary.chunk_indexes
         return summary if all(each.chunk_start_offset + each.chunk_length <= self._size for each in indexes) else None
@@ -147,7 +153,7 @@ class McapFile:
         if len(head) < RECORD_HEAD.size:
             return None
         opcode, length = RECORD_HEAD.unpack(head)
-        is_known = opcode in OPCODES or opcode >= 0x80  # opcodes from 0x80 on are for applications
+        is_known = opcode in OPCODES or opcode >= 0x80  # opcodes from 0x80 are reserved for applications
         fits = (length <= min(LARGEST_RECORD, self._size - at - RECORD_HEAD.size)
                 and length == FIXED_LENGTHS.get(opcode, length))
         return (opcode, length) if is_known and fits else None
@@ -168,7 +174,7 @@ class McapFile:
             if chunk.uncompressed_size > LARGEST_RECORD:
                 raise ValueError(f'a chunk of {chunk.uncompressed_size} bytes')
             found = breakup_chunk(chunk, validate_crc=True)
-        except Exception as error:  # the library also raises errors from struct, lz4 and zstandard
+        except Exception as error:  # the mcap library also raises errors from struct, lz4 and zstandard
             kind, chunks = (DamageKind.CHUNK, 1) if is_chunk else (DamageKind.RECORDS, None)
             yield Damage(kind, self._name, chunks, size, detail=f'{type(error).__name__}: {error}')
             return
@@ -191,11 +197,11 @@ class McapFile:
 
 
 def _chunk_of(content: bytes) -> Chunk | None:
-    """Return a record as a chunk, even if its opcode is damaged; None if its lengths are inconsistent."""
+    """Parse a record as a chunk, even if its opcode is damaged. Return None if its lengths are inconsistent."""
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-    except Exception:  # another kind of record: struct, UTF-8 or end-of-file errors
+    except Exception:  # other kinds of records raise struct, UTF-8 or end-of-file errors
         return None
     begin = CHUNK_SIZE + len(chunk.compression)
-    announced = int.from_bytes(content[begin - 8:begin], 'little')  # the library also accepts a shorter content
+    announced = int.from_bytes(content[begin - 8:begin], 'little')  # the mcap library also accepts shorter content
     return chunk if chunk.compression in ('', 'lz4', 'zstd') and begin + announced == len(content) else None

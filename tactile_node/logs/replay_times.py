@@ -1,4 +1,4 @@
-"""The pace at which a log is played, and the time at which each of its stamps was played."""
+"""Control the pace at which a log is played, and record when each stamp was played."""
 
 import logging
 import math
@@ -12,20 +12,20 @@ logger = logging.getLogger(__name__)
 
 LONGEST_WAIT = 10.0  #: longer gaps in a log are skipped [s]
 PLAYED_RESOLUTION = 1e-3  #: stamps that are played within this time share an entry [s]
-MOST_ENTRIES = 4096      #: number of entries kept; they cover at least 4 s of playing
+MOST_ENTRIES = 4096      #: number of entries kept, which cover at least 4 s of playback
 
 
 class RecordedPace:
-    """Waits until the recorded time of a message has come.
+    """Waits until it is time to play a message.
 
     The clock starts with the first message. A gap longer than LONGEST_WAIT is skipped without a wait.
 
     Parameters
     ----------
     pace
-        1.0 for the recorded pace, 2.0 for twice as fast, None for no waiting.
+        1.0 for the recorded pace, 2.0 for twice as fast, or None to never wait.
     stopping
-        Event that ends a wait.
+        Event that ends the wait early.
     """
 
     def __init__(self, pace: float | None, stopping: threading.Event):
@@ -49,12 +49,13 @@ class RecordedPace:
 class PlayedTimes:
     """Records when each stamp was played, by the steady clock.
 
-    Only the thread that plays the log may use this object. Stamps [s, from the log] never go backwards.
+    Only the thread that plays the log may use this object. The stamps from the log [s] must never go backwards.
     """
 
     def __init__(self, steady: Callable[[], float] = time.monotonic):
         self._steady = steady
-        self._entries: deque[tuple[float, float]] = deque(maxlen=MOST_ENTRIES)  # first stamp, time when it was played
+        # first stamp of each entry, and the time when that stamp was played
+        self._entries: deque[tuple[float, float]] = deque(maxlen=MOST_ENTRIES)
 
     def note(self, stamp: float) -> None:
         """Record that ``stamp`` is played now."""
@@ -63,9 +64,9 @@ class PlayedTimes:
             self._entries.append((stamp, now))
 
     def age(self, stamp: float) -> float:
-        """Return the time since ``stamp`` was played [s], to PLAYED_RESOLUTION.
+        """Return the time since ``stamp`` was played [s], with the resolution PLAYED_RESOLUTION.
 
-        For a stamp before all entries, the result is a lower bound.
+        For a stamp older than all kept entries, the result is a lower bound.
         """
         now = self._steady()
         played = next((at for first, at in reversed(self._entries) if first <= stamp), None)
@@ -80,7 +81,7 @@ SECOND = 1_000_000_000  #: [ns]
 class TimeWindow(NamedTuple):
     """Part of a recording."""
 
-    start: float = 0.0  #: start of the part, counted from the start of the recording [s]
+    start: float = 0.0  #: start of the part [s since the start of the recording]
     duration: float = math.inf  #: [s]
 
     @property
@@ -88,7 +89,7 @@ class TimeWindow(NamedTuple):
         return self.start + self.duration
 
     def of(self, begin: int) -> tuple[int, int | None]:
-        """Return the start and the end of the window [ns]; an end of None means the end of the recording.
+        """Return the start and the end of the window [ns], with None for the end of the recording.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Recordings in several files: a rotated series (session.mcap, session_part2.mcap, ...) or the folder of a bag."""
+"""Find the files of a recording: a rotated series (session.mcap, session_part2.mcap, ...) or a bag folder."""
 
 import re
 from collections.abc import Sequence
@@ -11,24 +11,24 @@ BAG_SUFFIXES = ('.mcap', '.db3')  #: suffixes of bag files
 
 
 class Part(NamedTuple):
-    """One file of a recording. If several consecutive files are missing, only the first of them has a Part."""
+    """One file of a recording. Several consecutive missing files are represented by a single Part."""
 
     path: Path
     is_there: bool = True
 
 
 def parts_of(path: str | Path) -> tuple[Part, ...]:
-    """Return the files of a recording in the order in which they were recorded.
+    """Return the files of a recording in the order of recording.
 
     Parameters
     ----------
     path
-        First file of the recording, or the folder of a bag. Any other file of a series is read alone.
+        First file of the recording, or a bag folder. A later file of a series counts as a single file.
 
     Returns
     -------
     tuple of Part
-        Files of the recording, including files that must have existed but are missing.
+        Files of the recording, including missing files.
     """
     path = Path(path)
     if path.is_dir():
@@ -43,12 +43,12 @@ def parts_of(path: str | Path) -> tuple[Part, ...]:
 
 
 def files_of(path: str | Path) -> list[Path]:
-    """Return the existing files of a recording, in the order in which they were recorded."""
+    """Return the existing files of a recording in the order of recording."""
     return [each.path for each in parts_of(path) if each.is_there]
 
 
 def part(path: Path, number: int) -> Path:
-    """Return the path of file ``number`` (2 or higher) of the series that begins with ``path``.
+    """Return the path of file ``number`` (2 or higher) in the series that starts with ``path``.
 
     >>> part(Path('a/session.log.gz'), 2).name
     'session_part2.log.gz'
@@ -58,7 +58,7 @@ def part(path: Path, number: int) -> Path:
 
 
 def following(path: Path) -> Sequence[int]:
-    """Return the numbers of the existing files that continue ``path``; empty unless it is the first of a series."""
+    """Return the numbers of the later files in the series that starts with ``path``, or an empty sequence."""
     suffix = suffix_of(path)
     pattern = re.compile(f'{re.escape(path.name.removesuffix(suffix))}_part([1-9][0-9]*){re.escape(suffix)}')
     if not path.parent.is_dir():
@@ -68,7 +68,7 @@ def following(path: Path) -> Sequence[int]:
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix of ``path``; for .log.gz, both parts."""
+    """Return the suffix of ``path``, with both parts for .log.gz."""
     return ''.join(path.suffixes[-2:]) if path.suffix == '.gz' else path.suffix
 
 
@@ -80,7 +80,7 @@ def _of_folder(folder: Path) -> tuple[Part, ...]:
 
 
 def _recorded(folder: Path) -> set[str]:
-    """Return the file names in the folder's metadata; empty if a killed recorder did not write the metadata."""
+    """Return the file names in the folder's metadata, which are missing if the recorder was killed."""
     try:
         content = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))  # written by rosbag2
         named = content['rosbag2_bagfile_information']['relative_file_paths']

@@ -1,4 +1,4 @@
-"""Log formats in text, from candump and for python-can, and a filter for the lines that hold a whole CAN frame."""
+"""Text log formats of candump and python-can, and a filter that drops damaged lines."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -13,20 +13,21 @@ from can.util import dlc2len
 
 
 class TextFormat(NamedTuple):
-    """Patterns for the lines of a log format."""
+    """Line patterns of a text log format."""
 
     reader: Callable[[TextIO], MessageReader]  #: reader of python-can
-    frame: re.Pattern[str]  #: a line with a whole CAN frame, or a line that changes the time of the frames after it
-    other: re.Pattern[str]  #: start of a line without a CAN frame: a comment, a statistic or an event
+    frame: re.Pattern[str]  #: line with a complete CAN frame, or line that changes the time of the following frames
+    other: re.Pattern[str]  #: start of a line without a CAN frame, such as a comment, a statistic or an event
     header: re.Pattern[str] = re.compile('(?!)')  #: start of a line that the reader needs before the frames
-    header_end: str = ''    #: line at which the reader stops searching for the header; the reader drops that line
-    corrected: Callable[[str], str] = str  #: makes a line readable, or raises ValueError
+    header_end: str = ''    #: line at which the reader ends its search for the header, and which the reader drops
+    corrected: Callable[[str], str] = str  #: function that makes a line readable, or raises ValueError
 
 
 def whole_lines(stream: TextIO, form: TextFormat, on_unread: Callable[[str], None]) -> Iterator[str]:
-    """Yield the lines that the reader of a format needs.
+    """Yield the lines that the reader of the format needs.
 
-    A damaged line is left out. The readers of python-can would stop at such a line, skip it, or use a part of it.
+    Damaged lines are dropped, because the readers of python-can would stop at a damaged line, skip it or use a part of
+    it.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ def whole_lines(stream: TextIO, form: TextFormat, on_unread: Callable[[str], Non
     form
         Format of the log.
     on_unread
-        Called with the reason for each line that is left out.
+        Called with the reason for each dropped line.
     """
     is_header = True
     with stream:
@@ -54,14 +55,14 @@ def whole_lines(stream: TextIO, form: TextFormat, on_unread: Callable[[str], Non
                     yield form.header_end
                 is_header = False
                 yield readable
-            elif not form.other.match(line):  # a truncated line must not be used: it may look like another frame
+            elif not form.other.match(line):  # a truncated line may look like another frame
                 on_unread(f'a damaged line: {line.strip()[:MOST_SHOWN]!r}' if line.endswith('\n')
                           else 'cut short: the log ends within a line, and that line is not used')
 
 
-MOST_SHOWN = 60  #: number of characters of a damaged line that are reported
+MOST_SHOWN = 60  #: maximum number of characters reported from a damaged line
 DLCS = range(16)
-MOST_DATA = 64  #: largest size of a CAN FD frame [bytes]
+MOST_DATA = 64  #: maximum data size of a CAN FD frame [bytes]
 
 
 def _pattern(text: str) -> re.Pattern[str]:
@@ -78,11 +79,12 @@ _HOUR_OF_DAY = _pattern(r'(?<=\s)((?:00|1[3-9]|2[0-3]):\d\d:\S+)\s+[ap]m\b')
 
 
 def _with_readable_date(line: str) -> str:
-    """Return a line of an ASC log; if it has a date, in a form that python-can reads. Raises ValueError."""
+    """Return a line of an ASC log, with any date rewritten for python-can. Raises ValueError for an unreadable date."""
     found = _DATE.fullmatch(line)
     if found is None:
         return line
-    date = _HOUR_OF_DAY.sub(r'\1', found['date'].replace('M\ufffdr', 'Mar'))  # Mär, written on Windows
+    # the German month Mär in a Windows encoding
+    date = _HOUR_OF_DAY.sub(r'\1', found['date'].replace('M\ufffdr', 'Mar'))
     reader = can.ASCReader(StringIO(f'date {date}'), relative_timestamp=False)
     next(iter(reader), None)
     if reader.date is None:
@@ -91,13 +93,14 @@ def _with_readable_date(line: str) -> str:
 
 
 def _asc(can_id: str, byte: str) -> TextFormat:
-    """Return the format of ASC logs that write identifiers and bytes with these patterns."""
+    """Return the format of ASC logs in which identifiers and bytes match these patterns."""
     classic = '|'.join(rf'{dlc:x}(?:\s+{byte}){{{min(dlc, 8)}}}(?!\s+{byte}\s)' for dlc in DLCS)
     fd = '|'.join(rf'{dlc:x}\s+(?:0|{dlc2len(dlc)}(?:\s+{byte}){{{dlc2len(dlc)}}})' for dlc in DLCS)
     way = r'\s+(?:Rx|Tx|TxRq)\s+'
     return TextFormat(
         partial(can.ASCReader, relative_timestamp=False),
-        # No decimal point may follow the frame: two lines that have run together have a second stamp with a point.
+        # No decimal point may follow the frame, because two lines that have run together contain a second stamp with a
+        # decimal point.
         _pattern(rf'\s*\d+\.\d+\s+(?:\d+\s+{can_id}x?{way}(?:r|d\s+(?:{classic}))|CANFD\s+\d+{way}'
                  rf'{can_id}x?\s+(?:\S+\s+)?[01]\s+[01]\s+(?:{fd}))\s[^.]*|'
                  rf'\s*\d+\.\d+\s+(?:CANFD\s+)?\d+(?:{way}|\s+)ErrorFrame\s.*\n?|begin\s+triggerblock\s+\S.*\n'),
@@ -110,7 +113,7 @@ ASC = _asc('[0-9A-F]+', '[0-9A-F]{2}')
 ASC_DECIMAL = _asc(r'\d+', r'\d{1,3}')
 _DECIMAL = _pattern(r'base\s+dec\b')
 
-#: (DLC or length in a column of a TRC log, number of bytes in its frame)
+#: pairs of the DLC or length in a TRC column and the number of data bytes in the frame
 _TRC_SIZES = sorted({(dlc, dlc2len(dlc)) for dlc in DLCS} | {(dlc2len(dlc), dlc2len(dlc)) for dlc in DLCS})
 _TRC_DATA = '|'.join(rf'{given}(?:\s+[0-9A-F]{{2}}){{{size}}}' for given, size in _TRC_SIZES)
 _TRC_ID = r'[0-9A-F]{4,8}\s+(?:[RT]x\s+)?(?:-\s+)?'
@@ -121,12 +124,11 @@ TRC = TextFormat(
     _pattern(r'\s*(?:$|;|\d+\)?\s+[\d.]+\s+(?:\d+\s+)?(?:Warng|Error|Event|FFFFFFFF|ST|EC|ER|EV)\s)'),
     _pattern(r';\$'))
 
-#: number of bytes and their base64 code
+#: patterns of a number of bytes and their base64 code
 _CSV_DATA = '|'.join(rf'{size},[A-Z0-9+/]{{{(size * 4 + 2) // 3}}}={{{-size % 3}}}' for size in range(MOST_DATA + 1))
 CSV = TextFormat(
     can.CSVReader, _pattern(rf'[\d.e+-]+,0x[0-9a-f]+,[01],(?:1,[01],\d+,|0,[01],(?:{_CSV_DATA}))\n?'),
     _pattern(r'timestamp,|\s*$'), header_end='timestamp\n')
 
-#: suffix -> format
-
+#: formats by suffix
 FORMATS = {'.log': CANDUMP, '.asc': ASC, '.trc': TRC, '.csv': CSV}

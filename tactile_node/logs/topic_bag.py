@@ -1,7 +1,8 @@
-"""Read this package's topics from a ROS 2 bag without ROS: taxel frames by pad, and the other messages.
+"""Read this package's topics from a ROS 2 bag without ROS.
 
 Messages are decoded with the definition in the bag, so that bags from other versions of this package can be read. If
-the bag has no readable definition, the one in msg/ is used. Messages are read one by one, so memory stays small.
+the bag has no readable definition, the definition in msg/ is used. Messages are read one at a time, so that memory use
+stays low.
 """
 
 from collections import Counter
@@ -49,19 +50,20 @@ DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 
 
 class BagMessage(NamedTuple):
-    """A decoded message. Its content has the fields of the message definition; arrays of numbers are NumPy arrays."""
+    """A decoded message. ``content`` has the fields of the message definition, with numbers in NumPy arrays."""
 
     topic: str
     type: str
-    recorded: float  #: time of recording [s, Unix epoch]
-    #: time of recording by the clock of the taxel stamps; it differs from ``recorded`` in a replay, or if two computers
-    #: have different clocks
+    #: time of recording [s, Unix epoch]
+    recorded: float
+    #: time of recording by the clock of the taxel stamps, which differs from ``recorded`` in a replay, or if the clocks
+    #: of two computers differ
     stamp: float
     content: Any
 
 
 def holds_taxels(path: str | Path) -> bool:
-    """Return True if ``path`` is a bag with taxel arrays of this package; the bag may also contain CAN frames."""
+    """Return True if ``path`` is a bag with taxel arrays of this package. The bag may also contain CAN frames."""
     return is_bag(path) and TAXELS in topics_of(path).values()
 
 
@@ -71,14 +73,14 @@ def holds_can_frames(path: str | Path) -> bool:
 
 
 class TopicBagReader:
-    """Reads a bag any number of times, each time from its start.
+    """Reads the messages of a bag, any number of times from the start.
 
     Attributes
     ----------
     topics
-        Topic -> type.
+        Message types by topic.
     unread
-        Number of messages or parts that the last reading could not use, by reason.
+        Number of messages or parts left out during the last read, by reason.
     problem
         Description of the last part that was left out.
     damages
@@ -87,7 +89,7 @@ class TopicBagReader:
     Raises
     ------
     LogError
-        If the path is not a bag, if the bag has no TaxelArray, or if the extra `bag` is not installed.
+        Raised if the path is not a bag, if the bag has no TaxelArray, or if the extra `bag` is not installed.
     """
 
     def __init__(self, path: str | Path):
@@ -97,12 +99,12 @@ class TopicBagReader:
         self.problem = ''
         self.damages: list[Damage] = []
         self._types = _TopicTypes(path)
-        self._behind: float | None = None  # stamp of the last taxel array minus its time of recording [s]
+        self._behind: float | None = None  # stamp minus time of recording of the last taxel array [s]
         if TAXELS not in self.topics.values():
             got = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self.topics.items())) or (
                 'no readable topic')
             raise LogError(self.path, expected=f'a bag with a topic of type {TAXELS}', got=got,
-                           remedy='Record <pad>/taxels of the driver.')
+                           remedy='Record the topic <pad>/taxels of the driver.')
 
     @property
     def pads(self) -> tuple[str, ...]:
@@ -110,7 +112,7 @@ class TopicBagReader:
         return tuple(sorted(pad_of(topic) for topic, kind in self.topics.items() if kind == TAXELS))
 
     def messages(self, types: Collection[str], window: TimeWindow = WHOLE) -> Iterator[BagMessage]:
-        """Yield the messages of the given types in the window; a TaxelArray with inconsistent fields is left out."""
+        """Yield the messages of the given types in the window, without any TaxelArray that has inconsistent fields."""
         self._behind = None
         self.unread, self.problem, self.damages = Counter(), '', []
         bounds = (0, None) if window == WHOLE else window.of(begin_of(self.path))
@@ -135,9 +137,9 @@ class TopicBagReader:
         yield BagMessage(recorded.topic, recorded.type, at, at + self._behind, content)
 
     def _first_behind(self) -> float:
-        """Return stamp - time of recording for the first taxel array, or 0 if there is none.
+        """Return the difference between stamp and recording time of the first taxel array, or 0 if there is none.
 
-        The difference is also used for the messages before that array.
+        The difference is applied to messages that precede the first taxel array.
         """
         first = next(TopicBagReader(self.path).messages((TAXELS,)), None)
         return 0.0 if first is None else seconds(first.content.header.stamp) - first.recorded
@@ -152,7 +154,7 @@ class TopicBagReader:
 
 
 def pad_of(topic: str) -> str:
-    """Return the name of the pad that a topic belongs to.
+    """Return the name of the pad to which a topic belongs.
 
     >>> pad_of('/left/taxels'), pad_of('/robot/left/shape')
     ('left', 'robot/left')
@@ -161,11 +163,11 @@ def pad_of(topic: str) -> str:
 
 
 class _TopicTypes:
-    """Decodes messages with the definition in the bag. If the bag has none, the definition in msg/ is used."""
+    """Decodes messages with the definition in the bag or, if the bag has none, with the definition in msg/."""
 
     def __init__(self, path: str | Path):
         self._typesys = library('rosbags.typesys', path)
-        self._stores: dict[tuple[str, str], Any] = {}  # (type, definition) -> store
+        self._stores: dict[tuple[str, str], Any] = {}  # type stores by type and definition
 
     def content(self, recorded: Recorded) -> Any:
         key = recorded.type, recorded.definition
@@ -174,20 +176,20 @@ class _TopicTypes:
         return self._stores[key].deserialize_cdr(decompress(recorded.cdr), recorded.type)
 
     def _store(self, kind: str, definition: str) -> Any:
-        """Return a new store for a definition, because the next bag may define a contained type differently."""
+        """Return a new type store for a definition, because another bag may define a contained type differently."""
         if definition:
             try:
                 store = self._typesys.get_typestore(self._typesys.Stores.EMPTY)
                 store.register(self._typesys.get_types_from_msg(definition, kind))
                 store.get_msgdef(kind)
                 return store
-            except Exception:  # the parser raises its own errors for a damaged definition
+            except Exception:  # the parser raises various errors for a damaged definition
                 pass
         return self._ours
 
     @cached_property
     def _ours(self) -> Any:
-        return message_types(self._typesys, (  # contained types come first
+        return message_types(self._typesys, (  # contained types must come first
             'TaxelArray', 'ContactMotion', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus'))
 
 
@@ -199,7 +201,7 @@ def message_types(typesys: Any, names: Iterable[str]) -> Any:
     typesys
         The module rosbags.typesys.
     names
-        Names of this package's messages; a contained message must come before the one that contains it.
+        Names of this package's messages. Contained messages must precede the messages that contain them.
     """
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     for name in names:

@@ -1,1 +1,1 @@
-"""A simulated CANopen skin: contacts or recordings -> CAN frames."""
+"""A simulated CANopen skin, which turns contacts or recordings into CAN frames."""

@@ -1,4 +1,4 @@
-"""Server side of the SDO block upload (CiA 301, 7.2.4.3.9 and following), which the server of canopen lacks."""
+"""Server side of the SDO block upload (CiA 301, 7.2.4.3.9 ff.), which canopen's SDO server does not support."""
 
 import binascii
 from collections.abc import Callable
@@ -9,16 +9,16 @@ from tactile_node.cia301 import sdo
 
 
 class BlockUploadServer:
-    """Answers block uploads of one object.
+    """Serves block uploads of one object.
 
     Parameters
     ----------
     index, subindex
-        Object that may be uploaded.
+        Index and sub-index of the object to serve.
     read
-        Called when an upload begins; returns the bytes to upload.
+        Called when an upload begins. Returns the bytes to upload.
     send
-        Called with each answer frame.
+        Called with each response frame.
     """
 
     def __init__(self, index: int, subindex: int, read: Callable[[], bytes], send: Callable[[bytes], None]):
@@ -27,12 +27,12 @@ class BlockUploadServer:
         self._send = send
         self._data = b''
         self._acknowledged = 0  # number of segments
-        self._in_block = 0  # number of segments sent in this block
+        self._in_block = 0  # number of segments sent in the current block
         self._block_size = 0  # number of segments
         self._is_running = False
 
     def takes(self, request: bytes) -> bool:
-        """Answer a request. Return False if the request is for the common SDO server instead."""
+        """Answer a request, or return False if the regular SDO server must answer it."""
         if len(request) == sdo.SDO_BYTES and request[0] & sdo.BLOCK_COMMAND == sdo.INITIATE_BLOCK_REQUEST:
             if request[1:4] != self._object:
                 return False

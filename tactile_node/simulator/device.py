@@ -1,4 +1,4 @@
-"""A simulated CANopen skin, for a bus without hardware."""
+"""A simulated CANopen device of a skin, for a bus without hardware."""
 
 import logging
 import threading
@@ -21,32 +21,32 @@ from tactile_node.skin.taxel_codec import TaxelCodec
 
 logger = logging.getLogger(__name__)
 
-#: function of the time since the device became operational [s] that returns taxel values (rows, cols) in the layout's
-#: unit
+#: function that takes the time since the device became OPERATIONAL [s] and returns taxel values (rows, cols) in the
+#: layout's unit
 TaxelSource = Callable[[float], np.ndarray]
-#: function that sends the TPDOs of a sweep, given as COB-ID and bytes; it reads none of them if the device has no room
-#: for a sweep
+#: function that sends the TPDOs of a sweep, given as pairs of COB-ID and bytes, or reads no pair if the device's
+#: transmit queue has no space for a sweep
 SendSweep = Callable[[Iterator[tuple[int, bytes]]], None]
 
 
 class SimulatedDevice:
-    """One node of a pad as a CANopen slave: boot-up, heartbeat, NMT, SDO server and TPDOs.
+    """Simulates one node of a pad as a CANopen slave with boot-up, heartbeat, NMT, SDO server and TPDOs.
 
-    The objects 0x1005, 0x1800... and 0x1A00..., as the master has written them, decide what the device sends. The
-    layout only says which mapped object holds which taxel. TPDOs of the types 254 and 255 with an event timer are sent
-    without SYNC, as `EventSchedule` decides.
+    The objects 0x1005, 0x1800... and 0x1A00..., as written by the master, determine which TPDOs the device sends. The
+    layout only determines which mapped object contains which taxel. TPDOs of types 254 and 255 with an event timer are
+    sent without SYNC, as scheduled by `EventSchedule`.
 
     Parameters
     ----------
     network
-        Network on which the device lives.
+        Network to which the device is connected.
     node
         Node-ID, object dictionary and layout.
     source
         Called at each SYNC while the device is OPERATIONAL, with the time since it became OPERATIONAL [s]. Returns the
         taxel values, shape (rows, cols), in the layout's unit.
     send_sweep
-        Sends the TPDOs that a SYNC requests; None to send them on ``network``.
+        Function that sends the TPDOs requested by a SYNC, or None to send the TPDOs on ``network``.
     """
 
     def __init__(self, network: canopen.Network, node: CanopenNode, source: TaxelSource,
@@ -61,7 +61,7 @@ class SimulatedDevice:
         self._node = canopen.LocalNode(node.node_id, node.dictionary)
         self._node.add_write_callback(self._before_write)
         self._node.add_read_callback(self._read_taxels)
-        self._zero: np.ndarray | None = None  # values that the device's auto-zero subtracts
+        self._zero: np.ndarray | None = None  # values that the auto-zero of the device subtracts
         self._words = [bytes(8)] * len(node.layout.tpdos)
         self._domain = node.layout.domain
         self._blocks = None if self._domain is None else BlockUploadServer(
@@ -75,11 +75,11 @@ class SimulatedDevice:
         self._syncs = 0
         self._lock = threading.RLock()
         self.frames_sent = 0
-        self.refuses_blocks = False  #: True to behave like a device whose SDO server has no block upload
-        self.refuses_start = False  #: True to behave like a device with an error that stays PRE-OPERATIONAL
+        self.refuses_blocks = False  #: True to act like a device whose SDO server does not support block upload
+        self.refuses_start = False  #: True to act like a device that stays PRE-OPERATIONAL because of an error
 
     def boot(self) -> None:
-        """Switch the device on: it sends its boot-up message and becomes PRE-OPERATIONAL."""
+        """Switch the device on. The device sends its boot-up message and becomes PRE-OPERATIONAL."""
         self._network.add_node(self._node)
         self._network.unsubscribe(NMT, self._node.nmt.on_command)
         self._network.subscribe(NMT, self._on_nmt)
@@ -89,7 +89,7 @@ class SimulatedDevice:
         self._announce()
 
     def power_off(self) -> None:
-        """Switch the device off: it leaves the bus without a message. `boot` switches it on with its defaults."""
+        """Switch the device off without any message on the bus. `boot` switches the device on with its defaults."""
         with self._lock:
             if self._node_id not in self._network:
                 return
@@ -101,10 +101,10 @@ class SimulatedDevice:
             self._network.subscribe(self._node.sdo.rx_cobid, self._node.sdo.on_request)
             del self._network[self._node_id]
             self._forget()
-        self._events.stop()  # outside the lock, which its thread takes
+        self._events.stop()  # called without the lock, because the event thread takes the lock
 
     def lie(self, index: int, subindex: int, data: bytes) -> None:
-        """Answer reads of this object with ``data`` until the next reset."""
+        """Answer reads of the given object with ``data`` until the next reset."""
         self._node.data_store.setdefault(index, {})[subindex] = data
 
     @property
@@ -157,11 +157,11 @@ class SimulatedDevice:
             try:
                 due = self._send_due(time.monotonic())
             except BusError as error:
-                logger.error('Node %d no longer sends: %s', self._node_id, error)
+                logger.error('Node %d has stopped sending TPDOs: %s', self._node_id, error)
                 return
 
     def _send_due(self, now: float) -> float:
-        """Send the TPDOs that are due without SYNC; return the time at which the next ones may be due."""
+        """Send the event-driven TPDOs that are due. Return the time at which the next TPDOs may be due."""
         with self._lock:
             if not self.operational:
                 return now + SCAN
@@ -180,7 +180,7 @@ class SimulatedDevice:
         return values if self._zero is None else values - self._zero
 
     def _zero_channel(self, channel: int, data: bytes) -> None:
-        """Zero one channel; channel 1 is taxel (0, 0), and the others follow row by row."""
+        """Zero one channel. Channel 1 is taxel (0, 0), and further channels follow row by row."""
         if data != objects.ZERO_SIGNATURE:
             raise SdoAbortedError(AbortCode.INVALID_VALUE)
         values = np.asarray(self._source(time.time() - self._started))
@@ -189,7 +189,7 @@ class SimulatedDevice:
         self._zero = zero
 
     def _on_sdo(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        if len(data) != SDO_BYTES:  # not an SDO request; the server of canopen would raise an exception
+        if len(data) != SDO_BYTES:  # not an SDO request, for which canopen's server would raise an exception
             return
         with self._lock:
             if self._blocks is None or self.refuses_blocks or not self._blocks.takes(bytes(data)):
@@ -217,7 +217,7 @@ class SimulatedDevice:
             self._network.send_message(can_id, data)
 
     def _answer(self, tpdo: ConfiguredTpdo) -> Iterator[tuple[int, bytes]]:
-        """Yield the frames that the TPDO sends at this SYNC."""
+        """Yield the CAN frames of the TPDO that are due at the current SYNC."""
         if tpdo.every and self._syncs % tpdo.every:
             return
         if not tpdo.head:
@@ -228,7 +228,7 @@ class SimulatedDevice:
         yield from self._frames(tpdo)
 
     def _frames(self, tpdo: ConfiguredTpdo) -> Iterator[tuple[int, bytes]]:
-        """Yield the frame that the TPDO sends now."""
+        """Yield the CAN frame of the TPDO with the current taxel values."""
         self.frames_sent += 1
         yield tpdo.can_id, self._data(tpdo)
 
@@ -246,7 +246,7 @@ class SimulatedDevice:
         return int.from_bytes(self._words[piece.rank], 'little') >> piece.start & (1 << piece.bits) - 1
 
     def _compile(self, now: float) -> list[ConfiguredTpdo]:
-        """Compile the TPDOs from the present content of their records, and schedule those that need no SYNC."""
+        """Compile the TPDOs from the current content of their records, and schedule the event-driven TPDOs."""
         known = self._node.object_dictionary
         numbers = [i for i in range(objects.MAX_TPDOS) if objects.TPDO_COMMUNICATION + i in known]
         self._tpdos = self._records.compile(numbers)
@@ -267,7 +267,7 @@ class SimulatedDevice:
         return value - (value >> place[2] - 1 << place[2]) if signed else value
 
     def _before_write(self, index: int, subindex: int, data: bytes, **_: object) -> None:
-        """Apply the rules of CiA 301 for writes to PDO records. Raises the SDO abort that a strict device sends."""
+        """Apply the CiA 301 rules for writes to PDO records. Raises the SDO abort that a strict device would send."""
 
         if index == objects.AUTO_ZERO:
             self._zero_channel(subindex, bytes(data))

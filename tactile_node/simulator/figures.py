@@ -1,7 +1,7 @@
-"""Figures other than the five shapes, given by a name or by a silhouette, that can touch a pad.
+"""Additional figures that can touch a simulated pad, given by name or as a silhouette.
 
-They stand for a user's own shapes, which `tactile teach` learns and `tactile simulate` presses. Lengths and positions
-are in taxel pitches, as in world.py.
+The figures represent a user's own shapes, which `tactile teach` learns and `tactile simulate` presses onto a pad.
+Lengths and positions are in taxel pitches, as in world.py.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,16 +16,16 @@ from tactile_node.errors import InputError
 from tactile_node.simulator.world import PAD
 from tactile_node.taxel_frame import read_only
 
-DRAWN_CELLS = 192  #: number of cells along each side of the square, from -1 to 1, in which a named figure is drawn
-LEAST_CELLS = 30  #: smallest number of filled cells; a smaller silhouette has no useful outline
-MOST_SIDE = 2048  #: largest number of rows or columns of a silhouette
+DRAWN_CELLS = 192  #: number of cells along each side of the square from -1 to 1 in which a named figure is drawn
+LEAST_CELLS = 30  #: minimum number of filled cells, because a smaller silhouette has no useful outline
+MOST_SIDE = 2048  #: maximum number of rows or columns of a silhouette
 
 Drawing = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Silhouette:
-    """A figure without a size. Its array is read-only."""
+    """A figure without a size. The array ``distance`` is read-only."""
 
     name: str
     distance: np.ndarray          #: signed distance from the outline, positive inside [cells], shape (rows, cols)
@@ -41,7 +41,7 @@ class Silhouette:
 
 @dataclass(frozen=True)
 class Figure:
-    """A silhouette on a pad."""
+    """A silhouette with a size, position and angle on a pad."""
 
     silhouette: Silhouette
     area: float         #: area [taxels]
@@ -64,7 +64,7 @@ class Figure:
         return self.silhouette.reach * self.cell
 
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the signed distance of points from the outline [pitches], positive inside, exact to one cell."""
+        """Return the signed distance of points from the outline [pitches], positive inside, accurate to one cell."""
         u, v = (x - self.x) / self.cell, (y - self.y) / self.cell
         cos, sin = np.cos(self.angle), np.sin(self.angle)
         col, row = self.silhouette.middle
@@ -73,25 +73,25 @@ class Figure:
         return found * self.cell
 
     def pattern(self, rows: int, cols: int) -> np.ndarray:
-        """Return the on/off pattern, bool, shape (rows, cols); a taxel is active if its centre is inside."""
+        """Return the on/off pattern, bool, shape (rows, cols). A taxel is active if its centre is inside."""
         y, x = np.indices((rows, cols), float)
         return self.depth(x, y) >= 0
 
 
 def silhouette_of(name: str, filled: np.ndarray) -> Silhouette:
-    """Return the silhouette of a figure that is given by its filled cells.
+    """Return the silhouette of a figure given as an array of filled cells.
 
     Parameters
     ----------
     name
         Name of the figure.
     filled
-        Cells of the figure, bool, shape (rows, cols).
+        Array that is True in the cells of the figure, bool, shape (rows, cols).
 
     Raises
     ------
     InputError
-        If the array is too large, or has too few filled cells for an outline.
+        Raised if the array is too large, or has too few filled cells for an outline.
 
     Examples
     --------
@@ -105,15 +105,15 @@ def silhouette_of(name: str, filled: np.ndarray) -> Silhouette:
                          got=f'shape {filled.shape}, {np.count_nonzero(filled)} filled cells',
                          remedy='Draw the figure larger, dark on white.')
     filled = np.pad(filled.astype(bool), 2)
-    filled = np.pad(filled, max(filled.shape) // 2)  # so that the distance is known at all taxels near the figure
+    filled = np.pad(filled, max(filled.shape) // 2)  # covers all taxels near the figure
     distance = ndimage.distance_transform_edt(filled) - ndimage.distance_transform_edt(~filled)
-    distance -= np.sign(distance) / 2  # measured from the border of the cells, not from the centre of the next cell
+    distance -= np.sign(distance) / 2  # measured from the cell border, not from the centre of the next cell
     rows, cols = filled.nonzero()
     return Silhouette(name, read_only(distance), len(rows), (float(cols.mean()), float(rows.mean())))
 
 
 def named_silhouette(name: str) -> Silhouette:
-    """Return the silhouette of one of NAMED. Raises InputError for another name."""
+    """Return the silhouette of a figure in NAMED. Raises InputError for any other name."""
     if name not in NAMED:
         raise InputError('figure', expected=f'one of {", ".join(NAMED)}', got=repr(name),
                          remedy='Use one of these names, or give a picture of the figure.')
@@ -128,10 +128,11 @@ def random_figure(rng: np.random.Generator, silhouette: Silhouette, area: float,
 
 
 def _star(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw a star with five points; its inner corners are at 0.45 of the radius."""
+    """Draw a five-pointed star whose inner corners are at 0.45 of the radius."""
     angle = np.arctan2(y, x) % (2 * np.pi / 5) - np.pi / 5
     towards, inner = np.hypot(x, y), 0.45
-    # The edge runs from a point (radius 1, pi/5 from the middle of the sector) to the inner corner in the middle.
+    # The edge runs from the tip (radius 1, pi/5 from the middle of the sector) to the inner corner in the middle of the
+    # sector.
     u, v = towards * np.cos(angle), np.abs(towards * np.sin(angle))
     point = np.cos(np.pi / 5), np.sin(np.pi / 5)
     return np.greater_equal(0.95 * inner * point[1] - u * point[1] + v * (point[0] - inner), 0)
@@ -155,11 +156,11 @@ NAMED: Mapping[str, Drawing] = MappingProxyType({
 })
 
 
-SUBSAMPLES = 8  #: the coverage of a taxel is counted on 8 x 8 points
+SUBSAMPLES = 8  #: number of sample points per taxel side for the coverage
 
 
 class Touching(Protocol):
-    """Interface of a contact or figure that can touch a pad; lengths are in pitches."""
+    """Interface of a contact or figure that can touch a pad, with lengths in pitches."""
 
     @property
     def x(self) -> float: ...
@@ -178,13 +179,13 @@ class Skin:
     """Response of a skin to pressure."""
 
     full_scale: float = 100_000.0  #: [Pa]
-    blur: float = 0.0              #: standard deviation with which the elastomer spreads the pressure [pitches]
+    blur: float = 0.0              #: standard deviation of the pressure spread in the elastomer [pitches]
     noise: float = 0.0             #: standard deviation of the noise [fraction of full scale]
-    dead: float = 0.0              #: fraction of taxels without a valid value (NaN), drawn again for each frame
+    dead: float = 0.0              #: fraction of taxels without a valid value (NaN), selected at random for each frame
 
 
 def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
-    """Return the fraction of each taxel's square that the contact covers.
+    """Return the fraction of each taxel's area that the contact covers.
 
     Parameters
     ----------
@@ -200,14 +201,14 @@ def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
 
     Notes
     -----
-    The function counts points, whereas `pose.outlines.coverages` is exact. A contact need not be a polygon: it may be
-    hollow, rounded or any outlier. The published weights and figures were computed with these counts.
+    The function counts points, because a contact may be hollow or rounded and need not be a polygon. For polygons,
+    `pose.outlines.coverages` is exact. The published weights and figures are based on point counts.
     """
     covered, near = np.zeros((rows, cols)), _window(contact, rows, cols)
     y, x = np.indices((rows, cols))[(slice(None), *near)].astype(float)
     depth = contact.depth(x, y)
     part = (depth >= 0).astype(float)
-    # A taxel can be partly covered only within half of its diagonal from the outline.
+    # A taxel can be partly covered only if its centre is within half its diagonal of the outline.
     rim = np.abs(depth) < 0.708
     step = (np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5
     dy, dx = (offset.reshape(-1) for offset in np.meshgrid(step, step, indexing='ij'))
@@ -231,22 +232,23 @@ def pressure_frame(contact: Touching | None, rng: np.random.Generator, rows: int
     Parameters
     ----------
     contact
-        Contact that touches the pad; None for an untouched pad.
+        Contact that touches the pad, or None for an untouched pad.
     rng
-        Source of the noise and of the dead taxels.
+        Random generator for the noise and the dead taxels.
     rows, cols
         Size of the pad.
     pressure
-        Mean pressure [fraction of full scale]. Before noise, the pressure is limited to the range from 0 to full scale.
+        Mean pressure [fraction of full scale]. The pressure is clipped to the range from 0 to full scale before noise
+        is added.
     tilt
-        Relative rise of the pressure along x and along y, from the contact's centre [1/pitch].
+        Relative pressure gradients along x and y, from the centre of the contact [1/pitch].
     skin
         Response of the skin.
 
     Returns
     -------
     numpy.ndarray
-        Values [Pa], float, shape (rows, cols), NaN for dead taxels.
+        Taxel values [Pa], float, shape (rows, cols), NaN for dead taxels.
     """
     values = np.zeros((rows, cols))
     if contact is not None:

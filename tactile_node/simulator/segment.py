@@ -1,4 +1,4 @@
-"""A simulated wire with its senders and receivers. All events on it depend only on the times given to ``run``."""
+"""A simulated CAN wire with senders and receivers, on which all events depend only on the times given to ``run``."""
 
 import heapq
 import itertools
@@ -17,35 +17,35 @@ Call = Callable[[], None]
 
 
 class Segment:
-    """Delivers each frame at its end to all participants except its sender, and makes calls at given wire times.
+    """Delivers each CAN frame at its end to all participants except the sender, and makes calls at given wire times.
 
-    A participant that answers at once is called with the exact end of the frame, even if the machine is late, because
-    the wire decides about the next frame only after that. Times are in seconds. The class is not thread-safe.
+    A participant is called with the exact end time of the CAN frame, even if the computer is running late. An immediate
+    response therefore takes part in the next arbitration. Times are in seconds. The class is not thread-safe.
     """
 
     def __init__(self, wire: Wire):
         self.wire = wire
-        self.now = -math.inf  #: time of the wire [s]
+        self.now = -math.inf  #: current time of the wire [s]
         self._receivers: list[tuple[Sender, Receive]] = []
         self._timers: list[tuple[float, int, Call]] = []
         self._count = itertools.count()
 
     def join(self, receive: Receive, by_priority: bool = False) -> Sender:
-        """Add a participant and return its queue; ``receive`` is called with each frame of the other participants."""
+        """Add a participant and return its queue. ``receive`` is called with each frame of the other participants."""
         sender = self.wire.join(by_priority=by_priority)
         self._receivers.append((sender, receive))
         return sender
 
     def submit(self, call: Call) -> None:
-        """Make a call that queues frames or sets timers; a live segment makes the call in its own thread."""
+        """Make a call that queues frames or sets timers. A live segment makes the call on its thread."""
         call()
 
     def at(self, when: float, call: Call) -> None:
-        """Make ``call`` when the wire has reached the time ``when`` [s]."""
+        """Schedule ``call`` for the wire time ``when`` [s]."""
         heapq.heappush(self._timers, (when, next(self._count), call))
 
     def run(self, until: float) -> None:
-        """Advance the wire to the time ``until`` [s]: carry frames, deliver them and make the calls that are due."""
+        """Advance the wire to the time ``until`` [s]: transmit and deliver frames, and make due calls."""
         while True:
             due = self._timers[0][0] if self._timers else math.inf
             carried = self.wire.carry(min(until, due))
@@ -63,7 +63,7 @@ class Segment:
                 return
 
     def on_carried(self, carried: Carried) -> None:
-        """Called with each carried frame before any participant receives it."""
+        """Process each transmitted frame before any participant receives it."""
 
     @property
     def next_timer(self) -> float:
@@ -71,7 +71,7 @@ class Segment:
 
 
 class LiveSegment(Segment):
-    """A segment that runs in a thread from ``start`` to ``stop``, in the time of time.monotonic.
+    """A segment that runs in a thread from ``start`` to ``stop``, with wire times from time.monotonic.
 
     ``submit``, ``send`` and ``report`` may be called from any thread.
 
@@ -80,11 +80,11 @@ class LiveSegment(Segment):
     wire
         Model of the wire.
     hand_over
-        Called with the frames that the host receives, in their order.
+        Called with the frames that the host receives, in order.
     lost
-        Returns the number of delivered frames that the host has not read.
+        Function that returns the number of delivered frames that the host has not read.
     batch
-        Longest time for which a frame waits to be delivered together with later frames [s].
+        Maximum time for which a frame waits to be delivered together with later frames [s].
     is_shared
         True if several hosts are connected, each with its own CAN controller.
     """
@@ -101,7 +101,7 @@ class LiveSegment(Segment):
         self._thread = ReportedThread(self._work, 'wire')
         self._due: list[Carried] = []
         self._record = WireRecord(self.now)
-        self._before = (0, 0, 0, lost(), time.process_time())  # running totals at the last report
+        self._before = (0, 0, 0, lost(), time.process_time())  # totals at the last report
         self._host = self.join(lambda carried: self._due.append(carried), by_priority=is_shared)
 
     def start(self) -> None:
@@ -109,7 +109,7 @@ class LiveSegment(Segment):
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop the thread. Frames that the wire has not finished are not delivered."""
+        """Stop the thread. Frames that are still being transmitted are not delivered."""
         def end() -> None:
             self._is_running = False
         self.submit(end)
@@ -123,11 +123,11 @@ class LiveSegment(Segment):
             self._calls.put((time.monotonic(), call))
 
     def send(self, frame: Frame) -> None:
-        """Queue a frame of the host; it takes part in the arbitration from now on."""
+        """Queue a frame from the host, which takes part in arbitration from now on."""
         self.submit(lambda: self._host.put(self.now, frame))
 
     def wait_until_idle(self, timeout: float) -> None:
-        """Wait until all queued frames are carried and delivered, but at most ``timeout`` [s].
+        """Wait until all queued frames have been transmitted and delivered, but at most ``timeout`` [s].
 
         The timeout is needed because other participants may keep sending.
         """
@@ -143,7 +143,7 @@ class LiveSegment(Segment):
         is_idle.wait(timeout)
 
     def report(self) -> WireReport:
-        """Return a report about the time since the last report."""
+        """Return a report for the time since the last report."""
         answer: SimpleQueue[WireReport] = SimpleQueue()
         if not self._thread.is_alive():
             return self._report()
@@ -162,7 +162,7 @@ class LiveSegment(Segment):
             self._flush()
 
     def _waited(self) -> list[tuple[float, Call]]:
-        """Wait until a frame or a timer is due or a call was submitted; return the submitted calls."""
+        """Wait until a frame or a timer is due or a call has been submitted. Return the submitted calls."""
         calls, pause = [], self._pause(time.monotonic())
         try:
             calls.append(self._calls.get(timeout=pause) if pause > 0 else self._calls.get_nowait())
@@ -172,7 +172,7 @@ class LiveSegment(Segment):
             return calls
 
     def _pause(self, now: float) -> float:
-        """Return the time to wait [s]: until all queued frames are carried, but little longer than the next frame."""
+        """Return the time to wait for the queued frames [s], limited by the batch time, the next timer and 0.5 s."""
         due = min(max(self.wire.next_end, min(self.wire.busy_until, now + self._batch)), self.next_timer, now + 0.5)
         return due - now
 

@@ -25,26 +25,26 @@ class WireSettings:
     """Timing of the simulated wire and of the devices on it."""
 
     bitrate: int = DEFAULT_BITRATE  #: bit rate of the wire [bit/s]
-    delay: float = 0.0003   #: time from the end of a request until the device has its answer ready [s]
-    jitter: float = 0.0001  #: largest random addition to ``delay``, evenly distributed [s]
-    most_sweeps: int = 2    #: a device with this many unsent sweeps skips the next sweep
-    batch: float = 0.0005   #: longest time for which a frame waits to be delivered to the host with later frames [s]
+    delay: float = 0.0003   #: time from the end of a request until the device has its response ready [s]
+    jitter: float = 0.0001  #: maximum random addition to ``delay``, uniformly distributed [s]
+    most_sweeps: int = 2    #: number of unsent sweeps at which a device skips the next sweep
+    batch: float = 0.0005   #: maximum time for which a frame waits to be delivered together with later frames [s]
     seed: int = 0           #: seed of the random jitter
 
 
 class WireNetwork(Network):
-    """A canopen Network that sends through its own queue on a simulated wire.
+    """A canopen Network that sends CAN frames on a simulated wire through a separate queue.
 
     Parameters
     ----------
     segment
         Wire on which the network sends and receives.
     settings
-        Timing of the wire.
+        Timing settings of the wire.
     node_id
-        Node-ID of the device; it also selects the sequence of random numbers.
+        Node-ID of the device, which also seeds the random jitter.
     to_wall_clock
-        Time that is added to the stamps of received frames [s].
+        Offset added to the stamps of received frames [s].
     """
 
     def __init__(self, segment: Segment, settings: WireSettings, node_id: int, to_wall_clock: float = 0.0):
@@ -56,23 +56,23 @@ class WireNetwork(Network):
         self._sender = segment.join(self._receive)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Queue a frame; may be called from any thread."""
+        """Queue a frame. Any thread may call this method."""
         frame = Frame(can_id, bytes(data), is_extended=can_id > 0x7FF, is_remote=remote)
         self._segment.submit(lambda: self._sender.put(self._next_ready(), frame))
 
     def send_sweep(self, frames: Iterator[tuple[int, bytes]]) -> None:
-        """Queue a whole sweep. If too many sweeps wait, the sweep is skipped and ``frames`` is not read."""
+        """Queue a whole sweep. If too many sweeps are queued, the sweep is skipped and ``frames`` is not read."""
         self._segment.submit(lambda: self._sender.put_sweep(
             self._next_ready(), (Frame(can_id, data) for can_id, data in frames), self._settings.most_sweeps))
 
     def send_periodic(self, can_id: int, data: Iterable[int], period: float, remote: bool = False) -> 'PeriodicFrame':
-        """Send a frame now and then every ``period`` seconds of the wire's time."""
+        """Send a frame now, then again every ``period`` seconds of wire time."""
         periodic = PeriodicFrame(self, can_id, bytes(data), period, remote)
         self._segment.submit(lambda: periodic.send(self._segment))
         return periodic
 
     def __delitem__(self, node_id: int) -> None:
-        """Remove a device and drop the frames that it still had to send, because a device without power is silent."""
+        """Remove a device and drop its queued frames, because a device without power is silent."""
         super().__delitem__(node_id)
         self._segment.submit(self._sender.clear)
 
@@ -88,7 +88,7 @@ class WireNetwork(Network):
 
 
 class PeriodicFrame(PeriodicMessageTask):
-    """A cyclic task like a cyclic task of python-can, but in the time of the wire."""
+    """A cyclic task like in python-can, but timed by the wire."""
 
     def __init__(self, network: WireNetwork, can_id: int, data: bytes, period: float, remote: bool):
         self._network = network
@@ -109,19 +109,19 @@ class PeriodicFrame(PeriodicMessageTask):
 
 
 class WireGateway(LiveSegment):
-    """Connects the host's bus with a simulated wire.
+    """Connects the bus of the host to a simulated wire.
 
-    Each frame that the host sends on ``bus`` takes part in the arbitration on the wire. Each frame of a device is
-    delivered to the host when the frame ends.
+    Each CAN frame that the host sends on ``bus`` takes part in arbitration on the wire. Each CAN frame from a device is
+    delivered to the host at the end of the frame.
 
     Parameters
     ----------
     bus
         Bus of the host.
     settings
-        Timing of the wire.
+        Timing settings of the wire.
     on_failure
-        Called with the error if the bus accepts no frame.
+        Called with the error if the bus does not accept a frame.
     """
 
     def __init__(self, bus: can.BusABC, settings: WireSettings, on_failure: Callable[[Exception], None]):
@@ -134,11 +134,11 @@ class WireGateway(LiveSegment):
         self.start()
 
     def network(self, node_id: int) -> WireNetwork:
-        """Return the network through which the device ``node_id`` uses the wire."""
+        """Return the network that connects the device ``node_id`` to the wire."""
         return WireNetwork(self, self._settings, node_id, self._to_wall_clock)
 
     def received(self, batch: Batch) -> None:
-        """Put the frames that the host has sent on the wire."""
+        """Forward frames from the host to the wire."""
         for message in batch.messages:
             if not message.is_error_frame and not message.is_fd:
                 self.send(frame_of(message))
@@ -160,18 +160,18 @@ def message_of(frame: Frame) -> can.Message:
 
 
 class SkinSimulator:
-    """Simulated devices of pads, on one bus from ``start`` to ``stop``.
+    """Simulates the devices of pads on one bus, from ``start`` to ``stop``.
 
     Parameters
     ----------
     pads
         Pads to simulate.
     sources
-        For each pad name, the function that returns the taxel values at a time.
+        Functions that return the taxel values at a given time, by pad name.
     on_failure
         Called with the error if the bus fails.
     wire
-        Timing of the simulated wire that carries the frames; None to send frames at once.
+        Timing of the simulated wire, or None to send frames immediately.
 
     Examples
     --------
@@ -192,7 +192,7 @@ class SkinSimulator:
         self._wire = wire
         self._network: BusNetwork | None = None
         self._gateway: WireGateway | None = None
-        self.devices: dict[int, SimulatedDevice] = {}  #: node-ID -> device
+        self.devices: dict[int, SimulatedDevice] = {}  #: devices by node-ID
 
     def start(self, interface: str, channel: str, bitrate: int = DEFAULT_BITRATE) -> None:
         """Open the bus by name and boot the devices. Raises BusError if the bus cannot be opened."""
@@ -214,11 +214,11 @@ class SkinSimulator:
             self.devices[node.node_id] = device
             device.boot()
         if self._gateway is not None:
-            # so that the boot-up messages have been sent on return, as without a wire
+            # The boot-up messages must have been sent when the method returns, as without a wire.
             self._gateway.wait_until_idle(timeout=1.0)
 
     def report(self) -> WireReport | None:
-        """Return a report about the wire since the last report, or None without a wire."""
+        """Return a report on the wire since the last report, or None without a wire."""
         return self._gateway.report() if self._gateway is not None else None
 
     def stop(self) -> None:

@@ -1,7 +1,7 @@
 """A serial CAN adapter on a pseudo-terminal: the device side of the slcan protocol (Lawicel CAN232).
 
-The owner of this object is the bus behind the adapter. A program that opens ``interface: slcan`` and
-``channel: <port>`` sees an ordinary adapter.
+The owner of a SlcanPty acts as the bus behind the adapter. A program that opens ``interface: slcan`` and ``channel:
+<port>`` sees an ordinary adapter.
 """
 
 import os
@@ -22,8 +22,9 @@ from tactile_node.errors import ConfigurationError
 
 OK = b'\r'
 REFUSED = b'\a'
-MAX_WAITING = 1 << 16  #: number of unread bytes above which frames are lost, as in a real adapter
-#: slcan command -> bit rate [bit/s]
+#: number of unread bytes above which frames are lost, as in a real adapter
+MAX_WAITING = 1 << 16
+#: bit rate of each slcan command [bit/s]
 BIT_RATES = {b'S0': 10_000, b'S1': 20_000, b'S2': 50_000, b'S3': 100_000, b'S4': 125_000, b'S5': 250_000,
              b'S6': 500_000, b'S7': 800_000, b'S8': 1_000_000}
 
@@ -34,15 +35,15 @@ class SlcanPty(can.BusABC):
     Parameters
     ----------
     link
-        Symbolic link to the pseudo-terminal, so that its name stays the same; '' for none.
+        Path of a symbolic link that gives the pseudo-terminal a fixed name, or '' for no link.
     bitrate
-        Bit rate of the bus [bit/s]. A client that sets another bit rate neither receives frames nor is received.
-        None accepts every bit rate.
+        Bit rate of the bus [bit/s]. A client that sets another bit rate neither receives frames nor is received. If
+        None, every bit rate is accepted.
     """
 
     def __init__(self, link: str = '', bitrate: int | None = None):
         self._bitrate, self._set_rate = bitrate, bitrate
-        # This process keeps its own end of the port open, so that clients may come and go.
+        # This process keeps its end of the port open, so that clients may connect and disconnect.
         self._master, self._port_fd = pty.openpty()
         tty.setraw(self._port_fd)
         os.set_blocking(self._master, False)
@@ -50,25 +51,25 @@ class SlcanPty(can.BusABC):
         self._link = Path(link) if link else None
         if self._link:
             _point(self._link, self.port)
-        self._lock = threading.Lock()  # because heartbeats are sent by another thread
+        self._lock = threading.Lock()  # needed because another thread sends heartbeats
         self._open = False
-        self._is_silent = False  # True in listen-only mode, in which frames from the client are refused
+        self._is_silent = False  # True in listen-only mode, which refuses frames from the client
         self._unsent = bytearray()
         self._line = bytearray()
         self._received: deque[can.Message] = deque()
         self.channel_info = f'slcan on {self.port}'
-        self.lost = 0  #: frames that the client did not read in time
+        self.lost = 0  #: number of frames that the client did not read in time
         super().__init__(self.port)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Deliver a frame to the client that has opened the channel. If the client does not read, the frame is lost.
 
-        The attribute ``lost`` counts these frames.
+        The attribute ``lost`` counts the lost frames.
         """
         self._send_lines([encode(msg)])
 
     def send_all(self, frames: Iterable[Frame]) -> None:
-        """Send many frames at once, each as `send` does."""
+        """Send several frames at once, each like `send`."""
         self._send_lines([line_of(frame) for frame in frames])
 
     def _send_lines(self, lines: list[bytes]) -> None:
@@ -124,7 +125,7 @@ class SlcanPty(can.BusABC):
                                                                  OK if command in b'SsMmZX' else REFUSED)
 
     def _set_open(self, is_open: bool) -> bytes:
-        if not is_open:  # frames that the last client did not read are not for the next one
+        if not is_open:  # unread frames of the last client are not for the next client
             with self._lock:
                 self._unsent.clear()
             termios.tcflush(self._port_fd, termios.TCIFLUSH)
@@ -151,7 +152,7 @@ class SlcanPty(can.BusABC):
 
 
 def _point(link: Path, port: str) -> None:
-    """Make ``link`` a symbolic link to ``port``; only another link is replaced. Raises ConfigurationError."""
+    """Make ``link`` a symbolic link to ``port``, replacing only an existing link. Raises ConfigurationError."""
     try:
         if link.is_symlink():
             link.unlink()
@@ -162,7 +163,7 @@ def _point(link: Path, port: str) -> None:
 
 
 def encode(message: can.Message) -> bytes:
-    """Return a frame as an slcan line: ``t1A02AABB`` is COB-ID 0x1A0 with the bytes AA BB."""
+    """Encode a message as an slcan line: ``t1A02AABB`` is COB-ID 0x1A0 with the bytes AA BB."""
     return line_of(frame_of(message))
 
 
@@ -172,7 +173,7 @@ def frame_of(message: can.Message) -> Frame:
 
 
 def line_of(frame: Frame) -> bytes:
-    """Return a frame as an slcan line.
+    """Encode a CAN frame as an slcan line.
 
     >>> line_of(Frame(0x1A0, bytes.fromhex('AABB'))), line_of(Frame(0x180, is_remote=True, requested=8))
     (b't1A02AABB\\r', b'r1808\\r')
@@ -183,7 +184,7 @@ def line_of(frame: Frame) -> bytes:
 
 
 def decode(line: bytes) -> can.Message | None:
-    """Return the frame in an slcan line without its final CR, or None if the line holds no frame."""
+    """Decode the frame in an slcan line without the final CR, or return None if the line contains no frame."""
     try:
         digits = 8 if line[:1].isupper() else 3
         length, remote = int(line[1 + digits:2 + digits]), line[:1] in b'rR'

@@ -1,4 +1,4 @@
-"""A programme of touches on simulated pads, as taxel values over time; also for the two fingers of a gripper."""
+"""Programmes of touches on simulated pads or a gripper, as taxel values over time."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import PRESS_BY_UNIT
 
-RAMP = 0.1  #: time in which the pressure rises, and in which it falls [s]
+RAMP = 0.1  #: rise time and fall time of the pressure [s]
 TOUCH_AREAS = (40.0, 60.0, 80.0)  #: areas of the contacts [taxels]
 
 
@@ -27,23 +27,23 @@ class SimulatedTouch:
     end: float
 
     def load(self, time: float) -> float:
-        """Return the fraction of the full pressure at ``time``, with ramps at both ends."""
+        """Return the pressure at ``time`` as a fraction of the full pressure, with ramps at both ends."""
         return float(np.clip(min(time - self.begin, self.end - time) / RAMP, 0, 1))
 
     def is_steady(self, time: float) -> bool:
-        """Return True if the full pressure acts at ``time``."""
+        """Return True if the touch has full pressure at ``time``."""
         return self.begin + RAMP <= time <= self.end - RAMP
 
 
 class TouchProgram:
-    """A sequence of touches that repeats indefinitely. Calling it with a time [s] returns the taxel values.
+    """A sequence of touches that repeats indefinitely. A call with a time [s] returns the taxel values.
 
     Parameters
     ----------
     touches
-        Touches in the order of time.
+        Touches in chronological order.
     values
-        For each touch, the taxel values under its full pressure, shape (rows, cols).
+        Taxel values of each touch at full pressure, shape (rows, cols).
     duration
         Time after which the sequence repeats [s].
     """
@@ -58,14 +58,14 @@ class TouchProgram:
         time %= self.duration
         number = max(0, bisect_right(self._begins, time) - 1)
         load, values = self.touches[number].load(time), self._values[number]
-        # An on/off taxel has no intermediate values. It is on while the load is above one half.
+        # An on/off taxel has no intermediate values, so the taxel is on while the load is above one half.
         return values * (load if values.dtype != bool else load > 0.5)
 
 
 def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASSES,
                   areas: tuple[float, ...] = TOUCH_AREAS,
                   seed: int = 0, hold: float = 1.0, pause: float = 0.5) -> TouchProgram:
-    """Return a programme that presses every shape with every area, each in general position.
+    """Return a programme that presses every shape with every area in general position.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASS
 
 
 def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Generator) -> np.ndarray:
-    """Return the values that the pad would measure: a pattern for on/off taxels, or values in the layout's unit."""
+    """Return the values that the pad would measure: an on/off pattern, or values in the layout's unit."""
     if layout.value.bits == 1:
         return contact.pattern(layout.rows, layout.cols)
     full = abs(float(layout.value.to_value(np.array(layout.value.saturated_count))))
@@ -103,19 +103,22 @@ def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Genera
                           skin=Skin(full_scale=full))
 
 
-TOUCH_HOLD = 3.0  #: duration of a contact [s], long enough for a grasp to become stable
-TOUCH_PAUSE = 2.5  #: time between two contacts [s]; if tares of 1 s follow one another, one of them meets no contact
-TAXEL_NOISE = 0.005  #: standard deviation of a taxel [fraction of full scale], unless MOST_NOISE is lower
-#: largest default noise [fraction of the press threshold]; with more noise, a quiet pad would seem pressed
+#: duration of a contact [s], long enough for a grasp to become stable
+TOUCH_HOLD = 3.0
+#: time between two contacts [s], long enough for one of several 1 s tares to meet no contact
+TOUCH_PAUSE = 2.5
+#: standard deviation of a taxel [fraction of full scale], unless MOST_NOISE is lower
+TAXEL_NOISE = 0.005
+#: maximum default noise [fraction of the press threshold], because with more noise a quiet pad would seem pressed
 MOST_NOISE = 1 / 60
-SLIDE_WAY = 2.0  #: distance that a contact slides to either side [pitches]
+SLIDE_WAY = 2.0  #: distance by which a contact slides to either side [pitches]
 
 
 def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouette] = CLASSES,
                     seed: int = 0, areas: tuple[float, ...] = TOUCH_AREAS, *, hold: float = TOUCH_HOLD,
                     pause: float = TOUCH_PAUSE, slide: float = 0.0,
                     noise: float | None = None) -> dict[str, TaxelSource]:
-    """Return one source of taxel values for each pad name. For every second pad, the touch is mirrored.
+    """Return sources of taxel values by pad name. Touches on every second pad are mirrored.
 
     Parameters
     ----------
@@ -124,7 +127,7 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
     shapes
         Shapes that touch the pads.
     seed
-        Seed of the touches and of the noise.
+        Seed of the touches and the noise.
     areas
         Areas of the contacts [taxels].
     hold
@@ -134,7 +137,7 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
     slide
         Speed at which a held contact slides back and forth [m/s].
     noise
-        Standard deviation of each taxel [fraction of full scale]; None for TAXEL_NOISE, limited by MOST_NOISE.
+        Standard deviation of each taxel [fraction of full scale], or None for TAXEL_NOISE, limited by MOST_NOISE.
     """
     return {pad.name: _felt(pad, touch_program(pad.layout, shapes, areas, seed, hold, pause), -1 if i % 2 else 1, slide,
                             noise, np.random.default_rng((seed, i))) for i, pad in enumerate(pads)}
@@ -142,12 +145,12 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
 
 def _felt(pad: PadSettings, program: TouchProgram, step: int, slide: float, noise: float | None,
           rng: np.random.Generator) -> TaxelSource:
-    """Return a source with noise; ``step`` -1 mirrors the columns. On/off taxels get no noise."""
+    """Return a source with noise, in which ``step`` -1 mirrors the columns. On/off taxels get no noise."""
     value, is_on_off = pad.layout.value, pad.layout.value.bits == 1
     lowest, full_scale = sorted(value.to_value(np.array(value.raw_range)).tolist())
     most = np.inf if noise is not None else MOST_NOISE * PRESS_BY_UNIT[value.unit]
     deviation = 0.0 if is_on_off else min(most, (TAXEL_NOISE if noise is None else noise) * full_scale)
-    rest = max(0.0, lowest + 3 * deviation) if deviation else 0.0  # at the lowest value, the noise would be cut off
+    rest = max(0.0, lowest + 3 * deviation) if deviation else 0.0  # noise at the lowest value would be clipped
 
     def source(time: float) -> np.ndarray:
         values = program(time)[:, ::step]

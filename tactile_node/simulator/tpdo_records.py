@@ -1,6 +1,6 @@
 """TPDOs of a simulated device.
 
-The communication and mapping records (CiA 301, 7.5.2.37 and following) decide what the device sends, and when.
+The communication and mapping records (CiA 301, 7.5.2.37 ff.) determine which TPDOs the device sends, and when.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -12,39 +12,40 @@ from tactile_node.cia301 import objects
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import CanopenNode
 
-#: for each object that holds taxels: {index << 8 | sub: (rank, first bit, number of bits)}
+#: positions of the objects that contain taxels: {index << 8 | sub: (rank, first bit, number of bits)}
 Places = dict[int, tuple[int, int, int]]
 
 
 class Piece(NamedTuple):
-    """Place of a mapped object.
+    """Position of a mapped object in the taxel data and in the TPDO.
 
-    The taxels are stored as words of 8 bytes, one word for each TPDO of the layout.
+    Taxel data are stored as 8-byte words, one word for each TPDO of the layout.
     """
 
-    rank: int | None  #: number of the word that holds the object; None if the object holds no taxels
-    start: int  #: first bit in this word
+    rank: int | None  #: number of the word that contains the object, or None if the object contains no taxels
+    start: int  #: first bit of the object in the word
     bits: int  #: number of bits
-    to: int  #: first bit in the TPDO
+    to: int  #: first bit of the object in the TPDO
 
 
 class ConfiguredTpdo(NamedTuple):
-    """A TPDO as the master has configured it, or one frame of a multiplexed TPDO."""
+    """A TPDO as configured by the master, or one CAN frame of a multiplexed TPDO."""
 
     can_id: int
-    every: int  #: n if the TPDO is sent at every n-th SYNC; 0 if it is sent at a SYNC after its bytes have changed
+    #: n if the TPDO is sent at every n-th SYNC, or 0 if the TPDO is sent at a SYNC after its bytes have changed
+    every: int
     length: int  #: number of bytes
     pieces: tuple[Piece, ...]
     whole: int | None  #: rank of the layout's TPDO with the same content, or None
-    rank: int = 0  #: position in the layout; TPDOs that are not in the layout come last
-    head: bytes = b''  #: first bytes of this frame of a multiplexed TPDO
-    event_timer: float = 0.0  #: if > 0, the TPDO ignores SYNC and is sent at least once in this time [s]
+    rank: int = 0  #: position in the layout, where TPDOs that are not in the layout come last
+    head: bytes = b''  #: first bytes of the CAN frame of a multiplexed TPDO
+    event_timer: float = 0.0  #: longest time between two transmissions [s], or 0 for a TPDO that is sent at SYNC
     inhibit_time: float = 0.0  #: shortest time between two transmissions [s]
-    is_on_change: bool = False  #: the TPDO ignores SYNC and is also sent when its bytes have changed
+    is_on_change: bool = False  #: True if the TPDO ignores SYNC and is also sent when its bytes have changed
 
 
 class TpdoRecords:
-    """Compiles the records of one node into TPDOs; ``number(index, sub)`` reads an object of the node."""
+    """Compiles the records of one node into TPDOs. ``number(index, sub)`` reads an object of the node."""
 
     def __init__(self, node: CanopenNode, number: Callable[[int, int], int]):
         self._node = node
@@ -56,7 +57,7 @@ class TpdoRecords:
         return any(self._has(number, objects.EVENT_TIMER) for number in range(objects.MAX_TPDOS))
 
     def compile(self, numbers: Iterable[int]) -> list[ConfiguredTpdo]:
-        """Return the active TPDOs according to the present content of their records, in the order of the layout.
+        """Return the active TPDOs according to the current content of their records, in layout order.
 
         Parameters
         ----------
@@ -82,7 +83,7 @@ class TpdoRecords:
         if count == objects.SAM_MPDO and (kind == objects.MANUFACTURER_EVENT or timer):
             return ConfiguredTpdo(can_id=cob_id & objects.ID_MASK, every=objects.EVERY_SYNC,
                                   length=objects.MAX_PDO_BYTES, pieces=(), whole=None,
-                                  event_timer=timer)  # without a timer, each SYNC starts a scan
+                                  event_timer=timer)  # each SYNC starts a scan if there is no timer
         if count in (0, objects.SAM_MPDO) or kind > objects.MAX_SYNCHRONOUS and not timer:
             return None
         pieces, bits = [], 0
@@ -98,7 +99,7 @@ class TpdoRecords:
                               is_on_change=kind == objects.PROFILE_EVENT and not is_multiplexed)
 
     def _time(self, number: int, sub: int, unit: float) -> float:
-        """Return a time of TPDO ``number`` [s], or 0 if the device has no such entry."""
+        """Return a time from the record of TPDO ``number`` [s], or 0 if the record has no such entry."""
         return self._number(objects.TPDO_COMMUNICATION + number, sub) * unit if self._has(number, sub) else 0.0
 
     def _has(self, number: int, sub: int) -> bool:
@@ -106,14 +107,14 @@ class TpdoRecords:
         return isinstance(record, ODRecord) and sub in record.subindices
 
     def _frames(self, number: int) -> list[tuple[int, bytes]]:
-        """Return the rank and the first bytes of each CAN frame that TPDO ``number`` sends."""
+        """Return the rank and the first bytes of each CAN frame of TPDO ``number``."""
         tpdos = self._node.layout.tpdos
         frames = [(rank, tpdo.prefix(self._node.node_id)) for rank, tpdo in enumerate(tpdos) if tpdo.number == number]
         return frames or [(len(tpdos) + number, b'')]
 
 
 def _object_places(layout: SkinLayout) -> Places:
-    """Return the place of every object that holds taxels."""
+    """Return the positions of all objects that contain taxels."""
     places: Places = {}
     for rank, tpdo in enumerate(layout.tpdos):
         start = 0
@@ -127,34 +128,34 @@ SCAN = 0.005  #: period at which the taxels are checked for changes [s]
 
 
 class EventSchedule:
-    """Decides when TPDOs with an event timer are sent. Other TPDOs are never due.
+    """Schedules the TPDOs with an event timer. TPDOs without an event timer are never due.
 
-    TPDOs of type 254 with the same event timer are due together; each time, the device scans the taxels once. A TPDO
-    of type 255 is due when its bytes have changed, but not before its inhibit time since its last transmission has
-    passed. It is due at the latest when its event timer has expired.
+    TPDOs of type 254 with the same event timer are due together, after one scan of the taxels. A TPDO of type 255 is
+    due when its bytes have changed and its inhibit time has passed since the last transmission. At the latest, a TPDO
+    of type 255 is due when its event timer expires.
 
     Parameters
     ----------
     tpdos
         TPDOs of the device.
     now
-        Time at which the schedule begins [s].
+        Start time of the schedule [s].
     """
 
     def __init__(self, tpdos: Sequence[ConfiguredTpdo], now: float):
         self._tpdos = [tpdo for tpdo in tpdos if tpdo.event_timer]
         self._due = {tpdo: now for tpdo in self._tpdos}
-        self._sent: dict[int, tuple[float, bytes]] = {}  # COB-ID -> time and bytes of the last transmission
+        self._sent: dict[int, tuple[float, bytes]] = {}  # time and bytes of the last transmission by COB-ID
 
     def due(self, now: float, data: Callable[[ConfiguredTpdo], bytes]) -> list[ConfiguredTpdo]:
-        """Return the TPDOs to send now, in their order.
+        """Return the TPDOs to send now, in layout order.
 
         Parameters
         ----------
         now
-            Present time [s].
+            Current time [s].
         data
-            Function that returns the bytes that a TPDO would send now.
+            Function that returns the current bytes of a TPDO.
         """
         return [tpdo for tpdo in self._tpdos
                 if (self._is_changed(tpdo, now, data(tpdo)) if tpdo.is_on_change else self._is_timed(tpdo, now))]
@@ -168,7 +169,7 @@ class EventSchedule:
     def _is_timed(self, tpdo: ConfiguredTpdo, now: float) -> bool:
         if now < self._due[tpdo]:
             return False
-        self._due[tpdo] = now + tpdo.event_timer  # CiA 301: each transmission restarts the timer
+        self._due[tpdo] = now + tpdo.event_timer  # each transmission restarts the timer (CiA 301)
         return True
 
     def _is_changed(self, tpdo: ConfiguredTpdo, now: float, data: bytes) -> bool:

@@ -1,4 +1,4 @@
-"""Model of a CAN wire without thread and clock: which participant sends next, and when its frame ends."""
+"""Model of a CAN wire without threads or a clock, which computes the next sender and the end of its CAN frame."""
 
 import math
 from bisect import insort
@@ -11,27 +11,27 @@ from tactile_node.cia301.frame_bits import Frame, arbitration, worst_case_bits
 
 
 class Waiting(NamedTuple):
-    """A frame in the queue of a sender."""
+    """A CAN frame in the queue of a sender."""
 
     ready: float  #: time from which the frame may be sent [s]
     priority: int
-    seconds: float  #: duration of the frame [s]
+    seconds: float     #: duration of the frame [s]
     frame: Frame
     ends_sweep: bool
 
 
 class Sender:
-    """The transmit queue of one participant's CAN controller; `Wire.join` creates it.
+    """Transmit queue in the CAN controller of one participant, created by `Wire.join`.
 
     Parameters
     ----------
     bit
         Duration of one bit [s].
     limit
-        Largest number of frames in the queue.
+        Maximum number of frames in the queue.
     by_priority
-        True to send the frame with the lowest identifier first, as for a gateway to several participants; False to send
-        the oldest frame first.
+        True to send the frame with the lowest identifier first, as for a gateway to several participants, or False to
+        send the oldest frame first.
     """
 
     def __init__(self, bit: float, limit: int, by_priority: bool):
@@ -42,16 +42,16 @@ class Sender:
         self.ready = math.inf  #: time from which the first frame may be sent [s]
         self.priority = 0  #: priority of the first frame
         self.backlog = 0.0  #: total duration of the queued frames [s]
-        self.sweeps = 0   #: queued sweeps that are not completely sent
+        self.sweeps = 0   #: number of queued or partly sent sweeps
         self.queued = 0   #: number of sweeps queued so far
         self.skipped = 0  #: number of sweeps that were skipped
-        self.refused = 0  #: number of frames beyond ``limit``
+        self.refused = 0  #: number of frames rejected because the queue was full
 
     def __len__(self) -> int:
         return len(self._queue)
 
     def put(self, ready: float, frame: Frame, ends_sweep: bool = False) -> None:
-        """Queue a frame that may be sent from the time ``ready`` [s] on. A full queue refuses and counts the frame."""
+        """Queue a frame that may be sent from the time ``ready`` [s]. A full queue rejects and counts the frame."""
         if len(self._queue) >= self._limit:
             self.refused += 1
             return
@@ -66,7 +66,7 @@ class Sender:
     def put_sweep(self, ready: float, frames: Iterable[Frame], most: int) -> None:
         """Queue the frames of a sweep.
 
-        While ``most`` sweeps are not completely sent, the sweep is skipped and counted, and ``frames`` is not read.
+        If ``most`` sweeps are queued or partly sent, the new sweep is skipped and counted, and ``frames`` is not read.
         """
         sweep = list(frames) if self.sweeps < most else []
         if self.sweeps >= most or len(self._queue) + len(sweep) > self._limit:
@@ -85,7 +85,7 @@ class Sender:
         return waiting
 
     def clear(self) -> None:
-        """Empty the queue, as happens at a loss of power."""
+        """Empty the queue, as after a loss of power."""
         self._queue.clear()
         self.sweeps = 0
         self._look()
@@ -98,7 +98,7 @@ class Sender:
 
 
 class Carried(NamedTuple):
-    """A frame that the wire has carried."""
+    """A CAN frame that has been transmitted on the wire."""
 
     start: float  #: start of the first bit [s]
     end: float    #: end of the three bits of interframe space, after which the next frame may begin [s]
@@ -107,9 +107,9 @@ class Carried(NamedTuple):
 
 
 class Wire:
-    """Senders that share a wire.
+    """A simulated CAN wire, shared by several senders.
 
-    Among the first frames of all queues, the one with the lowest identifier is sent next (ISO 11898-1).
+    The wire next transmits the frame with the lowest identifier among the first frames of all queues (ISO 11898-1).
 
 
     >>> wire = Wire()
@@ -122,11 +122,11 @@ class Wire:
     def __init__(self, bitrate: int = 1_000_000):
         self._bit = 1 / bitrate
         self.senders: list[Sender] = []  #: senders in the order in which they joined
-        self._current: Carried | None = None  # frame that has begun and whose end was not yet reported
+        self._current: Carried | None = None  # frame being transmitted, whose end has not been reported yet
         self._free = -math.inf
 
     def join(self, limit: int = 1 << 14, by_priority: bool = False) -> Sender:
-        """Add a participant, whose queue holds at most ``limit`` frames, and return its queue."""
+        """Add a participant with a queue of at most ``limit`` frames, and return the queue."""
         sender = Sender(self._bit, limit, by_priority)
         self.senders.append(sender)
         return sender
@@ -134,8 +134,8 @@ class Wire:
     def carry(self, until: float) -> Carried | None:
         """Return the next frame if it ends by ``until`` [s], or None.
 
-        A frame that has begun by ``until`` keeps the wire. A frame that is queued between two calls takes part in the
-        arbitration as soon as it is ready.
+        A frame whose transmission has begun by ``until`` is never interrupted. A frame that is queued between two calls
+        takes part in arbitration as soon as it is ready.
         """
         if self._current is None and (start := self.next_start) <= until and start < math.inf:
             self._begin(start)
@@ -146,7 +146,7 @@ class Wire:
 
     @property
     def next_start(self) -> float:
-        """Time at which the frame after the present one begins [s]; infinite if no frame waits."""
+        """Time at which the next transmission begins [s], or infinity if no frame is queued."""
         ready = math.inf
         for sender in self.senders:
             if sender.ready < ready:
@@ -155,13 +155,13 @@ class Wire:
 
     @property
     def next_end(self) -> float:
-        """Earliest time at which the next frame can end [s]; infinite if no frame waits."""
+        """Earliest time at which the next transmission can end [s], or infinity if no frame is queued."""
         shortest = 47 * self._bit
         return self._current.end if self._current is not None else self.next_start + shortest
 
     @property
     def busy_until(self) -> float:
-        """Time at which all queued frames have been carried if none is added [s]; infinite if no frame waits."""
+        """Time at which all frames queued so far will have been sent [s], or infinity if no frame is queued."""
         start = self.next_start
         if self._current is not None:
             start = min(start, self._current.end)
@@ -178,29 +178,29 @@ class Wire:
         self._current = Carried(start, self._free, waiting.frame, winner)
 
 
-PEAK_WINDOW = 0.1     #: length of the interval for which the peak load is reported [s]
+PEAK_WINDOW = 0.1     #: averaging interval of the peak load [s]
 LATENESS_STEP = 1e-5      #: resolution of the percentiles of lateness [s]
 
 
 class WireReport(NamedTuple):
-    """Report about the time since the last report."""
+    """Statistics for the time since the last report."""
 
     seconds: float     #: time covered by the report [s]
-    frames: int        #: frames carried, from all participants
-    load: float        #: fraction of the time in which the wire was busy
-    peak_load: float   #: load in the busiest interval of PEAK_WINDOW
-    sweeps: int        #: sweeps that the devices queued
-    skipped: int       #: sweeps that devices skipped because too many were queued
-    refused: int       #: frames that a full queue refused
-    handed: int        #: frames delivered to the host
-    lost: int          #: delivered frames that the host did not read
-    late_p50: float    #: time from a frame's end on the wire until its delivery to the host, median [s]
-    late_p99: float    #: the same, 99th percentile [s]
-    late_max: float    #: the same, maximum [s]
-    cpu: float         #: processor time of the simulator's process [s]
+    frames: int        #: number of frames transmitted by all participants
+    load: float        #: fraction of time for which the wire was busy
+    peak_load: float   #: load in the busiest interval of length PEAK_WINDOW
+    sweeps: int        #: number of sweeps that the devices queued
+    skipped: int       #: number of sweeps skipped because too many sweeps were queued
+    refused: int       #: number of frames rejected by a full queue
+    handed: int        #: number of frames delivered to the host
+    lost: int          #: number of delivered frames that the host did not read
+    late_p50: float    #: median time from the end of a frame until its delivery to the host [s]
+    late_p99: float    #: 99th percentile of the time from the end of a frame until its delivery [s]
+    late_max: float    #: maximum time from the end of a frame until its delivery [s]
+    cpu: float         #: CPU time of the simulator's process [s]
 
     def text(self) -> str:
-        """Return the report as three lines of text."""
+        """Format the report as three lines of text."""
         return (f'wire: {self.frames} frames in {self.seconds:.1f} s, load {self.load:.1%}, '
                 f'at most {self.peak_load:.1%} of {PEAK_WINDOW:g} s\n'
                 f'devices: {self.sweeps} sweeps, {self.skipped} skipped; frames refused by a full queue: '
@@ -210,7 +210,7 @@ class WireReport(NamedTuple):
 
 
 class WireRecord:
-    """Counts busy time and lateness while frames are carried."""
+    """Records the busy time of the wire and the lateness of deliveries."""
 
     def __init__(self, begin: float):
         self.begin = begin
@@ -221,7 +221,7 @@ class WireRecord:
         self._window_end, self._window_busy, self._peak = begin + PEAK_WINDOW, 0.0, 0.0
 
     def carried(self, start: float, end: float) -> None:
-        """Count a frame that kept the wire busy from ``start`` to ``end`` [s]."""
+        """Count a frame that occupied the wire from ``start`` to ``end`` [s]."""
         self.frames += 1
         start = max(start, self.begin)
         self.busy += end - start
@@ -233,7 +233,7 @@ class WireRecord:
         self._window_busy += end - start
 
     def handed_over(self, late: float) -> None:
-        """Count a frame that was delivered to the host ``late`` [s] after its end."""
+        """Count a frame that was delivered to the host ``late`` [s] after the end of its transmission."""
         self.handed += 1
         step = int(late / LATENESS_STEP)
         self._late[step] = self._late.get(step, 0) + 1

@@ -1,14 +1,14 @@
-"""Synthetic contacts of five shapes in general position. They are the ground truth of the reported figures.
+"""Synthetic contacts of five shapes in general position, which are the ground truth of the reported results.
 
 Lengths and positions are in taxel pitches. Taxel (row, col) is centred at x = col, y = row. A positive angle rotates x
-towards y. In general position, the angle is uniform over the whole circle, and the centre of area is uniform within one
-taxel in the middle of the pad. The area is given in taxels. The shapes of the benchmark are:
+towards y. General position means an angle uniform over the whole circle, and a centre of area uniform within one taxel
+in the middle of the pad. Areas are given in taxels. The shapes of the benchmark are:
 
 - circle
 - square
-- rectangle, ratio of its sides uniform from 1.5 to 3
-- right triangle, ratio of its legs uniform from 1.5 to 2.5, either handedness
-- isosceles triangle, apex angle uniform from 40 to 75 degrees
+- rectangle, with a ratio of sides uniform from 1.5 to 3
+- right triangle of either handedness, with a ratio of legs uniform from 1.5 to 2.5
+- isosceles triangle, with an apex angle uniform from 40 to 75 degrees
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from tactile_node.pose.outlines import OUTLINES, Outline, depth_inside, outline_
 from tactile_node.shape.recognition import SHAPES
 
 CLASSES = tuple(shape.value for shape in SHAPES)  #: names of the shapes that touch the pad
-PAD = 36  #: number of rows and of columns of the benchmark's pad
+PAD = 36  #: number of rows and columns of the benchmark pad
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Contact:
 
     @property
     def handedness(self) -> int:
-        """Handedness of a right triangle: 1, or -1 if mirrored. It is 1 for all other shapes."""
+        """Handedness of a right triangle: 1, or -1 if mirrored. All other shapes have handedness 1."""
         return int(self.dimensions[2]) if self.shape == 'right_triangle' else 1
 
     def outline(self, points: int = 64) -> np.ndarray:
@@ -71,12 +71,12 @@ class Contact:
         Parameters
         ----------
         points
-            Number of vertices of the polygon that replaces a circle.
+            Number of vertices of the polygon that approximates a circle.
 
         Returns
         -------
         numpy.ndarray
-            Vertices (x, y), shape (n, 2), in the direction from x to y.
+            Vertices (x, y) in the direction from x to y, shape (n, 2).
         """
         return self._outline(points).placed(np.array((self.x, self.y)), self.angle, self._lengths)
 
@@ -90,7 +90,7 @@ class Contact:
         return depth_inside(self.outline(), x, y)
 
     def pattern(self, rows: int = PAD, cols: int = PAD) -> np.ndarray:
-        """Return the on/off pattern, bool, shape (rows, cols); a taxel is active if its centre is inside."""
+        """Return the on/off pattern, bool, shape (rows, cols). A taxel is active if its centre is inside."""
         y, x = np.indices((rows, cols), float)
         return self.depth(x, y) >= 0
 
@@ -112,7 +112,7 @@ def random_contact(rng: np.random.Generator, shape: str, area: float,
     Parameters
     ----------
     rng
-        Source of the random position, angle and ratio.
+        Random generator for the position, angle and ratio.
     shape
         One of CLASSES.
     area

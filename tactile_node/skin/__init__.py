@@ -1,1 +1,1 @@
-"""Description of a skin: layout, EDS and pads, and the conversion of payloads into taxel values."""
+"""Describe a skin by its layout, EDS and pads, and convert CAN payloads into taxel values."""

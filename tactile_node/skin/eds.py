@@ -1,4 +1,4 @@
-"""Load an EDS (CiA 306) with canopen. Errors name the section and the key that canopen cannot read."""
+"""Load an EDS (CiA 306) with canopen, and name the section and the key in errors."""
 
 import pickle
 import re
@@ -27,19 +27,20 @@ _INFO_NUMBERS = ('VendorNumber', 'ProductNumber', 'RevisionNumber', 'Granularity
                  'LSS_Supported')
 _NUMBERS = (*_INFO_NUMBERS, 'ObjectType', 'DataType', 'PDOMapping', 'SubNumber', 'CompactSubObj',
             *(f'BaudRate_{rate}' for rate in (10, 20, 50, 125, 250, 500, 800, 1000)))
-_VALUES = 'DefaultValue', 'ParameterValue', 'LowLimit', 'HighLimit'  # these are numbers if the DataType is a number
-#: lower-case key -> spelling that canopen expects; CiA 306 does not define upper and lower case
+# the values of these keys are numbers if the DataType is numeric
+_VALUES = 'DefaultValue', 'ParameterValue', 'LowLimit', 'HighLimit'
+#: spelling that canopen expects for each lower-case key, because CiA 306 does not specify upper or lower case
 _KEYS = {key.lower(): key for key in (
     *_NUMBERS, *_VALUES, 'VendorName', 'ProductName', 'OrderCode', 'ParameterName', 'AccessType', 'StorageLocation',
     'Denotation', 'Factor', 'Unit', 'Description', 'SupportedObjects', 'NrOfEntries')}
 _TITLES = {'deviceinfo': 'DeviceInfo', 'fileinfo': 'FileInfo'}
-_PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN, which hold a value themselves
+_PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN, which contain a value directly
 _REMEDY = "Use the device maker's EDS, or correct this one (CiA 306)."
 _import_eds: Callable[[StringIO, int], ObjectDictionary] = import_eds  # canopen does not annotate its types
 
 
 class _Parser(RawConfigParser):
-    """Parser that spells keys as canopen expects them."""
+    """Parser that converts keys to the spelling that canopen expects."""
 
     def optionxform(self, optionstr: str) -> str:
         return _KEYS.get(optionstr.lower(), optionstr)
@@ -58,7 +59,7 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
     Raises
     ------
     ConfigurationError
-        If the file is not an EDS, or if canopen cannot read it.
+        Raised if the file is not an EDS, or if canopen cannot read the EDS.
     """
     path = config_path(str(path))
     try:
@@ -70,21 +71,21 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
     return dictionary
 
 
-# The dictionary is cached as a pickle, because callers may change their copy. To read the EDS again takes ten times as
-# long.
+# The dictionary is cached as a pickle, because callers may change their copy. Reading the EDS again would take ten
+# times as long.
 @lru_cache(maxsize=8)
 def _pickled(path: Path, text: str, node_id: int) -> bytes:
-    """Return the pickled object dictionary of an EDS with the content ``text``. Raises ConfigurationError."""
+    """Return the pickled object dictionary of the EDS content ``text``. Raises ConfigurationError."""
     checked = _checked(path, text)
     try:
         return pickle.dumps(_import_eds(StringIO(checked), node_id))
-    except Exception as error:  # canopen also raises KeyError, ValueError and errors of configparser
+    except Exception as error:  # canopen also raises KeyError, ValueError and configparser errors
         _refuse(path, 'an EDS that canopen can read', f'{type(error).__name__}: {error}'.replace('\n', ' '))
 
 
-@lru_cache(maxsize=8)  # because the nodes of a bus share an EDS, and each check takes 0.1 s
+@lru_cache(maxsize=8)  # cached, because nodes share an EDS and a check takes 0.1 s
 def _checked(path: Path, text: str) -> str:
-    """Return the content ``text`` of an EDS in a form that canopen can read. Raises ConfigurationError."""
+    """Rewrite the EDS content ``text`` in a form that canopen can read. Raises ConfigurationError."""
     checked = StringIO()
     _check_text(path, text).write(checked)
     return checked.getvalue()
@@ -100,12 +101,12 @@ def _decode(content: bytes) -> str:
         return content.decode('utf-16', 'replace')
     try:
         return content.decode('utf-8-sig')
-    except UnicodeDecodeError:  # tools of vendors write names and comments in a national code page
+    except UnicodeDecodeError:  # vendor tools write names and comments in a national code page
         return content.decode('latin-1')
 
 
 def _check_text(path: Path, text: str) -> _Parser:
-    """Refuse content that canopen cannot read, and name section and key; correct or drop harmless content."""
+    """Reject content that canopen cannot read, with section and key in the error. Correct or drop harmless content."""
     parser = _Parser(inline_comment_prefixes=(';',))
     try:
         parser.read_string(text)
@@ -130,12 +131,12 @@ def _check_text(path: Path, text: str) -> _Parser:
 
 
 def _tidy(path: Path, parser: _Parser) -> _Parser:
-    """Spell section names as canopen expects them; drop empty values, which mean "absent", and comment sections."""
+    """Convert section names to canopen's spelling. Drop comment sections, and empty values, which mean "absent"."""
     tidied = _Parser()
     for name in parser.sections():
         sub = _SUBOBJECT.fullmatch(name)
         title = f'{sub[1]}sub{sub[2]}' if sub else _TITLES.get(name.lower(), name)
-        if title in ('Comments', 'DummyUsage', 'DeviceComissioning'):  # these do not concern taxels
+        if title in ('Comments', 'DummyUsage', 'DeviceComissioning'):  # sections that do not concern taxels
             continue
         if tidied.has_section(title):
             _refuse(path, 'every section once', f'section [{title}] again as [{name}]')
@@ -145,9 +146,9 @@ def _tidy(path: Path, parser: _Parser) -> _Parser:
 
 
 def _tidy_numbers(section: SectionProxy) -> None:
-    """Rewrite octal numbers in a form that canopen reads."""
+    """Rewrite octal numbers in a form that canopen can read."""
     section.update({key: read_octal(section[key]) for key in _NUMBERS if key in section})
-    with suppress(ValueError):  # a DataType that is not a number is refused later
+    with suppress(ValueError):  # a DataType that is not a number is rejected later
         if int(section.get('DataType', '0'), 0) in (BOOLEAN, *INTEGER_TYPES):
             section.update({key: read_octal(section[key]) for key in _VALUES if key in section})
 
@@ -167,7 +168,7 @@ def _check_object(path: Path, parser: RawConfigParser, name: str) -> None:
 
 
 def _check_identity(path: Path, parser: RawConfigParser) -> None:
-    """Refuse an identity that canopen would skip, because a device could then not be compared with it."""
+    """Reject an identity that canopen would skip, because no device could be compared with such an identity."""
     title = f'{IDENTITY:04X}'
     if not parser.has_section(title):
         return
@@ -187,7 +188,7 @@ def _check_number(path: Path, section: str, key: str, value: str) -> None:
 
 
 def refuse_eds(eds: str, section: str, *, expected: str, got: str) -> NoReturn:
-    """Raise ConfigurationError for a section of an EDS."""
+    """Raise ConfigurationError about a section of an EDS."""
     raise ConfigurationError(f'{eds}, {section}', expected=expected, got=got, remedy=_REMEDY)
 
 
@@ -196,14 +197,14 @@ def _refuse(path: Path, expected: str, got: str) -> NoReturn:
 
 
 class Entry(NamedTuple):
-    """A key of a section, or the title of a section, which has the value ''."""
+    """A key in a section with its value, or a section title with the value ''."""
 
     line: int
     value: str
 
 
 class EdsText:
-    """Sections and keys of an EDS with their lines; their names are not case-sensitive."""
+    """Sections and keys of an EDS with their line numbers. Section and key names are not case-sensitive."""
 
     def __init__(self, eds: str):
         self.eds = eds
@@ -219,16 +220,16 @@ class EdsText:
                 self._entries[section, key.strip().lower()] = Entry(number, value.strip())
 
     def entry(self, section: str, key: str = '') -> Entry | None:
-        """Return the entry of a key, or of the section's title if no key is given; None if there is none."""
+        """Return the entry of a key, or of the section title if no key is given, or None if the entry is missing."""
         return self._entries.get((section.lower(), key.lower()))
 
     def number(self, section: str, key: str) -> int | None:
-        """Return the value of ``key`` as a number, or None if it is missing or empty."""
+        """Return the value of ``key`` as a number, or None if the value is missing or empty."""
         entry = self.entry(section, key)
         return int(read_octal(entry.value), 0) if entry is not None and entry.value else None
 
     def place(self, section: str, key: str = '') -> str:
-        """Return a description of a section or key with its line, for messages; without the key if it is missing."""
+        """Describe a section or key with its line number for messages, omitting a key that is missing."""
         entry = self.entry(section, key) or self.entry(section)
         return (f'section [{section}]' + (f', key "{key}"' if key and self.entry(section, key) else '')
                 + (f', line {entry.line}' if entry else ''))

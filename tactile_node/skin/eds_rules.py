@@ -1,7 +1,7 @@
-"""Check that an EDS and a skin layout agree, and that the EDS correctly declares the objects that the driver sets.
+"""Check that an EDS matches a skin layout, and that the EDS correctly declares the objects that the driver sets.
 
-canopen truncates each value that it reads to the size declared in the EDS. If an object is declared with too few bits
-or with another type, the driver could therefore conclude wrongly that the object is already set.
+canopen truncates each value that it reads to the size declared in the EDS. If an EDS declares an object with too few
+bits or a wrong type, the driver could therefore wrongly conclude that the object is already set.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,17 +19,18 @@ from tactile_node.skin.layout_draft import variable_of
 
 
 class Identity(NamedTuple):
-    """Object 0x1018. In the identity from an EDS, None or 0 means that a value is not given."""
+    """Object 0x1018. In an identity from an EDS, None or 0 means that the EDS does not specify the value."""
 
     vendor: int | None
     product: int | None
     revision: int | None
 
     def accepts(self, device: 'Identity') -> bool:
-        """Return True if ``device`` is a device that this EDS describes.
+        """Return True if this EDS describes ``device``.
 
-        Vendor and product must be equal if they are given. The upper half of the revision (CiA 301: major, "a specific
-        CANopen behaviour") must be equal. Its lower half (minor: same behaviour) must not be older than in the EDS.
+        If the EDS specifies vendor and product, they must be equal. The upper half of the revision (CiA 301: major, "a
+        specific CANopen behaviour") must be equal. The lower half of the revision (minor: same behaviour) must not be
+        older than in the EDS.
         """
         same = all(ours in (None, 0, theirs) for ours, theirs in zip(self[:2], device[:2]))
         if not same or self.revision in (None, 0):
@@ -39,7 +40,7 @@ class Identity(NamedTuple):
 
     @property
     def not_given(self) -> tuple[str, ...]:
-        """Names of the values that are not given; `accepts` ignores them."""
+        """Names of the values that the EDS does not specify, which `accepts` ignores."""
         return tuple(name for name, value in zip(self._fields, self) if value in (None, 0))
 
     def __str__(self) -> str:
@@ -48,19 +49,19 @@ class Identity(NamedTuple):
 
 
 def identity_of(dictionary: ObjectDictionary, eds: str) -> Identity:
-    """Return the identity (object 0x1018) in an EDS; a value that the EDS does not contain is None.
+    """Return the identity (object 0x1018) in an EDS, with None for values that the EDS does not contain.
 
     Parameters
     ----------
     dictionary
         Object dictionary from the EDS.
     eds
-        Name of the EDS, for messages.
+        Name of the EDS to show in messages.
 
     Raises
     ------
     ConfigurationError
-        If the EDS contains a value that cannot be compared with the identity of a device.
+        Raised if the EDS contains a value that cannot be compared with the identity of a device.
     """
     entry = dictionary[objects.IDENTITY] if objects.IDENTITY in dictionary else None
     if entry is None:
@@ -73,7 +74,7 @@ def identity_of(dictionary: ObjectDictionary, eds: str) -> Identity:
 
 
 def _number(record: ODRecord | ODArray, sub: int, eds: str) -> int | None:
-    """Return the default of ``sub``. A sub that the EDS does not list is skipped: canopen makes one up in an ARRAY."""
+    """Return the default of ``sub``, or None for an ARRAY element that canopen has made up."""
     variable = record.subindices.get(sub)
     default = None if variable is None else variable.default
     if default is None or isinstance(default, int):
@@ -82,22 +83,22 @@ def _number(record: ODRecord | ODArray, sub: int, eds: str) -> int | None:
                got=repr(default))
 
 
-#: sub-index -> bits (CiA 301): COB-ID and transmission type
+#: number of bits of the COB-ID and the transmission type, by sub-index (CiA 301)
 COMMUNICATION_BITS = {1: 32, objects.TRANSMISSION_TYPE: 8}
-#: sub-index -> bits: inhibit time and event timer
+#: number of bits of the inhibit time and the event timer, by sub-index
 TIME_BITS = {objects.INHIBIT_TIME: 16, objects.EVENT_TIMER: 16}
-#: sub-index -> bits: number of mapped objects, and the mapped objects
+#: number of bits of the object count and of the mapped objects, by sub-index
 MAPPING_BITS = {0: 8} | dict.fromkeys(range(1, objects.MAX_PDO_BITS + 1), 32)
 
 
 def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> None:
-    """Raise ConfigurationError if layout and EDS disagree, or if the EDS cannot be used."""
+    """Raise ConfigurationError if the EDS does not match the layout, or if the EDS cannot be used."""
     for check in eds_checks(dictionary, layout, eds):
         check()
 
 
 def eds_checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> Iterator[Callable[[], object]]:
-    """Yield the rules as functions. Each raises ConfigurationError for the first problem of an object or a TPDO."""
+    """Yield check functions. Each function raises ConfigurationError for the first problem of an object or a TPDO."""
     text = EdsText(eds)
     yield partial(identity_of, dictionary, eds)
     yield partial(_check_value, dictionary, objects.PRODUCER_HEARTBEAT_TIME, 16, text)
@@ -116,7 +117,7 @@ def eds_checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> It
 
 
 def _check_value(dictionary: ObjectDictionary, index: int, bits: int, text: EdsText) -> None:
-    """Check that an object is absent or a single value with at least ``bits`` bits."""
+    """Check that an object is either absent or a single value with at least ``bits`` bits."""
     if index not in dictionary:
         return
     entry = dictionary[index]
@@ -165,7 +166,7 @@ def _check_mapping(dictionary: ObjectDictionary, tpdo: TpdoLayout, where: str, t
 
 
 def _check_elements(dictionary: ObjectDictionary, mapped: MappedObject, text: EdsText) -> None:
-    """Check the unlisted elements of an ARRAY. canopen makes them up from sub 1; without sub 1, it makes up none."""
+    """Check that CompactSubObj declares an unlisted ARRAY element, because canopen guesses such elements from sub 1."""
     title, sub = f'{mapped.index:04X}', mapped.subindex
     entry = dictionary[mapped.index] if mapped.index in dictionary else None
     if not isinstance(entry, ODArray) or text.entry(title) is None or text.entry(f'{title}sub{sub:X}') is not None:
@@ -180,11 +181,12 @@ def _check_elements(dictionary: ObjectDictionary, mapped: MappedObject, text: Ed
 
 
 def _check_mappable(variable: ODVariable, text: EdsText) -> None:
-    """Check that the network can read an object that a TPDO sends, and that PDOMapping does not forbid it (CiA 306)."""
+    """Check that the network can read a mapped object, and that PDOMapping permits the mapping (CiA 306)."""
     title = f'{variable.index:04X}'
     section = f'{title}sub{variable.subindex:X}'
-    section = section if text.entry(section) is not None else title  # for a VAR or CompactSubObj
-    if variable.access_type in ('wo', 'rww'):  # the network can only write these; rww is for RPDOs
+    # a VAR or CompactSubObj has no section for the sub-index
+    section = section if text.entry(section) is not None else title
+    if variable.access_type in ('wo', 'rww'):  # the network can only write wo and rww objects; rww is for RPDOs
         refuse_eds(text.eds, text.place(section, 'AccessType'), got=variable.access_type,
                    expected='ro, rw, rwr or const for an object that a TPDO sends')
     if text.number(section, 'PDOMapping') == 0:

@@ -1,4 +1,4 @@
-"""The skin layout: it assigns each taxel to a TPDO, an object and a bit. ``layout_file`` reads it from YAML."""
+"""The skin layout, which assigns each taxel to a TPDO, an object and a bit. ``layout_file`` reads layouts from YAML."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -9,8 +9,8 @@ from tactile_node.cia301 import objects
 from tactile_node.taxel_frame import NO_SIDE, SkinSide
 from tactile_node.yaml_section import Section
 
-#: fraction of the period in which a sweep must arrive; twice this share leaves a tenth of the period for the errors of
-#: the device's timer and of the stamps
+#: fraction of the period within which a sweep must arrive; twice this fraction leaves a tenth of the period for errors
+#: of the device's timer and of the stamps
 SWEEP_SHARE = 0.45
 
 
@@ -19,15 +19,15 @@ class EventDriven:
     """Settings of a device that sends without SYNC (CiA 301, transmission types 254 and 255). Times are in seconds."""
 
     transmission_type: int
-    event_timer: float  #: longest time between two transmissions of a TPDO; 0 switches the timer off
+    event_timer: float  #: longest time between two transmissions of a TPDO, or 0 to disable the timer
     inhibit_time: float  #: shortest time between two transmissions of a TPDO
-    is_sweeps: bool  #: True if all TPDOs of a scan are sent together, in the order of the layout
-    period: float  #: with sweeps, the shortest time between the beginnings of two sweeps; else the event timer
-    max_age: float  #: without sweeps, the largest age at which the values of a TPDO are still used; else 0
+    is_sweeps: bool  #: True if all TPDOs of a scan are sent together, in layout order
+    period: float  #: shortest time between the starts of two sweeps, or the event timer if the frames are not sweeps
+    max_age: float  #: maximum age of used TPDO values if the frames are not sweeps, else 0
 
     @property
     def times(self) -> dict[int, int]:
-        """Sub-index -> value of the times in a TPDO's communication record."""
+        """Raw values of the times in the TPDO communication record, by sub-index."""
         return {objects.INHIBIT_TIME: round(self.inhibit_time / objects.INHIBIT_UNIT),
                 objects.EVENT_TIMER: round(self.event_timer / objects.EVENT_TIMER_UNIT)}
 
@@ -38,12 +38,12 @@ class EventDriven:
 
     @property
     def longest_pause(self) -> float:
-        """Longest time without any TPDO while the device works [s]."""
+        """Longest time without any TPDO from a working device [s]."""
         return max(self.event_timer, self.period)
 
 
 def read_event_driven(top: Section) -> EventDriven | None:
-    """Return the key ``event_driven`` of a skin layout, or None if it is missing. Raises ConfigurationError."""
+    """Read the key ``event_driven`` of a skin layout. Return None if the key is missing. Raises ConfigurationError."""
     if top.take('event_driven', None) is None:
         return None
     section = top.section('event_driven')
@@ -58,13 +58,13 @@ def read_event_driven(top: Section) -> EventDriven | None:
         section.refuse('event_timer', expected='a time > 0, because each TPDO is sent at its own time', got='0',
                        remedy='Without it, a TPDO that is no longer sent looks like one whose taxels do not change.')
     else:
-        max_age = section.number('max_age', 3 * timer, positive=True)  # two transmissions in a row may be lost
+        max_age = section.number('max_age', 3 * timer, positive=True)  # tolerates two consecutive lost transmissions
     section.done()
     return EventDriven(kind, timer, inhibit, is_sweeps, period, max_age)
 
 
 def _time(section: Section, key: str, unit: float, *default: float) -> float:
-    """Read a time [s] that the device stores as a 16-bit multiple of ``unit`` [s]."""
+    """Read a time [s] that the device stores as a 16-bit number in multiples of ``unit`` [s]."""
     value = section.number(key, *default)
     if not 0 <= value <= objects.MAX_TIME * unit or abs(value - round(value / unit) * unit) > unit / 1000:
         section.refuse(key, expected=f'0..{objects.MAX_TIME * unit:g} s in steps of {unit:g} s', got=f'{value:g}',
@@ -72,8 +72,8 @@ def _time(section: Section, key: str, unit: float, *default: float) -> float:
     return value
 
 
-MAX_DOMAIN_BYTES = 1 << 20  #: limit on the memory that a typing error in a layout can allocate [bytes]
-MAX_SIDE = 1024  #: largest number of rows or columns; limits the memory that a typing error can allocate
+MAX_DOMAIN_BYTES = 1 << 20  #: limits the memory that a typing error in a layout can allocate [bytes]
+MAX_SIDE = 1024  #: maximum number of rows or columns, which limits the memory that a typing error can allocate
 
 
 @dataclass(frozen=True)
@@ -86,15 +86,15 @@ class MappedObject:
 
     @property
     def entry(self) -> int:
-        """Entry in the mapping record: index, sub-index and bits in one UNSIGNED32."""
+        """Mapping record entry: index, sub-index and number of bits in one UNSIGNED32."""
         return self.index << 16 | self.subindex << 8 | self.bits
 
 
 class TaxelField(NamedTuple):
-    """Place of a taxel's raw value in its TPDO or DOMAIN.
+    """Position of a taxel's raw value in a TPDO or DOMAIN.
 
-    If the byte order is little, as CANopen maps objects, ``start_bit`` counts from the least significant bit of byte 0.
-    If it is big, ``start_bit`` counts from the most significant bit of byte 0.
+    In little-endian byte order, as in CANopen mappings, ``start_bit`` counts from the least significant bit of byte 0.
+    In big-endian byte order, ``start_bit`` counts from the most significant bit of byte 0.
     """
 
     row: int
@@ -104,15 +104,15 @@ class TaxelField(NamedTuple):
 
 @dataclass(frozen=True)
 class ValueFormat:
-    """Format of a taxel's raw counts. Its value is scale (counts - offset), or the negative of it if falling."""
+    """Format of a taxel's raw counts. The value is scale * (counts - offset), negated if ``falling``."""
 
-    unit: str  #: 'Pa', 'N' or '1' (on/off)
+    unit: str  #: unit of the values: 'Pa', 'N' or '1' (on/off)
     scale: float  #: unit per count
     offset: int  #: counts without load
     bits: int
     signed: bool
     byte_order: str  #: 'little' or 'big'
-    falling: bool  #: True if counts fall under pressure
+    falling: bool  #: True if counts decrease under pressure
 
     @property
     def raw_range(self) -> tuple[int, int]:
@@ -121,16 +121,17 @@ class ValueFormat:
 
     @property
     def saturated_count(self) -> int | None:
-        """Count at the loaded end of the range; None for on/off taxels, which cannot saturate."""
+        """Count at the loaded end of the range, or None for on/off taxels, which cannot saturate."""
         return None if self.bits == 1 else self.raw_range[0 if self.falling else 1]
 
     def to_value(self, counts: np.ndarray) -> np.ndarray:
-        """Convert counts of any shape into values in ``unit``, float32, of the same shape."""
+        """Convert an array of counts into values in ``unit``, float32, with the shape of the array."""
         sign = -1.0 if self.falling else 1.0
         return ((counts - float(self.offset)) * (sign * self.scale)).astype(np.float32)
 
     def to_counts(self, values: np.ndarray) -> np.ndarray:
-        """Convert values in ``unit`` into counts, int64, rounded and clipped to the range; NaN becomes "no load"."""
+        """Convert values in ``unit`` into counts, int64, rounded and clipped to the range. NaN becomes "no load".
+        """
         load = np.nan_to_num(np.asarray(values, dtype=float) / self.scale, nan=0.0)
         return np.clip(np.rint(self.offset + (-load if self.falling else load)),
                        *self.raw_range).astype(np.int64)
@@ -140,8 +141,9 @@ class ValueFormat:
 class TpdoLayout:
     """One CAN frame of a pad's sweep.
 
-    Several frames may share a number and a COB-ID. Their first bytes then distinguish them: a manufacturer-specific
-    row number in byte 0, or, for MPDOs in source addressing mode (CiA 301), node-ID, index and sub-index.
+    Several CAN frames may share a number and a COB-ID. CAN frames with the same number and COB-ID differ in their first
+    bytes, which contain a manufacturer-specific row number in byte 0 or, for MPDOs in source addressing mode (CiA 301),
+    node-ID, index and sub-index.
     """
 
     number: int  #: number of the TPDO (1 = 0x1800)
@@ -149,9 +151,9 @@ class TpdoLayout:
     mapping: tuple[MappedObject, ...]
     taxels: tuple[TaxelField, ...]
     row: int | None = None  #: byte 0 of a row-multiplexed TPDO
-    is_mpdo: bool = False  #: True for an MPDO; ``mapping`` is then the single object that it carries
-    node: int = 0  #: number of the node that sends it, among the pad's nodes
-    key: str = ''  #: key in the layout file, for messages
+    is_mpdo: bool = False  #: True for an MPDO, for which ``mapping`` is the single object in the frame
+    node: int = 0  #: number of the sending node among the pad's nodes
+    key: str = ''  #: key in the layout file to show in messages
 
     @property
     def is_multiplexed(self) -> bool:
@@ -159,20 +161,20 @@ class TpdoLayout:
 
     @property
     def name(self) -> str:
-        """Number of the TPDO; for a multiplexed TPDO, also the part that distinguishes this frame."""
+        """Number of the TPDO, followed by the row or object for a multiplexed TPDO."""
         if self.is_mpdo:
             return f'{self.number} object {objects.ObjectAddress(self.mapping[0].index, self.mapping[0].subindex)}'
         return str(self.number) if self.row is None else f'{self.number} row {self.row}'
 
     @property
     def bits(self) -> int:
-        """Number of bits in the CAN frame; for an MPDO, node-ID, index and sub-index are included."""
+        """Number of bits in the CAN frame, including node-ID, index and sub-index for an MPDO."""
         return objects.MAX_PDO_BITS if self.is_mpdo else sum(mapped.bits for mapped in self.mapping)
 
     def prefix(self, node_id: int) -> bytes:
-        """Return the first bytes, which identify a multiplexed frame.
+        """Return the first bytes, which identify a frame of a multiplexed TPDO.
 
-        In byte 0 of an MPDO, bit 7 is 0, which means source addressing.
+        Bit 7 in byte 0 of an MPDO is 0 for source addressing.
         """
         if self.is_mpdo:
             mapped = self.mapping[0]
@@ -187,7 +189,7 @@ class TpdoLayout:
 
 @dataclass(frozen=True)
 class DomainLayout:
-    """A DOMAIN object (CiA 301) with all taxels of one sample. It is read by SDO, in blocks if the device can."""
+    """A DOMAIN object (CiA 301) with all taxels of one sample, read by SDO, with block transfer if supported."""
 
     index: int
     subindex: int
@@ -195,16 +197,16 @@ class DomainLayout:
     taxels: tuple[TaxelField, ...]
 
 
-#: name in a layout -> side of the pad
+#: sides of the pad by their names in a layout
 SIDES = {'first_row': SkinSide.FIRST_ROW, 'last_row': SkinSide.LAST_ROW, 'first_col': SkinSide.FIRST_COL,
          'last_col': SkinSide.LAST_COL}
 
 
 @dataclass(frozen=True)
 class SkinLayout:
-    """Taxels of a pad, and the TPDOs that carry them, in the order of the device, or the DOMAIN that carries them."""
+    """Taxels of a pad, and the TPDOs (in the device's sending order) or the DOMAIN that carry the taxels."""
 
-    source: str  #: path of the layout file, for messages
+    source: str  #: path of the layout file to show in messages
     rows: int
     cols: int
     pitch: float  #: distance between neighbouring taxels [m]
@@ -213,10 +215,10 @@ class SkinLayout:
     tpdos: tuple[TpdoLayout, ...]
     dead: tuple[tuple[int, int], ...] = ()  #: (row, col) of taxels known to be dead
     nodes: int = 1  #: number of CANopen nodes that form the pad
-    domain: DomainLayout | None = None  #: object that is polled by SDO; ``tpdos`` is then empty
-    event_driven: EventDriven | None = None  #: settings of a skin that sends without SYNC; else None
-    finger_ends: SkinSide = NO_SIDE  #: sides at which the finger ends together with the skin
-    unusual_pitch: bool = False  #: True if a pitch outside PITCHES of ``layout_rules`` is intended
+    domain: DomainLayout | None = None  #: object polled by SDO, in which case ``tpdos`` is empty
+    event_driven: EventDriven | None = None  #: settings of a skin that sends without SYNC, else None
+    finger_ends: SkinSide = NO_SIDE  #: sides at which the finger does not extend beyond the skin
+    unusual_pitch: bool = False  #: True if a pitch outside ``layout_rules.PITCHES`` is intended
 
     @property
     def needs_sync(self) -> bool:
@@ -229,20 +231,20 @@ class SkinLayout:
         Parameters
         ----------
         sync_period
-            Time between two SYNCs or two polls [s]. It does not matter for an event-driven skin.
+            Time between two SYNCs or two polls [s]. An event-driven skin ignores this period.
         """
         return sync_period if self.event_driven is None else self.event_driven.longest_pause
 
     @property
     def carriers(self) -> 'tuple[TpdoLayout | DomainLayout, ...]':
-        """TPDOs that carry the taxels of one period, or the DOMAIN."""
+        """TPDOs, or the DOMAIN, that carry the taxels of one period."""
         return self.tpdos if self.domain is None else (self.domain,)
 
     def of_node(self, node: int) -> 'SkinLayout':
-        """Return the part of the layout that the node number ``node`` (from 0) of the pad sends."""
+        """Return the part of the layout sent by node number ``node`` (from 0) of the pad."""
         return replace(self, tpdos=tuple(tpdo for tpdo in self.tpdos if tpdo.node == node))
 
 
 def raw_range(bits: int, signed: bool) -> tuple[int, int]:
-    """Return the smallest and the largest number with ``bits`` bits."""
+    """Return the smallest and the largest number that ``bits`` bits can represent."""
     return (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)

@@ -1,4 +1,4 @@
-"""Draft a skin layout from an EDS, and mark the values that are guessed or missing."""
+"""Draft a skin layout from an EDS, and mark guessed or missing values."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -16,13 +16,13 @@ from tactile_node.skin.layout import MAX_SIDE, MappedObject
 
 @dataclass(frozen=True)
 class EdsTpdo:
-    """One TPDO of an EDS."""
+    """One TPDO in an EDS."""
 
     number: int
-    cob_id: objects.CobId | None  #: None if the EDS does not contain it
+    cob_id: objects.CobId | None  #: COB-ID of the TPDO, or None if the EDS does not contain one
     mapping: tuple[MappedObject, ...]
-    unknown: int   #: number of mapped objects that the EDS counts but does not name
-    is_mpdo: bool  #: True for source addressing mode, in which the TPDO itself maps nothing
+    unknown: int   #: number of mapped objects that the EDS counts but does not identify
+    is_mpdo: bool  #: True for source addressing mode, in which the TPDO has no fixed mapping
 
 
 def eds_tpdos(dictionary: ObjectDictionary, node_id: int) -> list[EdsTpdo]:
@@ -70,15 +70,15 @@ def _cob_id(dictionary: ObjectDictionary, index: int, node_id: int) -> objects.C
     return objects.CobId(base & objects.ID_MASK, bool(variable.relative))
 
 
-FILL_IN = 'FILL IN'     #: mark for a value that no EDS contains
-GUESS = 'GUESS'         #: mark for a value that this EDS does not contain
-MAX_BITS = 32           #: largest number of bits per taxel
+FILL_IN = 'FILL IN'     #: marks a value that no EDS contains
+GUESS = 'GUESS'         #: marks a value that this EDS does not contain
+MAX_BITS = 32           #: maximum number of bits per taxel
 TAXELS_IN_LINE = 6      #: number of taxels per line of a list
 
 
 @dataclass(frozen=True)
 class Known:
-    """Facts that the user knows about the skin; None means that a fact is guessed."""
+    """Properties of the skin that the user knows. A property that is None is guessed."""
 
     rows: int | None = None
     cols: int | None = None
@@ -104,12 +104,12 @@ def draft(dictionary: ObjectDictionary, node_id: int, eds: str, known: Known) ->
     eds
         Name of the EDS.
     known
-        Facts that the user knows about the skin.
+        Properties of the skin that the user knows.
 
     Raises
     ------
     ConfigurationError
-        If the EDS maps no object that could hold taxels, or more taxels than ``known`` allows.
+        Raised if the EDS maps no object that could contain taxels, or more taxels than ``known`` allows.
     """
     tpdos = eds_tpdos(dictionary, node_id)
     bits = known.bits or _commonest_width(tpdos, eds)
@@ -132,13 +132,13 @@ def _commonest_width(tpdos: list[EdsTpdo], eds: str) -> int:
     if not widths:
         raise ConfigurationError(f'{eds}, TPDOs', got='none',
                                  expected=f'objects of up to {MAX_BITS} bits that TPDOs map by default',
-                                 remedy='Give --bits where an object holds several taxels. For a DOMAIN or '
-                                 'MPDOs begin with domain16x10_16bit.yaml or mpdo8x8_16bit.yaml.')
+                                 remedy='If an object holds several taxels, give --bits. For a DOMAIN or '
+                                 'MPDOs, start with domain16x10_16bit.yaml or mpdo8x8_16bit.yaml.')
     return max(widths, key=lambda width: (widths[width], width))
 
 
 def _starts(mapping: tuple[MappedObject, ...], bits: int, *, is_packed: bool) -> list[int]:
-    """Return the first bit of each taxel: of each object with ``bits`` bits, or, if packed, one after another."""
+    """Return the start bits of the taxels: one per object of ``bits`` bits or, if packed, every ``bits`` bits."""
     total = min(sum(mapped.bits for mapped in mapping), objects.MAX_PDO_BITS)
     if is_packed:
         return list(range(0, total - bits + 1, bits))
@@ -207,7 +207,7 @@ def _entry(tpdo: EdsTpdo, starts: list[int], place: int, cols: int) -> Iterator[
 
 
 def _usual_cob_id(number: int) -> objects.CobId:
-    """Return the COB-ID of one of the first four TPDOs (CiA 301, 7.5.2.36), or a free one for any other TPDO."""
+    """Return the default COB-ID of TPDOs 1 to 4 (CiA 301, 7.5.2.36), or a free COB-ID for any other TPDO."""
     return objects.CobId(0x180 + 0x100 * ((number - 1) % 4) + (number - 1) // 4, True)
 
 

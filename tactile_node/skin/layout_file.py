@@ -27,15 +27,15 @@ from tactile_node.yaml_section import Section, load_mapping, shown
 
 
 class Shift(NamedTuple):
-    """Offset of a repetition from the entry as it is written."""
+    """Offset of a repetition from the original entry."""
 
     number: int = 0
     cob_id: int = 0
     object: int = 0
     sub: int = 0
     node: int = 0
-    down: int = 0   #: number of rows by which all taxels move
-    right: int = 0  #: number of columns by which all taxels move
+    down: int = 0   #: number of rows by which all taxels are shifted
+    right: int = 0  #: number of columns by which all taxels are shifted
 
 
 #: largest absolute value of each step
@@ -44,21 +44,21 @@ LARGEST_STEPS = {'number': objects.MAX_TPDOS, 'cob_id': objects.ID_MASK, 'object
 
 
 def repeat_tpdos(section: Section, tpdos: tuple[TpdoLayout, ...]) -> tuple[TpdoLayout, ...]:
-    """Return all repetitions that the key ``repeat`` of an entry asks for.
+    """Return all repetitions requested by the key ``repeat`` of an entry.
 
-    If there are several loops, the last one runs fastest.
+    If there are several loops, the last loop is the innermost.
 
     Parameters
     ----------
     section
-        Entry of the layout.
+        Section of the entry in the layout.
     tpdos
-        TPDOs of the entry as it is written.
+        TPDOs of the original entry.
 
     Raises
     ------
     ConfigurationError
-        If ``repeat`` is wrong, or if a number of a repetition is out of range.
+        Raised if ``repeat`` is invalid, or if a number in a repetition is out of range.
     """
     if (written := section.take('repeat', None)) is None:
         return tpdos
@@ -68,7 +68,7 @@ def repeat_tpdos(section: Section, tpdos: tuple[TpdoLayout, ...]) -> tuple[TpdoL
     for loop in loops:
         count, step = _loop(loop)
         total *= count
-        if total > objects.MAX_TPDOS:  # so that a typing error cannot allocate too much memory
+        if total > objects.MAX_TPDOS:  # a typing error must not allocate too much memory
             section.refuse('repeat', expected=f'at most {objects.MAX_TPDOS} repetitions', got=f'{total} or more',
                            remedy='Correct the counts.')
         shifts.append([Shift._make(i * part for part in step) for i in range(count)])
@@ -121,7 +121,7 @@ def load_layout(path: str | Path) -> SkinLayout:
     Raises
     ------
     ConfigurationError
-        If the layout breaks a rule of the module ``layout_rules``. The error names file and key.
+        Raised if the layout breaks a rule in ``layout_rules``. The error names the file and the key.
     """
     layout = read_layout(path)
     for check in layout_checks(layout):
@@ -130,7 +130,7 @@ def load_layout(path: str | Path) -> SkinLayout:
 
 
 def read_layout(path: str | Path) -> SkinLayout:
-    """Read a skin layout without checking it against the rules. Raises ConfigurationError for wrong syntax."""
+    """Read a skin layout without checking the layout rules. Raises ConfigurationError for wrong syntax."""
     path = config_path(str(path))
     top = load_mapping(path, 'a skin layout')
     rows = top.integer('rows', 1, MAX_SIDE)
@@ -154,7 +154,7 @@ def read_layout(path: str | Path) -> SkinLayout:
 
 
 def _finger_ends(top: Section) -> SkinSide:
-    """Read ``finger_ends``: the sides at which the finger ends together with the skin."""
+    """Read ``finger_ends``, the sides at which the finger does not extend beyond the skin."""
     named = top.sequence('finger_ends', [])
     for name in named:
         if name not in tuple(SIDES):
@@ -177,7 +177,7 @@ def _value_format(section: Section) -> ValueFormat:
 
 
 def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
-    """Read ``domain``: the object, and the order of the taxels in it (row by row or column by column)."""
+    """Read ``domain``, which gives the object and the order of its taxels (row by row or column by column)."""
     if top.take('domain', None) is None:
         return None
     section = top.section('domain')
@@ -193,9 +193,9 @@ def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
 
 
 def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
-    """Read one entry of ``tpdos``, with its repetitions.
+    """Read one entry of ``tpdos``, including its repetitions.
 
-    An entry is a plain TPDO, all rows of a multiplexed TPDO, or a run of MPDOs.
+    An entry is a plain TPDO, all rows of a multiplexed TPDO, or a series of MPDOs.
     """
     number = section.integer('number', 1, objects.MAX_TPDOS)
     cob_id = _cob_id(section)
@@ -219,7 +219,7 @@ def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
 
 
 def _repeats(run: Section, most: int) -> list[tuple[int, int]]:
-    """Read ``count`` and ``step``; return for each frame the offset [row, col] of its taxels from the first frame."""
+    """Read ``count`` and ``step``, and return the offset [row, col] of each frame's taxels from the first frame."""
     count = run.integer('count', 1, most)
     down, right = run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
     run.done()
@@ -242,7 +242,7 @@ def _cob_id(section: Section) -> objects.CobId:
 
 
 def _mapping(section: Section) -> tuple[MappedObject, ...]:
-    """Read ``map``: a list of [index, sub, bits], or {object, sub, bits, count} for consecutive sub-indices."""
+    """Read ``map``, which is a list of [index, sub, bits] or {object, sub, bits, count} for consecutive sub-indices."""
     written = section.take('map')
     if isinstance(written, dict):
         run = section.subsection('map', written)
@@ -256,7 +256,7 @@ def _mapping(section: Section) -> tuple[MappedObject, ...]:
 
 
 def _taxels(section: Section) -> tuple[TaxelField, ...]:
-    """Read ``taxels``: a list of [row, col, start_bit], or {first, step, count, start_bit, bit_step}."""
+    """Read ``taxels``, which is a list of [row, col, start_bit] or {first, step, count, start_bit, bit_step}."""
     written = section.take('taxels')
     if not isinstance(written, dict):
         entries = section.sequence('taxels')

@@ -1,4 +1,4 @@
-"""Rules for skin layouts beyond their syntax. Each violation is a ConfigurationError."""
+"""Rules for skin layouts beyond the YAML syntax. Each violation raises a ConfigurationError."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -11,7 +11,7 @@ from tactile_node.skin.layout import DomainLayout, EventDriven, SkinLayout, Tpdo
 
 
 def collect_errors(checks: Iterable[Callable[[], object]]) -> list[ConfigurationError]:
-    """Run every check and return the errors that they raise."""
+    """Run every check, and return the errors that the checks raise."""
     found = []
     for check in checks:
         try:
@@ -21,11 +21,11 @@ def collect_errors(checks: Iterable[Callable[[], object]]) -> list[Configuration
     return found
 
 
-PITCHES = 0.0003, 0.025  #: smallest and largest usual pitch [m]; skins on the market lie well within
+PITCHES = 0.0003, 0.025  #: smallest and largest usual pitch [m]; skins on the market lie well within this range
 
 
 def layout_checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:
-    """Yield the rules as functions. Each raises ConfigurationError for the first problem of a rule or a TPDO."""
+    """Yield check functions. Each function raises ConfigurationError for the first violation it finds."""
     yield partial(_check_pitch, layout)
     if layout.event_driven is not None:
         yield partial(_check_event_driven, layout, layout.event_driven)
@@ -159,7 +159,7 @@ def _check_unique_taxels(layout: SkinLayout) -> None:
 
 
 def _distinct_pdos(layout: SkinLayout) -> list[TpdoLayout]:
-    """Return the TPDOs; if several frames belong to one multiplexed PDO, only the first of them."""
+    """Return the TPDOs, with only the first frame of each multiplexed TPDO."""
     first: dict[object, TpdoLayout] = {}
     for rank, tpdo in enumerate(layout.tpdos):
         mapping = None if tpdo.is_mpdo else tpdo.mapping

@@ -1,4 +1,4 @@
-"""Convert the value of an object to and from text, and find objects of an EDS by name."""
+"""Convert object values to and from text, and find objects in an EDS by name."""
 
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODVariable, datatypes
@@ -6,7 +6,7 @@ from canopen.objectdictionary import ODVariable, datatypes
 from tactile_node.cia301.objects import ObjectAddress
 from tactile_node.skin.layout import raw_range
 
-#: name on the command line -> data type (CiA 301, 7.4.7); hex: the bytes in the order of the wire
+#: data types by their names on the command line (CiA 301, 7.4.7), where hex means bytes in transmission order
 TYPES = {'bool': datatypes.BOOLEAN, 'str': datatypes.VISIBLE_STRING, 'hex': datatypes.DOMAIN,
          **{f'u{bits}': getattr(datatypes, f'UNSIGNED{bits}') for bits in (8, 16, 24, 32, 40, 48, 56, 64)},
          **{f'i{bits}': getattr(datatypes, f'INTEGER{bits}') for bits in (8, 16, 24, 32, 40, 48, 56, 64)},
@@ -17,7 +17,7 @@ Value = int | float | str
 
 
 class WrongValueError(ValueError):
-    """A text or bytes that are not a value of a type; ``expected`` describes a valid value."""
+    """Raised if text or bytes are not a valid value of a type. ``expected`` describes a valid value."""
 
     def __init__(self, expected: str):
         super().__init__(expected)
@@ -25,7 +25,7 @@ class WrongValueError(ValueError):
 
 
 def type_name(data_type: int | None) -> str:
-    """Return the name of a data type in TYPES; 'hex' for a type that TYPES lacks.
+    """Return the name of a data type in TYPES, or 'hex' for any other type.
 
     >>> type_name(0x0006), type_name(0x000F)
     ('u16', 'hex')
@@ -34,7 +34,7 @@ def type_name(data_type: int | None) -> str:
 
 
 def encode_value(name: str, text: str) -> bytes:
-    """Return the bytes on the wire for a value. Raises WrongValueError.
+    """Encode a value as bytes for an SDO transfer. Raises WrongValueError.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def encode_value(name: str, text: str) -> bytes:
     (b'd\\x00', b'\\xff', b'\\xde\\xad')
     """
     variable = _variable(name)
-    if not text.strip():  # canopen would send no bytes
+    if not text.strip():  # canopen would send an empty value
         raise WrongValueError(_expected(name))
     try:
         if name == 'hex':
@@ -65,7 +65,7 @@ def encode_value(name: str, text: str) -> bytes:
 
 
 def decode_value(name: str, data: bytes) -> Value:
-    """Return the value of bytes from the wire. Raises WrongValueError.
+    """Decode bytes from an SDO transfer. Raises WrongValueError.
 
     Parameters
     ----------
@@ -92,14 +92,14 @@ def decode_value(name: str, data: bytes) -> Value:
 
 
 def find_named(dictionary: ObjectDictionary, name: str) -> list[ObjectAddress]:
-    """Return every value in an EDS with this name: 'Identity.Vendor-ID' or just 'Vendor-ID', in any case."""
+    """Return the addresses of all values with this name, such as 'Identity.Vendor-ID' or 'Vendor-ID', ignoring case."""
     wanted = name.strip().lower()
     return [ObjectAddress(variable.index, variable.subindex) for variable in _variables(dictionary)
             if wanted in (variable.qualname.lower(), variable.name.lower())]
 
 
 def find_declared(dictionary: ObjectDictionary, address: ObjectAddress) -> ODVariable | None:
-    """Return the declaration of a value in an EDS, or None if the EDS has none."""
+    """Return the declaration of a value in an EDS, or None if the EDS does not declare the value."""
     return next((variable for variable in _variables(dictionary)
                  if ObjectAddress(variable.index, variable.subindex) == address), None)
 
@@ -129,7 +129,7 @@ def _expected(name: str) -> str:
 
 
 def _text(data: bytes) -> str:
-    """Decode a text. CiA 301 allows only ASCII, but devices also send UTF-8 or a national code page."""
+    """Decode text. CiA 301 allows only ASCII, but some devices send UTF-8 or a national code page."""
     try:
         return data.decode()
     except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""The pads of one CAN bus with their names, node-IDs, layouts and EDS. Check that they can share the bus."""
+"""The pads of one CAN bus with their names, node-IDs, layouts and EDS, and the check that they can share the bus."""
 
 import itertools
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from tactile_node.skin.layout_file import load_layout
 class PadSettings:
     """One pad: its name, the node-IDs of its CANopen nodes, and its layout.
 
-    A recorded log needs no more than this. A live bus needs a `LivePad`.
+    A PadSettings is sufficient for a recorded log. A live bus needs a `LivePad`.
     """
 
     name: str
@@ -32,46 +32,46 @@ class CanopenNode:
     """One CANopen node of a pad on a live bus."""
 
     node_id: int
-    pad: str  #: name of its pad
+    pad: str  #: name of the pad
     position: int  #: number of the node among the pad's nodes, from 0
     layout: SkinLayout  #: part of the pad's layout that this node sends
-    eds: str  #: path of the EDS
-    dictionary: ObjectDictionary = field(repr=False, compare=False)  #: object dictionary from the EDS for this node-ID
+    eds: str  #: path of the EDS file
+    dictionary: ObjectDictionary = field(repr=False, compare=False)  #: object dictionary from the EDS for the node-ID
 
     @property
     def label(self) -> str:
-        """Node and pad, for messages."""
+        """Description of the node and the pad for messages."""
         return f'node {self.node_id} (pad {self.pad!r})'
 
 
 @dataclass(frozen=True)
 class LivePad(PadSettings):
-    """A pad on a live bus, with an object dictionary for each of its nodes."""
+    """A pad on a live bus, with an object dictionary for each node."""
 
     nodes: tuple[CanopenNode, ...]
 
 
 def make_pad(name: str, node_id: int, layout: str, eds: str = '') -> LivePad:
-    """Return a pad with a single node and its EDS; see `make_pads`."""
+    """Return a pad with a single node and an EDS, as in `make_pads`."""
     return with_dictionaries(make_pads([layout], [node_id], [name]), [eds])[0]
 
 
 def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[str] = ()) -> tuple[PadSettings, ...]:
-    """Return pads without an EDS, which is enough for a log.
+    """Return pads without an EDS, which suffice for a log.
 
     Parameters
     ----------
     layouts
         Layout of each pad, or one layout for all pads.
     node_ids
-        Node-IDs of all pads. Each pad takes as many of them, in order, as its layout has nodes.
+        Node-IDs of all pads. Each pad takes as many node-IDs, in order, as its layout has nodes.
     names
-        Name of each pad. Without names, a pad is named after its first node: pad32.
+        Name of each pad. Without names, each pad is named after its first node, for example pad32.
 
     Raises
     ------
     ConfigurationError
-        If a layout is wrong, or if the numbers of layouts, node-IDs and names do not match.
+        Raised if a layout is invalid, or if the numbers of layouts, node-IDs and names do not match.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
         needed = ' + '.join(str(layout.nodes) for layout in loaded)
         raise ConfigurationError('node-IDs', expected=f"a node-ID for each of the pads' nodes: {needed} of them",
                                  got=str(list(node_ids)),
-                                 remedy='Give one for each pad, or several if its layout has "nodes".')
+                                 remedy='Give one node-ID for each pad, or several if its layout has "nodes".')
     left = iter(node_ids)
     shared = [tuple(itertools.islice(left, layout.nodes)) for layout in loaded]
     pads = tuple(PadSettings(name, shares, layout) for name, shares, layout
@@ -96,20 +96,20 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
 
 
 def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> tuple[LivePad, ...]:
-    """Return the pads with their EDS, which a live bus needs, and check that EDS and layout agree.
+    """Return the pads with their EDS, which a live bus needs, and check that each EDS matches the layout.
 
     Parameters
     ----------
     pads
         Pads without an EDS.
     eds
-        EDS of each pad, or one for all pads. It is read for each node of a pad. '' stands for the layout's name with
-        the suffix .eds.
+        EDS of each pad, or one EDS for all pads. The EDS is read for each node of a pad. '' means the layout's name
+        with the suffix .eds.
 
     Raises
     ------
     ConfigurationError
-        If an EDS cannot be read, or does not agree with the layout.
+        Raised if an EDS cannot be read or does not match the layout.
     """
     return tuple(_with_dictionary(pad, path) for pad, path in zip(pads, one_for_each('eds', eds, pads)))
 
@@ -117,19 +117,19 @@ def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -
 def identities_of(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> dict[str, Identity]:
     """Return the identity in the EDS of each pad, by pad name.
 
-    A log needs no EDS, so a pad without an EDS next to its layout is left out.
+    Pads without an EDS next to the layout are omitted, because a log needs no EDS.
 
     Parameters
     ----------
     pads
         Pads of the log.
     eds
-        EDS of each pad, or one for all pads; '' stands for the layout's name with the suffix .eds.
+        EDS of each pad, or one EDS for all pads. '' means the layout's name with the suffix .eds.
 
     Raises
     ------
     ConfigurationError
-        If an EDS that was given, or that exists, cannot be read.
+        Raised if a given or existing EDS cannot be read.
     """
     paths = zip(pads, one_for_each('eds', eds, pads))
     read = [(pad, _eds_path(pad, path)) for pad, path in paths if path or is_found(_eds_path(pad, path))]
@@ -137,7 +137,7 @@ def identities_of(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> di
 
 
 def check_node_ids(pad: PadSettings) -> None:
-    """Raise ConfigurationError if a node-ID is out of range, or if their number differs from the layout's nodes."""
+    """Raise ConfigurationError if a node-ID is out of range, or if the layout has another number of nodes."""
     for node_id in pad.node_ids:
         if not MIN_NODE_ID <= node_id <= MAX_NODE_ID:
             raise ConfigurationError(f'pad {pad.name!r}', expected=f'a node-ID {MIN_NODE_ID}..{MAX_NODE_ID}',
@@ -148,7 +148,7 @@ def check_node_ids(pad: PadSettings) -> None:
 
 
 def one_for_each(what: str, given: Sequence[str], pads: Sequence[object]) -> list[str]:
-    """Return one value per pad. Raises ConfigurationError unless one value, or one per pad, was given."""
+    """Return one value per pad. Raises ConfigurationError unless ``given`` has a single value or one value per pad."""
     if len(given) not in (1, len(pads)):
         raise ConfigurationError(what, expected=f'one value, or one for each of the {len(pads)} pads',
                                  got=str(list(given)), remedy='Give as many values as pads.')
@@ -169,7 +169,7 @@ def _with_dictionary(pad: PadSettings, path: str) -> LivePad:
 
 
 def check_pads(pads: tuple[PadSettings, ...]) -> None:
-    """Raise ConfigurationError if these pads cannot share one bus."""
+    """Raise ConfigurationError if the pads cannot share one bus."""
     if not pads:
         raise ConfigurationError('pads', expected='at least one pad on the bus', got='none',
                                  remedy='Name a pad.')
@@ -189,14 +189,14 @@ def check_pads(pads: tuple[PadSettings, ...]) -> None:
 
 
 def live_pads(pads: tuple[PadSettings, ...]) -> tuple[LivePad, ...]:
-    """Return the same pads. Raises ConfigurationError if one of them has no EDS, which a live bus needs."""
+    """Return ``pads`` unchanged. Raises ConfigurationError if a pad has no EDS, which a live bus needs."""
     return tuple(_live(pad) for pad in pads)
 
 
 def _live(pad: PadSettings) -> LivePad:
     if not isinstance(pad, LivePad):
-        raise ConfigurationError(f'pad {pad.name!r}', expected='an EDS, for a live bus', got='none',
-                                 remedy='Make the pad with make_pad(name, node_id, layout, eds).')
+        raise ConfigurationError(f'pad {pad.name!r}', expected='an EDS, which a live bus needs', got='none',
+                                 remedy='Create the pad with make_pad(name, node_id, layout, eds).')
     return pad
 
 
@@ -205,10 +205,10 @@ def _own(owners: dict[int, str], can_id: int, use: str, pad: str) -> None:
     if reason := reserved_for(can_id) or ('more than 11 bits' if can_id > ID_MASK else None):
         raise ConfigurationError(where, expected='a COB-ID that CiA 301 does not reserve',
                                  got=f'0x{can_id:03X} ({reason})',
-                                 remedy='Change node_id, or cob_id in the layout.')
+                                 remedy='Change the node-ID, or cob_id in the layout.')
     if (other := owners.setdefault(can_id, where)) != where:
         raise ConfigurationError(where, expected='a COB-ID that is used only once', got=f'0x{can_id:03X}, as {other}',
-                                 remedy='Change node_id, or cob_id in the layout.')
+                                 remedy='Change the node-ID, or cob_id in the layout.')
 
 
 def _check_names_and_sync(pads: tuple[PadSettings, ...]) -> None:
@@ -221,4 +221,4 @@ def _check_names_and_sync(pads: tuple[PadSettings, ...]) -> None:
     if len(syncs) > 1:
         raise ConfigurationError('pads', expected='one SYNC COB-ID on a bus',
                                  got=', '.join(map(hex, sorted(syncs))),
-                                 remedy='Use the same sync_cob_id in their layouts.')
+                                 remedy='Use the same sync_cob_id in all layouts.')

@@ -1,4 +1,4 @@
-"""Check a TaxelArray from a topic or a bag before it is used, and the fields that it shares with other messages."""
+"""Check a TaxelArray from a topic or a bag before use, and the fields that TaxelArray shares with other messages."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from tactile_node.skin.layout import MAX_SIDE
 from tactile_node.taxel_frame import PRESS_BY_UNIT, SkinSide, TaxelStatus
 
 NANOSECONDS = 10**9
-#: status code -> True if a taxel with this `TaxelStatus` has a value
+#: mask that is True at each `TaxelStatus` code that implies a value
 GIVES_VALUE = np.isin(np.arange(256), (TaxelStatus.VALID, TaxelStatus.SATURATED))
 
 
@@ -23,26 +23,26 @@ class Time(Protocol):
 
 
 class RejectReason(IntEnum):
-    """Reason why a message was dropped. The codes are stable."""
+    """Reason why a message was dropped. The codes never change."""
 
     NOT_KNOWN = 0
     UNKNOWN_UNIT = 1  #: the unit is not "Pa", "N" or "1"
     NO_TAXELS = 2  #: rows or cols is 0, as in a default-constructed message
-    TOO_LARGE = 3  #: more rows, columns or features than any skin has
-    WRONG_LENGTH = 4  #: the length of an array does not match rows * cols, the classes or the names of its elements
+    TOO_LARGE = 3  #: the message has more rows, columns or features than any skin
+    WRONG_LENGTH = 4  #: the length of an array does not match rows * cols, the classes or the element names
     WRONG_PITCH = 5  #: the pitch is not a length > 0
     UNKNOWN_CODE = 6  #: a number is not defined in its enumeration
-    NOT_FINITE = 7  #: a number is NaN or infinite where a finite one is needed
-    WRONG_PROBABILITIES = 8  #: probabilities are not in 0...1, or their sum is not 1
-    WRONG_STAMP = 9  #: a time is before 1970, after 2038 or has 10^9 ns or more; or a duration is below 0
-    INCONSISTENT = 10  #: fields contradict each other
-    PROCESSING_FAILED = 11  #: the message passed the checks, but its processing raised an error
-    MISSING_JOINT = 12  #: a joint from which the opening of the gripper is computed is missing
-    IMPLAUSIBLE_OPENING = 13  #: no gripper opens that far: the sign, scale or offset is wrong
-    STAMP_AHEAD = 14  #: the stamp is far ahead of all earlier ones: a false message, or a clock that was set forward
-    WRONG_SEQUENCE = 15  #: this sequence number is not possible yet
+    NOT_FINITE = 7  #: a number is NaN or infinite where a finite number is needed
+    WRONG_PROBABILITIES = 8  #: a probability is not in 0...1, or the sum of the probabilities is not 1
+    WRONG_STAMP = 9  #: a time is before 1970, after 2038 or has 10^9 ns or more, or a duration is negative
+    INCONSISTENT = 10  #: fields of the message contradict each other
+    PROCESSING_FAILED = 11  #: the message passed the checks, but processing the message raised an error
+    MISSING_JOINT = 12  #: a joint needed to compute the gripper opening is missing
+    IMPLAUSIBLE_OPENING = 13  #: the opening is impossible for a gripper, because the sign, scale or offset is wrong
+    STAMP_AHEAD = 14  #: the stamp is far ahead of earlier stamps, because of a wrong message or a clock set forward
+    WRONG_SEQUENCE = 15  #: the sequence number is higher than possible so far
     OTHER_TYPE = 16  #: a publisher uses another version of the message, so values are read from the wrong places
-    OTHER_SOURCE = 17  #: two sources publish on the topic, and it is not known which one is right
+    OTHER_SOURCE = 17  #: two sources publish on the topic, and it is unknown which source is correct
 
     @property
     def key(self) -> str:
@@ -54,7 +54,7 @@ def check_taxel_array(message: Any) -> RejectReason | None:
     """Return the reason why a TaxelArray must be dropped, or None if it can be used.
 
     The function checks sizes, unit, pitch, codes and stamps. A taxel must have a finite value if and only if its status
-    code says so. Fields that the message definition in a bag lacks are treated as not known.
+    code says so. Fields that are missing in the message definition of a bag are treated as not known.
     """
     return (check_grid(message.rows, message.cols, len(message.values), len(message.status))
             or check_scale(message.unit, message.pitch)
@@ -84,15 +84,15 @@ def check_scale(unit: str, pitch: float) -> RejectReason | None:
 
 
 def check_codes(codes: Sequence[int], last: int) -> RejectReason | None:
-    """Check that no code is above ``last``. There must be at least one code."""
+    """Check that no code is above ``last``. ``codes`` must not be empty."""
     return RejectReason.UNKNOWN_CODE if np.asarray(codes, np.uint8).max() > last else None
 
 
 def check_taxels(values: Sequence[float], status: Sequence[int]) -> RejectReason | None:
     """Check that a taxel has a value if and only if its status code says so.
 
-    Otherwise a value without a suitable code would be used as valid, and NaN with VALID would look like an error of
-    this package.
+    Without this check, a value with a status code for no value would be used, and NaN with VALID would look like an
+    error of this package.
     """
     numbers = np.asarray(values, np.float32)
     if np.isinf(numbers).any():
@@ -102,7 +102,7 @@ def check_taxels(values: Sequence[float], status: Sequence[int]) -> RejectReason
 
 
 def check_layer(depth: float, deviation: float) -> RejectReason | None:
-    """Check the depth of the taxels [m], 0 if not known. A depth without its deviation would seem to be exact."""
+    """Check the depth of the taxels [m], 0 if not known. A depth without a deviation would appear to be exact."""
     if not (math.isfinite(depth) and math.isfinite(deviation)):
         return RejectReason.NOT_FINITE
     return None if depth > 0 and deviation > 0 or depth == deviation == 0 else RejectReason.INCONSISTENT

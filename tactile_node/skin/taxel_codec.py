@@ -1,4 +1,4 @@
-"""Convert the payloads of a pad's TPDOs, or its DOMAIN, into taxel values and back, for all taxels at once."""
+"""Convert payloads of a pad's TPDOs or DOMAIN into taxel values and back, for all taxels at once."""
 
 from collections.abc import Iterable
 
@@ -12,7 +12,7 @@ from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
 class TaxelCodec:
     """Converts between payloads and taxel values with precomputed index arrays.
 
-    A payload has 8 bytes for each TPDO, in the order of the layout; for a DOMAIN, it is the content of the object.
+    A payload has 8 bytes for each TPDO, in layout order. The payload of a DOMAIN is the content of the object.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class TaxelCodec:
         self._shape = layout.rows, layout.cols
         self._value = layout.value
         self._rank = np.array([rank for rank, _ in fields], np.intp)
-        self._first = starts // 8  # first byte of each field; a field ends within 8 bytes from it
+        self._first = starts // 8  # first byte of each field, which spans at most 8 bytes
         bit = (starts % 8).astype(np.uint64)
         self._shift = np.uint64(64 - bits) - bit if big else bit
         self._taxel = np.array([f.row * layout.cols + f.col for _, f in fields], np.intp)
@@ -57,8 +57,8 @@ class TaxelCodec:
         payload
             Payloads of all TPDOs, or the DOMAIN.
         fresh
-            Shape (TPDOs,), True for each TPDO whose payload belongs to this period. Taxels in the others get the value
-            NaN and the status STALE.
+            Shape (TPDOs,), True for each TPDO whose payload belongs to the current period. Taxels in all other TPDOs
+            get the value NaN and the status STALE.
 
         Returns
         -------
@@ -89,7 +89,7 @@ class TaxelCodec:
         return counts
 
     def encode(self, values: np.ndarray) -> bytes:
-        """Return the payload that the device would send for these values.
+        """Return the payload that the device would send for ``values``.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class TaxelCodec:
 
 
 def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayout]) -> TaxelFrame:
-    """Return the frame with NaN and STALE for all taxels in ``carriers``, because their meaning is not known."""
+    """Return the frame with NaN and STALE for all taxels in ``carriers``, whose values cannot be trusted."""
     values = frame.values.copy()
     status = frame.status.copy()
     missing = frame.missing_can_frames

@@ -1,1 +1,1 @@
-"""Sources of taxel frames: a live bus, which is supervised and repaired, and a recorded log."""
+"""Sources of taxel frames: a live bus, which is supervised and recovered after faults, and a recorded log."""

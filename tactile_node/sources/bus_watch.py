@@ -1,4 +1,4 @@
-"""Watch and log the events on a bus that do not concern a single node: other masters, SYNC, overload and bus load."""
+"""Watch and log bus-wide events: commands of other masters, SYNC, overload and bus load."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -15,52 +15,53 @@ from tactile_node.sources.node_traffic import BusSeen
 
 
 class OverloadWatch:
-    """Detects overload of this process. Data that seem to be missing may then be waiting to be processed.
+    """Detects overload of this process. During overload, data that seem to be missing may still be waiting in a queue.
 
     Parameters
     ----------
     put
-        Makes a call on the assembler's thread, after the messages received before.
+        Queues a call on the assembler's thread, behind the messages received so far.
     limit
-        Delay above which the process counts as overloaded [s]. The overload lasts for 2 ``limit`` after its last sign.
+        Delay above which the process counts as overloaded [s]. The overload ends when no sign of overload has been seen
+        for 2 ``limit``.
     """
 
     def __init__(self, put: Callable[[Callable[[], None]], None], limit: float):
         self._put = put
         self.limit = limit
-        self._put_at: float | None = None  # time when the pending call was put
+        self._put_at: float | None = None  # time when the pending call was queued
         self._dropped = 0
         self.kind = Overload.NOT_KNOWN
         self._seen = -float('inf')  # time of the last sign of overload
         self._excused = -float('inf')  # time of the last long wait for another thread
         self.ran_again = 0.0  #: time when the last stall, or long wait for another thread, ended
-        self.stalls = 0  #: number of times that this process did not run for longer than ``limit``
+        self.stalls = 0  #: number of times that this process did not run for more than ``limit``
 
     def restart(self) -> None:
         """Forget the pending call, because the bus was closed."""
         self._put_at = None
 
     def woke(self, now: float, late: float) -> None:
-        """Note that a wait of this process ended ``late`` [s] after its time."""
+        """Record that a wait of this process ended ``late`` [s] too late."""
         if late > self.limit:
             self.stalls += 1
             self.ran_again = now
             self._see(Overload.STALLED, now)
 
     def waited(self, now: float, since: float) -> None:
-        """Note that this process waited ``since`` [s] for another thread, and may not have run during that time.
+        """Record that this process waited ``since`` [s] for another thread, and may not have run during that time.
 
-        This is not an overload, but no measurement is possible either.
+        A wait for another thread is no overload, but counts and periods cannot be measured during the wait.
         """
         if since > self.limit:
             self._excused = self.ran_again = now
 
     def is_excused(self, now: float) -> bool:
-        """Return True if data that seem to be missing may only be waiting to be processed."""
+        """Return True if data that seem to be missing may still be waiting in a queue."""
         return self.kind.is_fault or now - self._excused <= 2 * self.limit
 
     def update(self, now: float, dropped: int) -> Overload:
-        """Return the present overload; ``dropped`` is the number of CAN frames dropped so far."""
+        """Return the current kind of overload. ``dropped`` is the number of CAN frames dropped so far."""
         if dropped != self._dropped:
             self._dropped = dropped
             self._see(Overload.DROPPED, now)
@@ -82,11 +83,11 @@ class OverloadWatch:
 
 
 class SyncWatch:
-    """Checks the SYNCs on the bus. The driver does not receive its own SYNCs.
+    """Checks the SYNC messages on the bus. The driver does not receive the SYNCs that it sends.
 
-    If this driver produces SYNC, every received SYNC comes from another producer. Otherwise the period of the received
-    SYNCs is measured. It counts as wrong if two windows in a row show a wrong period, because the first window may
-    begin before the producer starts.
+    If this driver produces SYNC, every received SYNC comes from another producer. If another device produces SYNC, the
+    watch measures the period of the received SYNCs. The period counts as wrong if it is wrong in two consecutive
+    windows, because the first window may begin before the producer starts.
 
     Parameters
     ----------
@@ -101,12 +102,12 @@ class SyncWatch:
         self._period = period
         self._received = 0
         self._foreign_at: float | None = None
-        self._begun: tuple[float, int] | None = None  # start of the window, number of SYNCs until then
+        self._begun: tuple[float, int] | None = None  # start of the window, and number of SYNCs received by then
         self._was_other = False
         self.state = SyncState()
 
     def update(self, now: float, is_active: bool, received: int) -> SyncState:
-        """Return the state of SYNC; ``received`` is the number of SYNCs received so far."""
+        """Return the state of SYNC. ``received`` is the number of SYNCs received so far."""
         new, self._received = received - self._received, received
         if not is_active:
             self._begun, self._was_other = None, False
@@ -130,9 +131,9 @@ class SyncWatch:
         self._begun = (now, received)
         if received == before:
             self._was_other = False
-            return  # the nodes report that SYNC is missing
+            return  # the node monitors report a missing SYNC
         period = (now - begun) / (received - before)
-        is_other = abs(period - self._period) > 0.2 * self._period  # 20 SYNCs measure the period to 5 %
+        is_other = abs(period - self._period) > 0.2 * self._period  # 20 SYNCs give the period to 5 %
         fault = SyncFault.OTHER_PERIOD if is_other and self._was_other else SyncFault.NONE
         self.state, self._was_other = SyncState(fault, period=period), is_other
 
@@ -150,11 +151,11 @@ class BusWatch:
     pads
         Pads on the bus.
     monitor
-        Counts everything that is received on the bus.
+        Monitor that counts all messages received on the bus.
     put
-        Makes a call on the assembler's thread.
+        Queues a call on the assembler's thread.
     data_timeout
-        Longest time that a node may be without data [s].
+        Maximum time for which a node may send no data [s].
     """
 
     def __init__(self, settings: BusSettings, pads: Sequence[LivePad], monitor: BusMonitor,
@@ -165,8 +166,9 @@ class BusWatch:
         self._pads = len(pads)
         self._planned_load = planned_load((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._bitrate = settings.bitrate
-        self._window: tuple[float, int] | None = None  # start of the load's window, number of bits until then
-        #: load from 0 to 1 in the last complete window, with worst-case bit stuffing; the real load is about a
+        # start of the load window, and number of bits by then
+        self._window: tuple[float, int] | None = None
+        #: bus load from 0 to 1 in the last complete window, with worst-case bit stuffing; the actual load is about a
         #: fifth lower
         self.load = 0.0
         self.sync = SyncWatch(settings.produce_sync, settings.sync_period)
@@ -177,14 +179,14 @@ class BusWatch:
         self._overload_reminder = Reminder()
 
     def opened(self) -> None:
-        """Log the planned load if it is high, when the bus is opened for the first time."""
+        """Log a warning at the first opening of the bus if the planned bus load is high."""
         if self._planned_load > MOST_LOAD:
-            logger.warning('According to the layouts and sync_period, %s. Raise sync_period, or move some pads to '
+            logger.warning('With the given layouts and sync_period, %s. Raise sync_period, or move some pads to '
                            'another bus.',
                            load_text(self._planned_load, self._pads), extra={'fact': self._planned_load})
 
     def look_at_traffic(self, now: float) -> None:
-        """Update the load, and log commands of other masters."""
+        """Update the bus load, and log commands of other masters."""
         bits = self._monitor.bits
         begun, before = self._window = self._window or (now, bits)
         if now - begun >= 1.0:
@@ -193,10 +195,10 @@ class BusWatch:
         count, command = self._monitor.foreign_commands, self._monitor.last_command
         if count != self._commands_reported and self._command_reminder.is_due('NMT', now):
             self._commands_reported = count
-            logger.error('Another NMT master has sent: %s.', command_text(command), extra={'fact': command})
+            logger.error('Another NMT master has sent a command: %s.', command_text(command), extra={'fact': command})
 
     def look_at_counts(self, now: float, is_active: bool, statistics: BusStatistics, syncs_sent: int) -> BusSeen:
-        """Update the states of SYNC and of overload, log them, and return the facts that the nodes' monitors need."""
+        """Update the SYNC and overload states, log faults, and return the counts that the node monitors need."""
         received = statistics.can_frames.get('sync', 0)
         if self._needs_sync:
             self.sync.update(now, is_active, received)

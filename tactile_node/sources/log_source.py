@@ -1,4 +1,4 @@
-"""Play a recorded CAN log in place of a bus, with the same assemblers, the same counts and the stamps of the log."""
+"""Play a recorded CAN log in place of a bus, with the same assemblers and counters, and with the log's stamps."""
 
 import itertools
 import logging
@@ -24,10 +24,10 @@ logger = logging.getLogger(__name__)
 
 
 class LogSource:
-    """A log as a FrameSource.
+    """A FrameSource that plays a CAN log.
 
-    ``stop`` pauses the log, and ``start`` continues at the next CAN frame. The source stops playing a log whose set-up
-    contradicts the layout or the identity in the EDS.
+    ``stop`` pauses the log, and ``start`` continues at the next CAN frame. Playback stops with a failure if the device
+    set-up in the log contradicts the layout or the identity in the EDS.
 
     Parameters
     ----------
@@ -36,39 +36,41 @@ class LogSource:
     pads
         Pads whose taxel frames are assembled.
     on_frame
-        Called with each taxel frame on the replaying thread. A slow consumer slows the log down and loses nothing.
+        Called with each taxel frame on the replaying thread. A slow consumer slows playback down, but no frames are
+        lost.
     pace
-        1.0 for the recorded pace, 2.0 for twice as fast, None for as fast as possible.
+        1.0 for the recorded pace, 2.0 for twice as fast, or None for as fast as possible.
     loop
-        True to start again at the end of the log, with stamps shifted by its length.
+        True to restart at the end of the log, with stamps shifted by the length of the log.
     drop_incomplete
         True to drop taxel frames with missing CAN frames.
     channel
-        Bus to play if the log holds several. It is required if SYNC, TPDOs or the pads' nodes are on two buses.
+        Bus to play if the log contains several buses. ``channel`` is required if SYNC, TPDOs or the pads' nodes are on
+        two buses.
     on_time
         Called with the stamp [s] of each CAN frame before it is played.
     eds
-        EDS of each pad, or one for all pads; '' stands for the EDS next to the layout.
+        EDS of each pad, or one EDS for all pads, where '' means the EDS next to the layout.
     any_device
-        True to play the log in spite of a contradiction.
+        True to play the log even if it contradicts the layout or the EDS.
     on_message
         Called with each CAN frame before it is played.
     window
-        Part of the log to play. The frames before it are not checked.
+        Part of the log to play. Frames before this part are not checked.
 
     Attributes
     ----------
     reader
-        Reader of the log, with the parts that could not be read.
+        Reader of the log, which also lists the unreadable parts.
     finished
-        Event that is set when the log has ended or failed.
+        Event that is set when playback has ended or failed.
     failure
-        Reason why the log could not be played to its end; None if there is none.
+        Reason why the log could not be played to its end, or None.
 
     Raises
     ------
     LogError
-        If the log is missing.
+        Raised if the log is missing.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
@@ -87,9 +89,9 @@ class LogSource:
         self._one_bus = OneBus(_of_pads(pads) | set(self._router.can_ids))
         self._thread = StoppableThread(self._play, 'replay', self._died)
         self.finished = threading.Event()
-        self._unread = 0  # number of unread lines in the earlier rounds
-        self._jumps = 0  # number of times that the clock was set back while recording
-        self._ahead = 0.0  # time by which the played stamps are ahead of the log's clock [s]
+        self._unread = 0  # number of unread lines in earlier rounds of the loop
+        self._jumps = 0  # number of times that the clock was set back during recording
+        self._ahead = 0.0  # offset of the played stamps from the log's clock [s]
         self._is_active = False
         self._played = PlayedTimes()
         self._on_time = on_time
@@ -97,12 +99,13 @@ class LogSource:
         self.failure: Failure | None = None
 
     def open(self) -> None:
-        """Open the log. Raises LogError if it cannot be read or holds no CAN frame."""
+        """Open the log. Raises LogError if the log cannot be read or contains no CAN frame."""
         if self._messages is not None:
             return
         self.finished.clear()
         messages = self._all_messages()
-        self._messages = itertools.chain([next(messages)], messages)  # so that LogError is raised here
+        # reads one message, so that `open` raises LogError
+        self._messages = itertools.chain([next(messages)], messages)
         logger.info('Playing %s.', self._path)
 
     def configure(self) -> None:
@@ -122,7 +125,7 @@ class LogSource:
         self._messages = None
 
     def age(self, stamp: float) -> float:
-        """Return the time since ``stamp`` was played [s]; for a stamp played long ago, a lower bound."""
+        """Return the time since ``stamp`` was played [s], or a lower bound if that was long ago."""
         return self._played.age(stamp)
 
     def auto_zero(self, pad: str) -> int:
@@ -142,7 +145,7 @@ class LogSource:
                                                   stamps_ahead=self._ahead)
 
     def health(self) -> BusHealth:
-        """Return the state of the log. It has no nodes; it can only fail as a whole."""
+        """Return the state of the log. A log has no nodes, so it can only fail as a whole."""
         return BusHealth(self.failure, self._is_active)
 
     def _all_messages(self) -> Iterator[can.Message]:
@@ -152,7 +155,7 @@ class LogSource:
             self._ahead = 0.0
             for message in self._past_gaps():
                 message.timestamp += self._ahead
-                if last is not None and message.timestamp < last - SET_BACK:  # the clock was set while recording
+                if last is not None and message.timestamp < last - SET_BACK:  # the clock was set back during recording
                     self._jumps += 1
                     self._ahead += last - message.timestamp
                     message.timestamp = last
@@ -162,15 +165,15 @@ class LogSource:
                 yield message
             if not self._loop or first is None or last is None:
                 return
-            self._router.end()  # otherwise the first CAN frames of the log would complete its last sweep
+            self._router.end()  # otherwise the first CAN frames could complete the last sweep
             self._unread += self.reader.unread
             shift += last - first
 
     def _past_gaps(self) -> Iterator[can.Message]:
-        """Yield the messages and end the period at each gap.
+        """Yield the messages, and end the SYNC period at each gap.
 
-        The SYNC after a gap may be lost. Without an end of the period, the TPDOs after the gap would then complete the
-        sweep before it. The reader looks ahead by one message, so a gap lies before this message or before the next.
+        If the SYNC after a gap is lost, TPDOs after the gap could otherwise complete the sweep before the gap. The
+        reader looks ahead by one message, so a gap lies before this message or before the next message.
         """
         known = near = 0
         for message in self.reader:
@@ -204,21 +207,22 @@ class LogSource:
                 logger.warning('%s, %s: %s.', self._path, node_label(pad, order.node_id), order_text(order),
                                extra={'fact': order})
         for pad, strangers in self.heard.strangers().items():
-            logger.warning('%s: no heartbeat of pad %s, but of node %s, which sends some of the same COB-IDs. '
-                           'Check the node-IDs: the taxels may belong to other pads.', self._path, pad,
+            logger.warning('%s: pad %s sent no heartbeat, but node %s did and sends some of the same COB-IDs. '
+                           'Check the node-IDs, because the taxels may belong to other pads.', self._path, pad,
                            ', '.join(map(str, strangers)))
         self.finished.set()
-        logger.info('%s has ended: %s', self._path, self.reader.summary)
+        logger.info('The log %s has ended: %s', self._path, self.reader.summary)
 
     def _check(self, message: can.Message) -> None:
-        """Raise LogError for a second bus or another mapping.
+        """Raise LogError for a second bus or a contradiction.
 
-        Two skins with the same node-ID on two buses would be merged. With another mapping, taxels would change places.
+        Without this check, two skins with the same node-ID on two buses would be merged, and a different mapping would
+        put taxels in wrong places.
         """
         if (buses := self._one_bus.feed(message)) is not None:
             raise LogError(self._path, expected='CAN frames of the pads and SYNC on one bus',
                            got=f'0x{buses.can_id:03X} on {" and on ".join(buses.channels)}',
-                           remedy='Name the bus to play: replay_channel, or --channel of tactile replay.')
+                           remedy='Name the bus to play with replay_channel, or with --channel of tactile replay.')
         if self._set_up is None or non_data_kind(message) is not None:
             return
         found = self._set_up.feed(message.arbitration_id, bytes(message.data))
@@ -237,17 +241,17 @@ class LogSource:
 
 
 def _of_pads(pads: Sequence[PadSettings]) -> set[int]:
-    """Return the COB-IDs, other than those of taxels, that must come from a single bus."""
+    """Return all COB-IDs, except those of TPDOs, that must come from a single bus."""
     nodes = [node_id for pad in pads for node_id in pad.node_ids]
     return {pad.layout.sync_cob_id for pad in pads} | {
         base + node_id for base in (HEARTBEAT, SDO_REQUEST, SDO_RESPONSE) for node_id in nodes}
 
 
-UNREAD_EXIT = 3  #: exit code if nothing failed but a part of the log could not be read
+UNREAD_EXIT = 3  #: exit code if the only problem is an unreadable part of the log
 
 
 def summary(statistics: BusStatistics) -> str:
-    """Return a table of the published taxel frames and the fate of every CAN frame."""
+    """Return a table of the published taxel frames and of how each CAN frame was used or lost."""
     lines = []
     for name, pad in statistics.pads.items():
         fates = {'used': pad.used} | {reason.key: count for reason, count in pad.losses.items() if count}

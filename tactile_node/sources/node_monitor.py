@@ -19,33 +19,33 @@ OVERLOAD_PATIENCE = 10  #: factor by which the allowed silence grows while this 
 
 
 class Setup(NamedTuple):
-    """Counts of events that change a node's configuration. While they stay equal, the configuration is unchanged."""
+    """Counts of events that change a node's configuration. Equal counts mean an unchanged configuration."""
 
     boots: int           #: number of boot-up messages
     foreign_writes: int  #: number of writes by another master
 
 
 class NodeMonitor:
-    """One node of a pad: its present fault, its outages, and the attempts to end them.
+    """Monitors one node of a pad: its current fault, its outages and the recovery attempts.
 
-    One thread at a time may use it, but any thread may call ``health``.
+    Only one thread at a time may use the monitor, but any thread may call ``health``.
 
     Parameters
     ----------
     node
         Node to monitor.
     monitor
-        Counts everything that is received on the bus.
+        Monitor that counts all messages received on the bus.
     heartbeat_timeout
-        Longest time without a heartbeat [s].
+        Maximum time without a heartbeat [s].
     data_timeout
-        Longest time without taxels [s].
+        Maximum time without taxels [s].
     """
 
     def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):
         self.node = node
-        self._heartbeat_time: float | None = None  # heartbeat time of the device [s]; None if not known
-        self._heartbeat_writes = 0  # writes of the heartbeat time by other masters, when the node was configured
+        self._heartbeat_time: float | None = None  # heartbeat time of the device [s], or None if unknown
+        self._heartbeat_writes = 0  # number of heartbeat time writes by other masters before the node was configured
         self._monitor = monitor
         self._heard = monitor.heartbeats.of(node.node_id)
         self.set_timeouts(heartbeat_timeout, data_timeout)
@@ -55,10 +55,11 @@ class NodeMonitor:
         self.retry_reminder = Reminder()
         self._emergency_reminder = Reminder()
         self.fault = NodeFault.NOT_KNOWN
-        self.distrusted = 0  #: number of taxel frames emitted without values, because the node was not configured
+        #: number of taxel frames emitted without the node's values, because its TPDOs may not have matched the layout
+        self.distrusted = 0
         self._emergencies_reported = 0
         self._configured: Setup | None = None
-        self.trusted_from = 0.0  #: time before which the node's TPDOs may have another meaning
+        self.trusted_from = 0.0  #: time before which the node's TPDOs may not match the layout
         self._since = 0.0  # time when the bus was opened, or when this process ran again
         self._excuses = 0  # number of stalls since the last message of the node
         self._commanded = 0.0  # time of the last command
@@ -69,11 +70,12 @@ class NodeMonitor:
         self._syncs = 0
         self._is_overloaded = False
         self.traffic = NodeTraffic(node, self._heard)
-        self.device_errors: DeviceErrors | None = None  #: errors listed by a node that does not become OPERATIONAL
+        #: errors that the node reported because it does not become OPERATIONAL
+        self.device_errors: DeviceErrors | None = None
         self.refuses_while_it_sends = False  #: True if the node refuses to be configured while it sends TPDOs
 
     def set_timeouts(self, heartbeat: float, data: float) -> None:
-        """Set the longest times [s] that the node may be without heartbeat and without data."""
+        """Set the maximum times without a heartbeat and without data [s]."""
         self._heartbeat_timeout = heartbeat
         event = self.node.layout.event_driven
         self._data_timeout = data if event is None else max(data, 5 * event.longest_pause)
@@ -84,16 +86,16 @@ class NodeMonitor:
 
     @property
     def setup(self) -> Setup:
-        """Events so far that change the configuration of the node."""
+        """Counts so far of events that change the configuration of the node."""
         return Setup(self.boots, self._monitor.foreign_writes[self.node.node_id])
 
     @property
     def is_trusted(self) -> bool:
-        """True if the TPDOs match the layout, because the node was neither restarted nor changed since its set-up."""
+        """True if the TPDOs match the layout, because the node has not restarted or been changed since its set-up."""
         return self._configured == self.setup
 
     def untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
-        """Return the node's TPDOs, or DOMAIN, whose values in a frame may have another meaning than in the layout."""
+        """Return the node's TPDOs, or DOMAIN, whose values in ``frame`` may not match the layout."""
         carriers, ages = self.node.layout.carriers, frame.tpdo_ages
         if not self.is_trusted or self.traffic.are_two:
             return carriers
@@ -103,14 +105,14 @@ class NodeMonitor:
                 if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self.trusted_from]
 
     def expect(self, now: float) -> None:
-        """Note that the bus was opened: the node should send from now on, and it must be configured."""
+        """Record that the bus was opened, so the node must be configured and is expected to send."""
         self._since = now
         self._configured = None
         self.traffic.restart(now)
         self.attempts.reset()
 
     def configured(self, setup: Setup, now: float, heartbeat_time: float | None) -> None:
-        """Note that the node was configured.
+        """Record that the node was configured.
 
         Parameters
         ----------
@@ -119,7 +121,7 @@ class NodeMonitor:
         now
             Time at which the configuration was complete [s].
         heartbeat_time
-            Heartbeat time of the device [s], or None if it is not known.
+            Heartbeat time of the device [s], or None if unknown.
         """
         if not self.is_trusted:
             self.trusted_from = now
@@ -129,11 +131,11 @@ class NodeMonitor:
         self.refuses_while_it_sends = False
 
     def distrust(self) -> None:
-        """Use no data of the node until it is configured, because its TPDOs do not, or may not, match the layout."""
+        """Use no data from the node until it is configured, because its TPDOs may not match the layout."""
         self._configured = None
 
     def commanded(self, now: float, pad: PadStatistics) -> None:
-        """Note that the node was started, or that its taxels are expected from now on for another reason."""
+        """Record that the node was started, or that its taxels are expected from now on for another reason."""
         self._commanded = now
         self.data_at = now
         self._sync_at = now
@@ -141,7 +143,7 @@ class NodeMonitor:
         self._used_then = pad.used_by_node[self.node.position]
 
     def detect(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen) -> NodeFault:
-        """Return the present fault of the node, from its heartbeats, its TPDOs and the SYNCs so far."""
+        """Detect the current fault of the node from its heartbeats, its TPDOs and the SYNCs so far."""
         self._is_overloaded = bus.is_overloaded
         self._excuse_silence(bus.ran_again)
         used = pad.used_by_node[self.node.position]
@@ -153,17 +155,17 @@ class NodeMonitor:
             self._sync_at = now
         were_two = self.traffic.are_two
         is_known = self._heartbeat_writes == self._monitor.heartbeat_writes[self.node.node_id] and (
-            self.is_trusted or were_two)  # because a restarted device may have another heartbeat time
+            self.is_trusted or were_two)  # a restarted device may have another heartbeat time
         self.traffic.look(now, is_active, pad, bus, self._heartbeat_time if is_known else None, self._data_timeout)
         if were_two and not self.traffic.are_two:
-            self._configured = None  # because it is not known which of the two devices was configured
+            self._configured = None  # it is unknown which of the two devices was configured
         self.fault = self._detected(now, is_active)
         if self.fault.is_fault:
             self.attempts.fault_is(self.fault)
         return self.fault
 
     def recovered(self, now: float) -> None:
-        """Note that the node has no fault."""
+        """Record that the node has no fault."""
         if self.attempts.has_ended(now):
             self.device_errors = None
             self.fault_reminder.reset()
@@ -173,7 +175,7 @@ class NodeMonitor:
         return pad.used_by_node[self.node.position] > self._used_then
 
     def is_emergency_due(self, now: float) -> bool:
-        """Return True if an EMCY must be reported now, and note the report. The interval between reports grows."""
+        """Return True if an EMCY must be reported now, and record the report. The interval between reports grows."""
         count = self._monitor.emergencies[self.node.node_id].count
         if count == self._emergencies_reported or not self._emergency_reminder.is_due('EMCY', now):
             return False
@@ -197,7 +199,7 @@ class NodeMonitor:
             device_errors=self.device_errors)
 
     def _excuse_silence(self, ran_again: float) -> None:
-        """Do not count the time until this process ran again, unless there were many stalls without a message."""
+        """Ignore silence before this process ran again, unless many stalls have passed without a message."""
         if ran_again > self._since:
             was_heard = (self._heard.heard or 0.0) > self._since
             self._excuses = 0 if was_heard else self._excuses + 1
@@ -205,7 +207,7 @@ class NodeMonitor:
                 self._since = ran_again
 
     def _is_silent(self, now: float) -> bool:
-        """Return True if the node is silent for longer than the timeout and than three of its own periods."""
+        """Return True if the node has been silent for longer than both the timeout and three heartbeat periods."""
         own = self._heartbeat_time or max(self._heard.intervals or (0.0,))
         allowed = max(self._heartbeat_timeout, 3 * own) * (OVERLOAD_PATIENCE if self._is_overloaded else 1)
         return now - max(self._heard.heard or 0.0, self._since) > allowed
@@ -221,10 +223,10 @@ class NodeMonitor:
                 return NodeFault.UNCONFIGURED
             return NodeFault.RECONFIGURED if self._configured.boots == self.boots else NodeFault.BOOTED
         has_data = is_active and (now - self.data_at <= self._data_timeout or self._is_overloaded)
-        if is_silent:  # heartbeat and data may have stopped together; half of the timeout tells them apart
+        if is_silent:  # heartbeat and data may have stopped together, so data must be newer than half of the timeout
             has_still = now - self.data_at <= self._data_timeout / 2 or self._is_overloaded
             return NodeFault.NO_HEARTBEAT if is_active and has_still else NodeFault.SILENT
-        # A node has three heartbeat times, but at least 0.3 s, to execute a command and to report its new state.
+        # A node may take three heartbeat times, but at least 0.3 s, to execute a command and report its new state.
         if not is_active or now - self._commanded < max(0.3, 3 * (self._heartbeat_time or 0.0)):
             return NodeFault.NONE
         if self._heard.state != NmtState.OPERATIONAL:

@@ -1,4 +1,4 @@
-"""Configure the nodes of a bus, log their faults, and configure and start nodes again after a fault."""
+"""Configure the nodes of a bus, log their faults, and reconfigure and restart nodes after a fault."""
 
 import logging
 import time
@@ -25,15 +25,15 @@ logger = logging.getLogger(__name__)
 
 Result = TypeVar('Result')
 
-NOT_TO_BE_CONFIGURED = (NodeFault.NOT_OPERATIONAL, NodeFault.NO_SYNC)  #: faults that need no new configuration
-WAITED_FOR = (NodeFault.NO_SYNC, NodeFault.TWO_SENDERS)  #: faults that no request to the node can end
+NOT_TO_BE_CONFIGURED = (NodeFault.NOT_OPERATIONAL, NodeFault.NO_SYNC)  #: faults that do not require a new configuration
+WAITED_FOR = (NodeFault.NO_SYNC, NodeFault.TWO_SENDERS)  #: faults that no request to the node can clear
 
 
 class NodeRecovery:
-    """Configures and recovers the nodes of a bus. Only one thread at a time may call it.
+    """Configures and recovers the nodes of a bus. Only one thread at a time may use this class.
 
     Nodes are configured in parallel. An SDO transfer mostly waits for its device, and an absent device must not delay
-    the others.
+    other devices.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class NodeRecovery:
     monitors
         Monitors of the nodes.
     is_enabled
-        False to only log faults.
+        True to recover from faults, False to only log faults.
     """
 
     def __init__(self, bus: SkinBus, monitors: Sequence[NodeMonitor], is_enabled: bool):
@@ -63,24 +63,24 @@ class NodeRecovery:
         Raises
         ------
         DeviceError
-            If a node is absent or refuses the configuration.
+            Raised if a node is absent or refuses the configuration.
         BusError
-            If the bus fails.
+            Raised if the bus fails.
         """
         found = _at_once(self._monitors, lambda monitor: self._absence(monitor, timeout))
         absent = [error for error in found if error is not None]
         if absent and (not self._is_enabled or len(absent) == len(self._monitors)):
             raise absent[0]
         for error in absent:
-            logger.error('%s The others continue without it; it joins when it answers.', error, extra={'fact': error})
+            logger.error('%s The other nodes continue. This node joins when it answers.', error, extra={'fact': error})
 
     def attend(self, now: float, is_active: bool, statistics: BusStatistics, bus: BusSeen) -> bool:
-        """Detect, log and recover the faults of the nodes.
+        """Detect and log the faults of the nodes, and recover from the faults.
 
         Parameters
         ----------
         now
-            Time up to which messages were received [s].
+            Time up to which all messages have been received [s].
         is_active
             True if the nodes should be OPERATIONAL.
         statistics
@@ -99,9 +99,9 @@ class NodeRecovery:
         return bool(due)
 
     def _absence(self, monitor: NodeMonitor, timeout: float) -> DeviceAbsentError | None:
-        """Configure a node; return the error if it does not answer. Other errors are raised."""
+        """Configure a node. Return the error if the node does not answer, and raise all other errors."""
         try:
-            self._configure(monitor, timeout, 3)  # several tries, because a device may restart during the configuration
+            self._configure(monitor, timeout, 3)  # 3 tries, because a device may restart during configuration
         except DeviceAbsentError as error:
             return error
         return None
@@ -127,7 +127,8 @@ class NodeRecovery:
             if is_active and not monitor.has_taxels_again(pad):
                 return
             lasted = monitor.outage.end(now)
-            logger.info('%s %s again after %.2f s; the outage: %s.', node_label(monitor.node.pad, monitor.node.node_id),
+            logger.info('%s %s again after %.2f s. Cause of the outage: %s.',
+                        node_label(monitor.node.pad, monitor.node.node_id),
                         'gives taxels' if is_active else 'is ready', lasted, failure_text(monitor.outage.cause))
         monitor.recovered(now)
 
@@ -157,14 +158,14 @@ class NodeRecovery:
         monitor.attempts.made(time.monotonic())
 
     def _ask_for_errors(self, monitor: NodeMonitor) -> None:
-        """Ask a node that does not become OPERATIONAL for its errors, and log them. Raises BusError."""
+        """Read and log the errors of a node that does not become OPERATIONAL. Raises BusError."""
         before, monitor.device_errors = monitor.device_errors, self._bus.devices.read_errors(monitor.node)
         if monitor.device_errors != before:
             logger.error('%s', node_text(monitor.node.pad, monitor.health(time.monotonic())),
                          extra={'fact': monitor.device_errors})
 
     def _configure(self, monitor: NodeMonitor, timeout: float, tries: int = 1, pause: bool = True) -> None:
-        """Configure a node. If it restarts before the end, configure it again, up to ``tries`` times in all."""
+        """Configure a node. If the node restarts meanwhile, try again, up to ``tries`` times in total."""
         for _ in range(tries):
             setup = monitor.setup
             heartbeat_time = self._bus.configure_node(monitor.node, timeout, pause)
@@ -178,7 +179,7 @@ def _stops_taxels(fault: NodeFault) -> bool:
 
 
 def _at_once(monitors: Sequence[NodeMonitor], act: Callable[[NodeMonitor], Result]) -> list[Result]:
-    """Call ``act`` for all monitors in parallel and return the results in order; raise the first error at the end."""
+    """Call ``act`` for all monitors in parallel. Return the results in order, or raise the first error at the end."""
     if len(monitors) < 2:
         return [act(monitor) for monitor in monitors]
     with ThreadPoolExecutor(len(monitors), 'configure') as pool:

@@ -1,4 +1,4 @@
-"""Evaluate the message counts of one node: find TPDOs that are missing, and signs of a second device."""
+"""Evaluate the message counts of one node: find missing TPDOs, and signs of a second device."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -13,17 +13,17 @@ LOOKS_IN_WINDOW = 10  #: number of samples per window
 
 
 class CountWindow:
-    """Samples of counts from the last ``window`` [s], oldest first."""
+    """Samples of message counts from the last ``window`` [s], oldest first."""
 
     def __init__(self) -> None:
         self._looks: deque[tuple[float, tuple[int, ...]]] = deque()
 
     def restart(self) -> None:
-        """Forget all samples, so that later counts are not compared with them."""
+        """Forget all samples, so that later counts are not compared with old samples."""
         self._looks.clear()
 
     def look(self, now: float, counts: tuple[int, ...], pause: float, window: float) -> None:
-        """Add a sample of the counts, and drop the samples that are older than the window.
+        """Add a sample of the counts, and drop samples older than the window.
 
         Parameters
         ----------
@@ -32,7 +32,7 @@ class CountWindow:
         counts
             Counts so far.
         pause
-            Shortest time between two samples [s].
+            Minimum time between two samples [s].
         window
             Length of the window [s].
         """
@@ -43,7 +43,7 @@ class CountWindow:
 
 
 class MissingTpdos:
-    """Finds the TPDOs whose counts have not increased for ``timeout`` [s] while those of others have.
+    """Finds the TPDOs whose counts have not increased for ``timeout`` [s] while counts of other TPDOs have.
 
     >>> watch = MissingTpdos()
     >>> watch.update(0.0, (1, 1), 0.5), watch.update(0.4, (5, 1), 0.5), watch.update(0.6, (7, 1), 0.5)
@@ -52,14 +52,14 @@ class MissingTpdos:
 
     def __init__(self) -> None:
         self._counts: tuple[int, ...] = ()
-        self._at: list[float] = []  # for each TPDO, the time when its count last increased
+        self._at: list[float] = []  # time when the count of each TPDO last increased
 
     def expect(self, now: float) -> None:
-        """Note that TPDOs are expected from now on."""
+        """Record that TPDOs are expected from now on."""
         self._at = [now] * len(self._at)
 
     def update(self, now: float, counts: Sequence[int], timeout: float) -> tuple[int, ...]:
-        """Return the indices of the missing TPDOs; ``counts`` has the count of each TPDO so far."""
+        """Return the indices of the missing TPDOs. ``counts`` has the count of each TPDO so far."""
         if len(counts) != len(self._counts):
             self._at = [now] * len(counts)
         elif counts != self._counts:
@@ -71,24 +71,24 @@ class MissingTpdos:
 
 
 class SurplusTpdos(CountWindow):
-    """Finds the TPDOs that are received more often than SYNC. A single device sends each TPDO once per SYNC.
+    """Finds the TPDOs that arrive more often than SYNC. A single device sends each TPDO once per SYNC.
 
     The TPDOs received in the last 2 ``delay`` [s] are compared with the SYNCs of the last 3 ``delay``, because an
-    adapter may deliver late what it has held back for ``delay``.
+    adapter may deliver CAN frames late by up to ``delay``.
     """
 
     def update(self, now: float, syncs: int, received: Sequence[int], delay: float) -> tuple[int, ...]:
-        """Return the indices of the surplus TPDOs, from the numbers of SYNCs and of received TPDOs so far."""
+        """Return the indices of the surplus TPDOs, given the numbers of SYNCs and received TPDOs so far."""
         self.look(now, (syncs, *received), delay / LOOKS_IN_WINDOW, 3 * delay)
         looks = self._looks
         _, (_, *then) = next(look for look in looks if now - look[0] <= 2 * delay or look is looks[-1])
-        allowed = syncs - looks[0][1][0] + 3  # 3 TPDOs may wait in a device or an adapter when the window begins
+        allowed = syncs - looks[0][1][0] + 3  # 3 TPDOs may be pending in a device or adapter at the start
         return tuple(place for place, (count, before) in enumerate(zip(received, then))
                      if count - before > allowed)
 
 
 class HeartbeatWatch(CountWindow):
-    """Detects that a node-ID sends more heartbeats than one device would."""
+    """Detects more heartbeats from one node-ID than a single device would send."""
 
     def is_doubled(self, now: float, heartbeats: int, guarded: int, period: float, delay: float) -> bool:
         """Return True if two devices send heartbeats with the same node-ID.
@@ -100,38 +100,38 @@ class HeartbeatWatch(CountWindow):
         heartbeats
             Number of heartbeats received so far.
         guarded
-            Number of heartbeats with a toggle bit. While this number rises, another master guards the node, and the
-            node answers it.
+            Number of heartbeats with a toggle bit. A rise means that the node is answering node guarding by another
+            master.
         period
             Heartbeat time of the device [s].
         delay
-            Longest time for which an adapter may have held back the frames that it delivers now [s].
+            Maximum time for which an adapter may have held back CAN frames [s].
         """
         window = 3 * (delay + 2 * period)
         self.look(now, (heartbeats, guarded), window / LOOKS_IN_WINDOW, window)
         begun, (heartbeats_then, guarded_then) = self._looks[0]
-        expected = 1.25 * (now - begun + delay) / period + 2  # tolerance for the producer's clock and its pauses
+        expected = 1.25 * (now - begun + delay) / period + 2  # tolerates clock errors and pauses of the producer
         return now - begun >= window and guarded == guarded_then and heartbeats - heartbeats_then > expected
 
 
 class BusSeen(NamedTuple):
-    """Counts of a bus so far, other than those of its taxels."""
+    """Counts of bus messages so far that do not concern taxels."""
 
     syncs: int
-    foreign_syncs: int = 0  #: SYNCs from other devices while this driver produces SYNC
-    is_overloaded: bool = False  #: True if this process is too slow, so that more was sent than was counted
-    ran_again: float = 0.0  #: time when this process ran again after a stall; earlier messages may still wait [s]
+    foreign_syncs: int = 0  #: number of SYNCs from other devices while this driver produces SYNC
+    is_overloaded: bool = False  #: True if this process is too slow to count all messages
+    ran_again: float = 0.0  #: time when this process resumed after a stall [s]; earlier messages may still be waiting
 
 
-TWO_SENDERS_HOLD = 0.5  #: extra time without a sign of the second device before it counts as gone [s]
+TWO_SENDERS_HOLD = 0.5  #: additional time without a sign of the second device before it counts as gone [s]
 
 
 class NodeTraffic:
     """Evaluates the counts of one node.
 
-    One thread at a time may use it; any thread may read ``missing``, ``surplus`` and ``are_two``. Two heartbeats in one
-    heartbeat time, or more TPDOs with one COB-ID than SYNCs, come from two devices. The node counts as two devices
-    until no sign of a second one was seen for as long as it takes to see such a sign.
+    Only one thread at a time may use this class, but any thread may read ``missing``, ``surplus`` and ``are_two``. Two
+    heartbeats in one heartbeat time, or more TPDOs with one COB-ID than SYNCs, come from two devices. The node counts
+    as two devices until the signs of a second device have been absent for the time needed to detect them.
     """
 
     def __init__(self, node: CanopenNode, heard: HeardNode):
@@ -142,23 +142,23 @@ class NodeTraffic:
         self._heartbeats = HeartbeatWatch()
         self._surplus = SurplusTpdos()
         self._two_seen: float | None = None  # time when two devices were last seen
-        self._signs = 0  # number of heartbeats and TPDOs at the last look
-        self._signs_at = 0.0  # time when this number last changed
+        self._signs = 0  # number of heartbeats and TPDOs at the last evaluation
+        self._signs_at = 0.0  # time when the number of heartbeats and TPDOs last changed
         self._measured_from = 0.0  # time before which received frames may be a backlog
-        self.missing: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while others do
-        self.surplus: tuple[SentTpdo, ...] = ()  #: TPDOs that are received more often than SYNC
-        self.order: TpdoOrder | None = None  #: order in which the node sends; None if it is that of the layout
+        self.missing: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while other TPDOs do
+        self.surplus: tuple[SentTpdo, ...] = ()  #: TPDOs that arrive more often than SYNC
+        self.order: TpdoOrder | None = None  #: order in which the node sends TPDOs, or None if it matches the layout
 
     @property
     def are_two(self) -> bool:
         return self._two_seen is not None
 
     def see_two(self, now: float) -> None:
-        """Note that two devices were seen in another way."""
+        """Record that two devices were detected in another way."""
         self._two_seen = now
 
     def restart(self, now: float) -> None:
-        """Note that the bus was opened again: keep the result, but do not compare with earlier counts."""
+        """Record that the bus was reopened. Keep the result, but do not compare with earlier counts."""
         self._forget_counts()
         self._two_seen = None if self._two_seen is None else now
 
@@ -177,9 +177,9 @@ class NodeTraffic:
         bus
             Counts of the bus.
         heartbeat_time
-            Heartbeat time of the device [s]; None if not known.
+            Heartbeat time of the device [s], or None if unknown.
         delay
-            Time without data that is not yet a fault [s].
+            Time without data that is tolerated [s].
         """
         sends = is_active and self._node.layout.needs_sync
         missing = self.tpdos.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
@@ -202,12 +202,12 @@ class NodeTraffic:
         return tuple(self._tpdos[place] for place in places)
 
     def _forget_counts(self) -> None:
-        """Forget the counts, because a comparison with them would be wrong."""
+        """Forget the earlier counts, because a comparison with them would be wrong."""
         self._heartbeats.restart()
         self._surplus.restart()
 
     def _look_at_heartbeats(self, now: float, heartbeats: int, guarded: int, period: float, delay: float) -> None:
-        """Look for doubled heartbeats; a ``period`` of 0 means that the heartbeat time is 0 or not known."""
+        """Look for doubled heartbeats. A ``period`` of 0 means that the heartbeat time is 0 or unknown."""
         if not period:
             self._heartbeats.restart()
         if period and self._heartbeats.is_doubled(now, heartbeats, guarded, period, delay):
@@ -217,7 +217,7 @@ class NodeTraffic:
             self.surplus = ()
 
     def _is_backlog(self, now: float, signs: int, silence: float) -> bool:
-        """Return True if frames received now may be a backlog, after ``silence`` [s] without any."""
+        """Return True if frames received now may be a backlog, because ``silence`` [s] passed without frames."""
         if signs != self._signs:
             if now - self._signs_at > silence:
                 self._measured_from = now + 1.0  # a backlog may arrive faster than one device sends

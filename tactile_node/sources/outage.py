@@ -1,28 +1,28 @@
-"""Count outages, and space the attempts to end them. Times are from the monotonic clock [s]."""
+"""Count outages, and schedule recovery attempts. Times are from the monotonic clock [s]."""
 
 from typing import Generic
 
 from tactile_node.assembly.health import Cause, NodeFault, Outages
 
-LAST_RETRY = 0.5  #: longest pause between attempts [s], so that the end of a cause is noticed soon
+LAST_RETRY = 0.5  #: maximum pause between attempts [s], so that recovery soon follows the end of the cause
 
 
 class OutageClock(Generic[Cause]):
-    """Counts the outages of a bus or a node, and adds up their time."""
+    """Counts the outages of a bus or a node, and their total duration."""
 
     def __init__(self) -> None:
         self._count = 0
-        self._seconds = 0.0  # duration of the outages that have ended
+        self._seconds = 0.0  # total duration of past outages
         self._begun: float | None = None
-        self.cause: Cause | None = None  #: cause with which the last outage began
-        self.current: Cause | None = None  #: present cause of the ongoing outage
+        self.cause: Cause | None = None  #: initial cause of the last outage
+        self.current: Cause | None = None  #: current cause of the ongoing outage
 
     @property
     def is_running(self) -> bool:
         return self._begun is not None
 
     def begin(self, now: float, cause: Cause) -> None:
-        """Begin an outage, or note a new cause of the ongoing outage."""
+        """Start an outage, or record a new cause of the ongoing outage."""
         if self._begun is None:
             self._begun = now
             self._count += 1
@@ -30,7 +30,7 @@ class OutageClock(Generic[Cause]):
         self.current = cause
 
     def end(self, now: float) -> float:
-        """End the ongoing outage, if there is one; return how long it lasted [s]."""
+        """End any ongoing outage, and return its duration [s]."""
         lasted = self.running_for(now)
         self._begun = None
         self.current = None
@@ -41,13 +41,13 @@ class OutageClock(Generic[Cause]):
         return Outages(self._count, self._seconds + self.running_for(now), self.cause, self.current)
 
     def running_for(self, now: float) -> float:
-        """Return how long the ongoing outage has lasted [s], or 0 if there is none."""
+        """Return the duration of the ongoing outage so far [s], or 0 if there is none."""
         begun = self._begun  # read once, because another thread may end the outage
         return 0.0 if begun is None else now - begun
 
 
 class Backoff:
-    """Decides when to try again: at once, after 0.1 s, then after twice the last pause, up to a longest pause.
+    """Decides when to retry: immediately, after 0.1 s, then after twice the last pause, up to a maximum pause.
 
     >>> backoff, now = Backoff(), 0.0
     >>> for pause in (0.1, 0.2, 0.4, 0.5, 0.5):
@@ -60,7 +60,7 @@ class Backoff:
         self.reset()
 
     def reset(self) -> None:
-        """Try again at once, because the cause may have ended."""
+        """Allow an immediate retry, because the cause may have ended."""
         self._due = 0.0
         self._pause = 0.1
 
@@ -72,16 +72,17 @@ class Backoff:
         self._pause = min(2 * self._pause, longest)
 
 
-SETTLING_TIME = 10.0  #: time without a fault after which a fault of RECURRING counts as a new one [s]
-#: faults whose recovery disturbs a working part of the node or the bus, and may not help
+#: time without a fault after which a RECURRING fault counts as new [s]
+SETTLING_TIME = 10.0
+#: faults whose recovery may not help, but disturbs a working part of the node or the bus
 RECURRING = (NodeFault.RECONFIGURED, NodeFault.TPDO_MISSING, NodeFault.NO_HEARTBEAT)
 
 
 class Attempts(Backoff):
-    """Decides when to attend to a node's fault: at once if it is new, then at growing intervals.
+    """Decides when to attempt recovery from a node's fault: immediately if it is new, then at growing intervals.
 
-    If a fault of RECURRING returns soon after an attempt, it counts as the same fault: two masters may write to one
-    object in turn.
+    A RECURRING fault that returns soon after an attempt counts as the same fault, because two masters may write to the
+    same object in turn.
 
     >>> attempts = Attempts()
     >>> for now in (0.0, 1.0, 2.0):
@@ -96,24 +97,24 @@ class Attempts(Backoff):
         super().__init__()
         self._fault = NodeFault.NONE
         self._last = -SETTLING_TIME
-        self.count = 0  #: number of attempts to end this fault
+        self.count = 0  #: number of recovery attempts for this fault
 
     def fault_is(self, fault: NodeFault) -> None:
-        """Note the present fault."""
+        """Record the current fault."""
         if fault is not self._fault:
             self._fault = fault
             self.count = 0
             self.reset()
 
     def made(self, now: float) -> None:
-        """Note an attempt to end the fault."""
+        """Record an attempt to recover from the fault."""
         self._last = now
         self.count += 1
-        # An attempt for a fault of RECURRING costs the node's taxels or time on the bus, and has not helped so far.
+        # An attempt for a RECURRING fault interrupts the node's taxels or loads the bus, and has not helped so far.
         self.attempted(now, 30.0 if self._fault in RECURRING else LAST_RETRY)
 
     def has_ended(self, now: float) -> bool:
-        """Return True if the fault is over and the next one counts as new. Call it while there is no fault."""
+        """Return True if the next fault counts as new. Call this method only while there is no fault."""
         if self._fault in RECURRING and now - self._last < SETTLING_TIME:
             return False
         self._fault = NodeFault.NONE

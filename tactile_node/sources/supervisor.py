@@ -1,9 +1,9 @@
-"""Supervise a skin bus: detect the faults of bus and nodes, recover from them, and log what the driver is waiting for.
+"""Supervise a skin bus: detect faults of the bus and its nodes, recover from the faults, and log the waiting state.
 
-There are two levels. If a bus fails (adapter gone, network down, bus-off), it is closed and opened again, with
-everything that belongs to it, until it works. If a node has restarted, is silent, is not OPERATIONAL or sends no
-taxels, `NodeRecovery` configures and starts it again, while SYNC and the other pads continue. On both levels, the pause
-between two attempts doubles each time.
+Supervision has two levels. If a bus fails (adapter gone, network down, bus-off), the supervisor closes and reopens the
+bus, including its reception and its queue, until the bus works. If a node has restarted, is silent, is not OPERATIONAL
+or sends no taxels, `NodeRecovery` reconfigures and restarts the node, while SYNC and the other pads continue. On both
+levels, the pause between two attempts doubles each time.
 """
 
 import logging
@@ -29,15 +29,15 @@ from tactile_node.threads import ReportedThread
 
 logger = logging.getLogger(__name__)
 
-ROUND_PERIOD = 0.02  #: time between two rounds if nothing wakes the supervisor earlier [s]
+ROUND_PERIOD = 0.02  #: period of supervision rounds if nothing wakes the supervisor earlier [s]
 
 
 class Supervisor:
-    """A SkinBus that recovers from faults. It implements FrameSource, which defines the order of calls.
+    """A SkinBus that recovers from faults. The class implements FrameSource, which defines the order of calls.
 
     ``open``, ``configure`` and ``start`` raise the errors of SkinBus, so the caller must handle a bus or a device that
-    is missing from the beginning. However, if at least one of several nodes answers, the absent nodes are only logged.
-    They join when they answer.
+    is missing from the beginning. However, if at least one of several nodes answers, absent nodes are only logged.
+    Absent nodes join when they answer.
 
     Parameters
     ----------
@@ -48,9 +48,9 @@ class Supervisor:
     on_frame
         Called with each taxel frame.
     recover
-        False to only detect and log faults.
+        True to recover from faults, False to only detect and log faults.
     heartbeat_timeout
-        Longest time without a heartbeat [s]. It also applies to a node that has never sent a heartbeat.
+        Maximum time without a heartbeat [s]. The timeout also applies to a node that has never sent a heartbeat.
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
@@ -72,15 +72,15 @@ class Supervisor:
         self._outage: OutageClock[Failure] = OutageClock()  # outages of the bus
         self._backoff = Backoff()
         self._reminder = Reminder()
-        self._received_then = 0  # number of CAN frames when the bus was opened again
-        self._silent_since: float | None = None  # time of the disconnection; since then no SYNC was sent
+        self._received_then = 0  # number of CAN frames received before the bus was reopened
+        self._silent_since: float | None = None  # time of the disconnection, after which no SYNC was sent
         self._is_configured = False
         self._is_active = False
         self._thread: threading.Thread | None = None
 
     @property
     def failure(self) -> Failure | None:
-        """Reason why nothing is received; None while the bus works."""
+        """Reason why nothing is received, or None while the bus works."""
         return self._outage.current or self._bus.failure
 
     def open(self) -> None:
@@ -107,8 +107,8 @@ class Supervisor:
     def start(self) -> None:
         with self._turn:
             if self._outage.is_running:
-                raise BusError('CAN bus', expected='one that works', got=failure_text(self.failure),
-                               remedy='The driver opens it again until it works. Start once it does.')
+                raise BusError('CAN bus', expected='a working bus', got=failure_text(self.failure),
+                               remedy='Wait until the driver has reopened the bus, then start again.')
             self._bus.start(without=[monitor.node.node_id for monitor in self._monitors if not monitor.is_trusted])
             self._set_active(True)
 
@@ -150,7 +150,7 @@ class Supervisor:
         return self._bus.statistics()
 
     def health(self) -> BusHealth:
-        """Return the present state of the bus and its nodes."""
+        """Return the current state of the bus and its nodes."""
         now, bus_monitor = time.monotonic(), self.monitor
         return BusHealth(
             failure=self.failure, is_active=self._is_active,
@@ -184,12 +184,12 @@ class Supervisor:
                 ended = time.monotonic() if self._closing.is_set() else self._attend(woken - ended - ROUND_PERIOD)
 
     def _attend(self, late: float) -> float:
-        """Do one round, which began ``late`` [s] after its due time. No exception ends the rounds.
+        """Do one supervision round, which began ``late`` [s] after its due time. Exceptions are only logged.
 
         Returns
         -------
         float
-            Time of the check of the bus, or of the end of a recovery [s].
+            Time at which the bus was checked, or at which a recovery ended [s].
         """
         try:
             self._watch.look_at_traffic(time.monotonic())
@@ -200,19 +200,19 @@ class Supervisor:
                 self._watch.overload.restart()
             if self._bus.failure is None:
                 begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.traffic.syncs_sent
-                now = time.monotonic()  # read once: a backlog after a stall is not silence
+                now = time.monotonic()  # read only once, so that a backlog after a stall does not count as silence
                 self._watch.overload.woke(now, late + now - begun)
                 seen = self._watch.look_at_counts(now, self._is_active, statistics, syncs)
                 if not self._node_recovery.attend(now, self._is_active, statistics, seen):
                     return now
         except Exception:
-            logger.exception('supervision of the bus')
+            logger.exception('The supervision of the bus raised an unexpected error.')
         return time.monotonic()
 
     def _bus_failed(self, failure: Failure) -> None:
-        """Log the failure once and wake the supervisor; may be called from any thread."""
+        """Log the failure once and wake the supervisor. Any thread may call this method."""
         if not self._outage.is_running:
-            logger.error('CAN bus has failed: %s. It will be closed and opened again until it works.',
+            logger.error('The CAN bus has failed: %s. The driver will reopen the bus until it works.',
                          failure_text(failure), extra={'fact': failure.fault})
         self._wake.set()
 
@@ -220,7 +220,7 @@ class Supervisor:
         now, failure = time.monotonic(), self._bus.failure
         if failure is None:
             if self.monitor.can_frames > self._received_then:
-                logger.info('CAN bus works again after %.2f s.', self._outage.end(now))
+                logger.info('The CAN bus works again after %.2f s.', self._outage.end(now))
                 self._backoff.reset()
             return
         self._outage.begin(now, failure)
@@ -231,7 +231,7 @@ class Supervisor:
             self._backoff.attempted(time.monotonic())
 
     def _reopen(self) -> None:
-        """Open the bus again, with new reception and queue; the counts continue."""
+        """Reopen the bus with a new reception thread and queue. The counts continue."""
 
         self._bus.disconnect()
         self._silent_since = self._silent_since or time.monotonic()

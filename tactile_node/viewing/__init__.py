@@ -1,1 +1,1 @@
-"""Views of a bus, a recording or a bag: the live page, the terminal view and the report, and the facts behind them."""
+"""Live page, terminal view and report of a bus, a recording or a bag, with the data that they show."""

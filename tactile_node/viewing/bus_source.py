@@ -1,6 +1,6 @@
-"""Sources for the views that need no ROS: a live bus and a recording.
+"""Data sources that the views can use without ROS: a live bus and a recording.
 
-While somebody watches a live bus, this process is its master.
+While a live bus is being viewed, this process acts as its CANopen master.
 """
 
 import math
@@ -22,13 +22,13 @@ from tactile_node.viewing.source import Store, ViewSource
 from tactile_node.viewing.states import PadState, facts_of
 from tactile_node.viewing.touch_finder import PadRecogniser
 
-RECOGNITION_RATE = 16.0  #: rate at which the newest frames are recognised [1/s]; the eye needs no more
-REOPEN_PERIOD = 2.0  #: time before the bus is opened again after an error [s]
+RECOGNITION_RATE = 16.0  #: rate at which shapes are recognised [1/s]; the eye needs no higher rate
+REOPEN_PERIOD = 2.0  #: delay before the bus is reopened after an error [s]
 LISTENING = 0.25    #: time to listen for the SYNC of another master [s]
 
 
 class NewestFrames:
-    """A slot for the newest frame of each pad; a frame that is not taken in time is replaced."""
+    """Holds only the newest frame of each pad. A newer frame replaces a frame that has not been taken."""
 
     def __init__(self) -> None:
         self._has_come = threading.Event()
@@ -39,14 +39,14 @@ class NewestFrames:
         self._has_come.set()
 
     def take(self, timeout: float) -> dict[str, TaxelFrame]:
-        """Return the newest frame of each pad since the last call; wait at most ``timeout`` [s] for one."""
+        """Wait at most ``timeout`` [s] for a frame, then return each pad's newest frame since the last call."""
         self._has_come.wait(timeout)
         self._has_come.clear()
         return {pad: self._frames.pop(pad) for pad in list(self._frames)}
 
 
 class BusSource(ViewSource):
-    """A live bus. It is opened at `start` and closed at `stop`, so that an unwatched bus carries no traffic."""
+    """A live bus that is open only from `start` to `stop`, so that an unwatched bus carries no traffic."""
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], recogniser: VisibilityGuard | None = None):
         self._settings, self._pads = settings, pads
@@ -79,12 +79,12 @@ class BusSource(ViewSource):
             bus.close()
 
     def _refuse_other_master(self, bus: Supervisor) -> None:
-        """Raise BusError if another master sends SYNC; a second SYNC and our NMT commands would disturb its driver."""
+        """Raise BusError if another master sends SYNC, because our SYNC and NMT commands would disturb that master."""
         time.sleep(LISTENING)
         if bus.statistics().can_frames.get('sync', 0):
             raise BusError(f'CAN bus {self.title}', expected='no other master, because this command starts the pads',
                            got='SYNC from another master',
-                           remedy='View the topics of its driver: leave out --interface.')
+                           remedy='To view the topics of that driver, leave out --interface.')
 
     def _run(self, stopping: threading.Event) -> None:
         while not stopping.is_set():
@@ -112,14 +112,14 @@ class BusSource(ViewSource):
             stopping.wait(max(0.0, begun + 1 / RECOGNITION_RATE - time.monotonic()))
 
 
-RECORDING_RATE = 20.0  #: rate at which the position advances [1/s]
-FRAME_GAP = 0.5  #: time between two shown frames above which a contact is no longer tracked [s]
+RECORDING_RATE = 20.0  #: rate at which the playback position is updated [1/s]
+FRAME_GAP = 0.5  #: gap between displayed frames above which contact tracking restarts [s]
 
 
 class RecordingSource(ViewSource):
     """A recording with its own player.
 
-    It is read only once, after the first `start`. The part that has been read so far can be shown.
+    The recording is read only once, beginning at the first `start`. Parts that have been read can be shown immediately.
     """
 
     def __init__(self, recording: BagRecording | LogRecording, recogniser: VisibilityGuard | None = None):
@@ -130,22 +130,22 @@ class RecordingSource(ViewSource):
         self._recogniser = recogniser or make_recogniser()
         self._recognisers: dict[str, PadRecogniser] = {}
         self._shown: dict[str, Moment] = {}
-        self._lock = threading.Lock()  # for position and is_playing, which only this class sets
-        self.position = 0.0  #: time shown [s since the start of the recording]
+        self._lock = threading.Lock()  # guards position and is_playing, which only this class sets
+        self.position = 0.0  #: playback position [s since the start of the recording]
         self.is_playing = True
         self.player = self
         self._closing = threading.Event()
-        self.is_complete = False  #: True when the whole recording has been read
+        self.is_complete = False  #: True once the whole recording has been read
         self._reader: threading.Thread | None = None
         self._playing = StoppableThread(self._run, 'view_player', self._died)
 
     @property
     def length(self) -> float:
-        """Length of the part read so far [s]."""
+        """Length of the recording as read so far [s]."""
         return max(self._timeline.end - self._timeline.begin, 0.0)
 
     def play(self, is_playing: bool) -> None:
-        """Play or pause. At the end of the recording, playing begins again at the start."""
+        """Play or pause. Playing at the end of the recording restarts from the beginning."""
         with self._lock:
             if is_playing and self.is_complete and self.position >= self.length:
                 self.position = 0.0
@@ -179,7 +179,7 @@ class RecordingSource(ViewSource):
         return self._timeline.begin + self.position - state.stamp
 
     def show(self) -> None:
-        """Put the state at the present position into the store."""
+        """Store the state at the current playback position."""
         now = self._timeline.begin + self.position
         if not math.isfinite(now):
             return
@@ -203,14 +203,14 @@ class RecordingSource(ViewSource):
     def _read(self) -> None:
         try:
             problem = self._recording.read(self._timeline, self._closing.is_set)
-        except (TactileError, OSError) as error:  # the file is gone, or the timeline has filled the disk
+        except (TactileError, OSError) as error:  # the file has been removed, or the timeline has filled the disk
             problem = f'not read to its end: {error}'
         if problem:
             self.store.put_problem(problem)
         self.is_complete = True
 
     def _died(self, error: Exception) -> None:
-        """Report an error that has ended a thread. Nothing more is read or shown."""
+        """Report the error that ended a thread, and stop playback."""
         self.store.put_error(error)
         self.is_complete = True
         self.play(False)
@@ -225,5 +225,5 @@ class RecordingSource(ViewSource):
             last = now
             is_complete = self.is_complete
             self.show()
-            with self._lock:  # only after the end has been shown
+            with self._lock:  # pause only after the last frame has been shown
                 self.is_playing &= not (is_complete and self.position >= self.length)

@@ -1,4 +1,4 @@
-"""Pictures as inline SVG: the taxels of a pad, and charts over time. The macros are in pictures.html."""
+"""Draw the taxels of a pad, and charts of values over time, as inline SVG. The SVG macros are in pictures.html."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from tactile_node.viewing.source import FORCE_HISTORY
 from tactile_node.viewing.templates import environment
 
 HEAT_LEVELS = 48  #: number of colours in a heat map
-POINT_COLOURS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: colours of the pads, in their order
+POINT_COLOURS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: colours assigned to the pads in order
 BAR_COLOURS = 24  #: number of colours in a colour bar
 
 
@@ -36,19 +36,19 @@ def colour(share: float) -> str:
 def cells(colours: Sequence[tuple[str, np.ndarray]]) -> list[tuple[str, str]]:
     """Return one SVG path for each colour.
 
-    Row 0 is at the bottom of the picture, and a taxel is 1 x 1.
+    Row 0 is at the bottom of the picture, and each taxel is a unit square.
 
     Parameters
     ----------
     colours
-        Colours and the taxels that have them, bool, shape (rows, cols).
+        Pairs of a colour and a mask of the taxels in that colour, bool, shape (rows, cols).
     """
     return [(fill, ''.join(f'M{first} {len(places) - 1 - row}h{length}v1h-{length}z'
                            for row, first, length in _runs(places))) for fill, places in colours if places.any()]
 
 
 def heat_cells(values: np.ndarray, top: float) -> list[tuple[str, str]]:
-    """Return SVG paths for ``values`` (rows, cols); NaN means no value, and ``top`` has the brightest colour."""
+    """Return SVG paths for ``values`` (rows, cols). ``top`` gets the brightest colour, and NaN is drawn grey."""
     with np.errstate(invalid='ignore'):
         levels = np.clip(np.rint(values / top * (HEAT_LEVELS - 1)) if top > 0 else 0 * values, 0, HEAT_LEVELS - 1)
     shades = [(colour(level / (HEAT_LEVELS - 1)), levels == level) for level in range(HEAT_LEVELS)]
@@ -56,19 +56,19 @@ def heat_cells(values: np.ndarray, top: float) -> list[tuple[str, str]]:
 
 
 def outline_points(corners: np.ndarray, pitch: float, rows: int) -> str:
-    """Return ``corners`` (n, 2) [m] as SVG points in a picture with row 0 at the bottom, a taxel 1 x 1."""
+    """Return ``corners`` (n, 2) [m] as SVG points, with row 0 at the bottom and each taxel a unit square."""
     return ' '.join(f'{x / pitch + 0.5:.3f},{rows - 0.5 - y / pitch:.3f}' for x, y in corners)
 
 
 def _runs(places: np.ndarray) -> list[tuple[int, int, int]]:
-    """Return row, first column and length of each run of True in a row."""
+    """Return the row, first column and length of each horizontal run of True."""
     edges = np.diff(np.pad(places.astype(np.int8), ((0, 0), (1, 1))), axis=1)
     begins, ends = np.argwhere(edges == 1), np.argwhere(edges == -1)
     return [(int(row), int(first), int(last - first)) for (row, first), (_, last) in zip(begins, ends)]
 
 
 class Frame(NamedTuple):
-    """Size of a chart, and the margins around its content."""
+    """Size of a chart and its margins."""
 
     width: float
     height: float
@@ -78,17 +78,17 @@ class Frame(NamedTuple):
     bottom: float
 
     def place(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """Return the place of the fractions ``x`` and ``y`` of the shown range; both may be numbers or arrays."""
+        """Convert fractions ``x`` and ``y`` of the axis ranges to chart coordinates. ``x`` and ``y`` may be arrays."""
         return (self.left + x * (self.width - self.left - self.right),
                 self.height - self.bottom - y * (self.height - self.top - self.bottom))
 
 
 CHART = Frame(940, 130, 64, 8, 8, 22)
-MOST_POINTS = 900  #: number of points in one line; more than one per pixel could not be seen
+MOST_POINTS = 900  #: maximum number of points in a line, about one per pixel
 
 
 class Points(NamedTuple):
-    """Points with one colour; ``x`` is in seconds."""
+    """Points drawn in one colour, with ``x`` in seconds."""
 
     colour: str
     x: np.ndarray
@@ -111,7 +111,7 @@ def chart(lines: Sequence[Points], dots: Sequence[Points], *, end: float, top: f
 
 
 def ticks(length: float, parts: int) -> list[float]:
-    """Return about ``parts`` round numbers between 0 and ``length``."""
+    """Return round tick values that divide the range from 0 to ``length`` into about ``parts`` intervals."""
     step = rounded_up(length / parts) if length else 1.0
     return [k * step for k in range(int(length / step + 1e-9) + 1)]
 
@@ -121,7 +121,7 @@ def _value_ticks(frame: Frame, values: Sequence[float], top: float, unit: str) -
 
 
 def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
-    """Return the indices of at most MOST_POINTS values: the highest or the lowest value of each part.
+    """Return the indices of at most MOST_POINTS values, keeping the highest or the lowest value of each section.
 
     >>> thin(np.array([3.0, 1.0]), True).tolist()
     [0, 1]
@@ -134,20 +134,20 @@ def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
 
 
 FORCE = Frame(600, 220, 40, 10, 10, 24)
-FORCE_GAP = 0.3     #: time between two points from which they are not joined [s]
-LEAST_FORCE_SCALE = 1.0   #: smallest upper end of the scale [N]
+FORCE_GAP = 0.3     #: gap in time at which the line between two points is interrupted [s]
+LEAST_FORCE_SCALE = 1.0   #: minimum full scale of the force axis [N]
 TIME_TICKS = -20, -15, -10, -5, 0
 
 
 def force_chart(forces: Mapping[str, np.ndarray], now: float) -> str:
-    """Return a chart of the force over time. The line is interrupted where no force was measured.
+    """Return a chart of the force over time. The line has gaps where no force was measured.
 
     Parameters
     ----------
     forces
-        Pad name -> stamps [s] and forces [N], shape (2, n).
+        Stamps [s] and forces [N] by pad name, shape (2, n).
     now
-        Stamp at the right end [s].
+        Stamp at the right edge of the chart [s].
     """
     known = [values[1][np.isfinite(values[1])] for values in forces.values()]
     top = rounded_up(max([LEAST_FORCE_SCALE, *(float(each.max()) for each in known if len(each))]))
@@ -160,7 +160,7 @@ def force_chart(forces: Mapping[str, np.ndarray], now: float) -> str:
                 line += '{}{:.1f} {:.1f}'.format('L' if time - last < FORCE_GAP else 'M', *place)
                 last = time
         return Markup(line)  # nosec B704: numbers
-    return str(pictures().chart(  # str, because viser sends only plain strings
+    return str(pictures().chart(  # viser sends only plain str, not Markup
         'tactile-force', FORCE, [(FORCE.place(1 + tick / FORCE_HISTORY, 0)[0], f'{tick} s') for tick in TIME_TICKS],
         _value_ticks(FORCE, (0.0, top / 2, top), top, 'N'),
         [(POINT_COLOURS[k % len(POINT_COLOURS)], line(*each)) for k, each in enumerate(forces.values())]))

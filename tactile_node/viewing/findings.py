@@ -1,4 +1,4 @@
-"""Findings of a report, as facts and as sentences. A support engineer reads them first."""
+"""Findings of a report, each with its data and a sentence. A support engineer reads the findings first."""
 
 from collections.abc import Iterator
 from enum import Enum, unique
@@ -11,12 +11,12 @@ from tactile_node.cia301.objects import NmtState
 from tactile_node.viewing.model import BusReport, NodeReport, PadReport, Report, Reported
 from tactile_node.viewing.taxel_record import FAULTS, marks_of
 
-HIGH_LOAD = 0.9  #: fraction of the bus's time above which other traffic delays sweeps
+HIGH_LOAD = 0.9  #: bus load above which other traffic delays sweeps, as a fraction
 
 
 @unique
 class Remark(Enum):
-    """Kinds of findings. A value holds True for a problem or False for a hint, and the sentence of the finding."""
+    """Kinds of findings. Each value is a pair: True for a problem or False for a hint, and the sentence to show."""
 
     WRONG_DEVICE = True, ('Pad {where}: the SDO answers in the log show another device, or another mapping, than '
                           'layout and EDS. Its taxels are left out; see the pad.')
@@ -30,7 +30,7 @@ class Remark(Enum):
     LOST_FRAMES = True, 'Pad {where}: {number:.0f} taxel frames are missing according to their sequence numbers.'
     INCOMPLETE = True, 'Pad {where}: {number:.0f} taxel frames lack CAN frames.'
     TAXEL_GAPS = True, 'Pad {where}: {number:.0f} gaps of half a second or longer without a taxel frame.'
-    BUS_GAPS = False, '{number:.0f} gaps of half a second or longer without any CAN frame.'  # a bus may be at rest
+    BUS_GAPS = False, '{number:.0f} gaps of half a second or longer without any CAN frame.'  # an idle bus is no problem
     EMERGENCIES = True, 'Node {where} sent {number:.0f} EMCYs, which include errors.'
     BOOTED_AGAIN = True, 'Node {where} restarted during the recording; number of boot-ups: {number:.0f}.'
     TWO_VALUES = True, 'Node {where}: its identity changed. Two devices answered under this node-ID.'
@@ -50,7 +50,7 @@ class Remark(Enum):
 
 
 class Found(NamedTuple):
-    """A finding. ``number`` is a count, or for BUS_FULL a fraction; ``where`` is the pad's name or the node-ID."""
+    """A finding. ``number`` is a count (for BUS_FULL, a fraction), and ``where`` is a pad name or a node-ID."""
 
     finding: Remark
     where: str = ''
@@ -88,7 +88,7 @@ def _of_pad(pad: PadReport) -> Iterator[Found]:
 
 
 def _is_empty(pad: PadReport) -> bool:
-    """Return True if no TPDO was used. Without answers to SYNC, there are still taxel frames, but full of NaN."""
+    """Return True if no TPDO was used. If no node responds to SYNC, the taxel frames contain only NaN."""
     return pad.statistics is not None and not pad.statistics.used
 
 

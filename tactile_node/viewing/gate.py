@@ -1,11 +1,12 @@
-"""A gate in front of the page's server: it checks each request and forwards those that may pass.
+"""Gate that checks each request to the web server and forwards only allowed requests.
 
-The server itself refuses no request. The gate also receives the receipts of the browsers: each update of a page names
-an address below TAKEN_PATH, and a browser requests this address when it has put the update on its page.
+The web server behind the gate does not check requests. The gate also receives confirmations of page updates (receipts)
+from the browsers. Each page update names a URL below TAKEN_PATH, and the browser requests that URL once it has applied
+the update.
 
-The gate listens on this machine only; from elsewhere, the port must be forwarded by ssh. The request must name this
-machine as its host. Otherwise any web page open in the browser could read the skin, by DNS rebinding or by cross-site
-WebSockets.
+The gate listens on this machine only. To view the page from another machine, forward the port with ssh. Each request
+must name this machine in its Host header. Without this check, any web page open in the browser could read the skin by
+DNS rebinding or cross-site WebSockets.
 """
 
 import asyncio
@@ -21,18 +22,18 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.threads import ReportedThread
 
 LOOPBACK = '127.0.0.1'
-LARGEST_HEAD = 16_384  #: largest head of a request [bytes]
-HEAD_TIMEOUT = 10.0    #: time allowed for the head of a request [s]
-PASSED_CHUNK = 65_536         #: largest number of bytes that are forwarded at once
-SEND_BUFFER = 131_072  #: buffer of a connection to a browser [bytes]; kept small, because data in it become old
+LARGEST_HEAD = 16_384  #: maximum size of a request line and its headers [bytes]
+HEAD_TIMEOUT = 10.0    #: timeout for receiving a request line and its headers [s]
+PASSED_CHUNK = 65_536         #: maximum number of bytes forwarded at once
+SEND_BUFFER = 131_072  #: size of the send buffer for a browser [bytes], kept small because buffered data become stale
 
-#: called with the number of a page and of the update that its browser has confirmed
+#: called with a page number and the number of the update that the browser has confirmed
 OnTaken = Callable[[int, int], None]
 TAKEN_PATH = '/taken'
 
 
 class Request(NamedTuple):
-    """Head of an HTTP request; the names of headers are in lower case."""
+    """Request line and headers of an HTTP request, with header names in lower case."""
 
     method: str
     target: str
@@ -40,7 +41,7 @@ class Request(NamedTuple):
 
     @property
     def receipt(self) -> tuple[int, int] | None:
-        """Numbers of the page and of the update that this request confirms; None if it is not a receipt."""
+        """Page number and update number that this request confirms, or None if the request is not a receipt."""
         found = re.fullmatch(rf'{TAKEN_PATH}/(\d{{1,9}})/(\d{{1,12}})', self.target)
         return None if found is None else (int(found[1]), int(found[2]))
 
@@ -49,12 +50,12 @@ class Request(NamedTuple):
         return self.headers.get('upgrade', '').lower() == 'websocket'
 
 
-#: answer to a receipt; it keeps the connection open, because a receipt follows each update
+#: response to a receipt, which keeps the connection open for the next receipt
 RECEIPT_ANSWER = b'HTTP/1.1 204 No Content\r\nCache-Control: no-store\r\n\r\n'
 
 
 def refusal(status: HTTPStatus) -> bytes:
-    """Return the answer to a request that is refused."""
+    """Return the HTTP response that refuses a request with ``status``."""
     text = f'{status.value} {status.phrase}\n'
     return (f'HTTP/1.1 {status.value} {status.phrase}\r\nContent-Type: text/plain\r\nContent-Length: {len(text)}\r\n'
             f'Connection: close\r\nCache-Control: no-store\r\n\r\n{text}').encode()
@@ -74,7 +75,7 @@ def is_loopback(host: str) -> bool:
 
 
 def parse_request(head: bytes) -> Request | None:
-    """Return the request in ``head``, or None if it is not a valid request."""
+    """Parse ``head`` and return the request, or None if ``head`` is not a valid HTTP request."""
     first, *lines = head.decode('latin-1').split('\r\n')
     pairs = [(name.lower(), value.strip()) for name, _, value in (line.partition(':') for line in lines if line)]
     names = [name for name, _ in pairs]
@@ -100,21 +101,21 @@ def check_request(request: Request) -> HTTPStatus | None:
 
 
 class Gate:
-    """Listens on a port of this machine, in front of the server, from `__init__` to `close`.
+    """Listens on a port of this machine and forwards allowed requests to the server, from `__init__` to `close`.
 
     Parameters
     ----------
     port
-        TCP port; 0 for any free port.
+        TCP port, or 0 for any free port.
     inner
         Host and port of the server.
     on_taken
-        Called with each receipt.
+        Called with the page number and update number of each receipt.
 
     Raises
     ------
     ConfigurationError
-        If the port is not free.
+        Raised if the port is not free.
     """
 
     def __init__(self, port: int, inner: tuple[str, int], on_taken: OnTaken = lambda page, update: None):
@@ -147,12 +148,12 @@ class Gate:
             while await self._answered(reader, writer):
                 pass
         except (OSError, EOFError, asyncio.TimeoutError, asyncio.LimitOverrunError):
-            pass  # the browser has gone, or it was not a browser
+            pass  # the browser disconnected, or the client was not a browser
         finally:
             writer.close()
 
     async def _answered(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
-        """Process one request; return True if another one may follow on the same connection."""
+        """Process one request. Return True if another request may follow on the same connection."""
         head = await asyncio.wait_for(reader.readuntil(b'\r\n\r\n'), HEAD_TIMEOUT)
         request = parse_request(head)
         status = HTTPStatus.BAD_REQUEST if request is None else check_request(request)
@@ -168,7 +169,7 @@ class Gate:
 
     async def _pass_on(self, head: bytes, both_ways: bool, reader: asyncio.StreamReader,
                        writer: asyncio.StreamWriter) -> None:
-        """Forward a request. Only a WebSocket may send more, because a second request would not have been checked."""
+        """Forward a request. Only a WebSocket may send more data, because a second request would bypass the check."""
         writer.get_extra_info('socket').setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         inner_reader, inner_writer = await asyncio.open_connection(*self._inner, limit=PASSED_CHUNK)
         try:
@@ -185,7 +186,7 @@ class Gate:
 
 
 async def _copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Copy data no faster than the receiver accepts them, so that no data pile up here."""
+    """Copy data only as fast as the receiver accepts data, so that no backlog builds up."""
     while data := await reader.read(PASSED_CHUNK):
         writer.write(data)
         await writer.drain()

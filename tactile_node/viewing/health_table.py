@@ -1,4 +1,4 @@
-"""The state of the bus and the pads as an HTML table, with the losses for each reason."""
+"""HTML table of the bus and pad status, with losses by reason."""
 
 import math
 from collections import deque
@@ -8,39 +8,39 @@ from markupsafe import Markup
 from tactile_node.viewing.page_parts import macros
 from tactile_node.viewing.states import BusFacts, NodeFacts, PadFacts
 
-MOST_FAULTY_TAXELS = 8  #: number of faulty taxels that are listed
-OLD_STATUS_AGE = 3.0  #: age above which a status is marked as old [s]; the driver publishes one each second
+MOST_FAULTY_TAXELS = 8  #: maximum number of faulty taxels listed
+OLD_STATUS_AGE = 3.0  #: age above which a status is marked as old [s]; the driver publishes a status every second
 RECENT_TIME = 60.0  #: age up to which losses are shown in red [s]
 NO_PAD = PadFacts('', 0, 0, 0, 0, {})
 
 
 class HealthHistory:
-    """Facts about a live bus over the last RECENT_TIME seconds, so that recent losses can be told from earlier ones."""
+    """History of a live bus over the last RECENT_TIME seconds, used to tell recent losses from earlier losses."""
 
     def __init__(self) -> None:
         self._facts: deque[tuple[float, int, BusFacts]] = deque()
 
     def before(self, facts: BusFacts, stamp: float) -> tuple[BusFacts, float]:
-        """Add ``facts`` and return earlier ones to compare with.
+        """Add ``facts`` and return earlier facts for comparison.
 
         Parameters
         ----------
         facts
             Present facts.
         stamp
-            Time of these facts [s].
+            Time at which ``facts`` were recorded [s].
 
         Returns
         -------
         BusFacts
-            Facts from RECENT_TIME ago, or the first facts if there are none that old.
+            Facts from RECENT_TIME ago, or the oldest facts available.
         float
-            Time from these facts to ``stamp`` [s].
+            Age of the returned facts at ``stamp`` [s].
         """
         expected = sum(pad.expected for pad in facts.pads)
         if self._facts and expected < self._facts[-1][1]:
-            self._facts.clear()  # the driver was restarted, so its counters begin again
-        if not self._facts or stamp > self._facts[-1][0]:  # the stamp no longer advances if the driver has ended
+            self._facts.clear()  # the driver restarted, so its counters restarted at 0
+        if not self._facts or stamp > self._facts[-1][0]:  # the stamp stops advancing when the driver exits
             self._facts.append((stamp, expected, facts))
         while len(self._facts) > 1 and stamp - self._facts[1][0] >= RECENT_TIME:
             self._facts.popleft()
@@ -50,22 +50,22 @@ class HealthHistory:
 def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFacts, float] | None = None) -> str:
     """Return the table as HTML.
 
-    The table does not say whether a pad is live. The page updates the pads more often, and would contradict it.
+    The table does not show whether a pad is live, because the page updates the pads more often than the table.
 
     Parameters
     ----------
     facts
-        Facts about the bus; None if the source has none.
+        Facts about the bus, or None if the source has none.
     age
-        Age of the facts [s]. The table marks old facts.
+        Age of the facts [s]. Facts older than OLD_STATUS_AGE are marked as old.
     before
-        Earlier facts from `HealthHistory` and their distance in time [s]. Losses since then are red. None: all losses
-        are red.
+        Earlier facts from `HealthHistory`, and the time that has passed since then [s]. Newer losses are shown in red.
+        If ``before`` is None, all losses are shown in red.
     """
     if facts is None:
         return '<div class="tactile-note">this source has no status of a bus</div>'
     load = 'not known (log)' if math.isnan(facts.load) else f'{facts.load:.0%}'
-    if age > OLD_STATUS_AGE:  # the present state of bus and nodes is not known
+    if age > OLD_STATUS_AGE:  # the current state of the bus and its nodes is unknown
         load = 'not known'
         facts = facts._replace(failure=f'OLD: nothing newer for {age:.0f} s',
                                pads=tuple(pad._replace(nodes=()) for pad in facts.pads))
@@ -83,7 +83,7 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
 
 
 def _counted(name: str, text: str, recent: int, span: float | None) -> tuple[str, str, bool]:
-    """Return the row of a counter with ``recent`` counts within ``span`` [s]; None means since the start."""
+    """Return a counter's table row with ``recent`` counts in the last ``span`` [s], or since the start if None."""
     return name, text if span is None else f'{text} ({recent} in {span:.0f} s)', recent > 0
 
 
@@ -103,7 +103,7 @@ def _pad_rows(pad: PadFacts, before: PadFacts, span: float | None) -> list[tuple
 
 
 def _node(node: NodeFacts) -> str:
-    """Return the state of a node; a fault text already names the last state and its time."""
+    """Return the state of a node as text. A fault text already includes the last NMT state and its time."""
     age = 'no heartbeat' if math.isnan(node.heartbeat_age) else f'heartbeat {node.heartbeat_age:.1f} s ago'
     return '; '.join(filter(None, (node.fault or f'{node.nmt_state}; {age}', node.emergency)))
 

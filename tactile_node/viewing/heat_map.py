@@ -1,4 +1,4 @@
-"""Draw a pad as SVG: taxels, outline, names and lengths. Row 0 is at the bottom, as in the pad's frame."""
+"""Draw a pad as SVG: taxels, outline, names and lengths. Row 0 is at the bottom, as in the pad frame."""
 
 import base64
 import io
@@ -12,22 +12,23 @@ from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 from tactile_node.viewing.charts import outline_points, pictures, ticks
 from tactile_node.viewing.states import PadState, SeenContact
 
-LONGER_SIDE = 16.0  #: length of the longer side of the taxels [units of the picture]
-#: unit -> factor and name of the unit that is shown
+#: length of the longer side of the taxel area [SVG units]
+LONGER_SIDE = 16.0
+#: scale factor and displayed unit for each unit of taxel values
 SHOWN_AS = {'Pa': (1e-3, 'kPa'), 'N': (1.0, 'N'), ON_OFF_UNIT: (1.0, '')}
 
 
 def heat_map(state: PadState, full_scale: float, is_old: bool = False) -> Markup:
-    """Return the picture of a pad as SVG. Its axes show millimetres from the centre of taxel (0, 0).
+    """Return an SVG picture of a pad. The axes show millimetres from the centre of taxel (0, 0).
 
     Parameters
     ----------
     state
         State of the pad.
     full_scale
-        Reading with the brightest colour, in the unit of the pad.
+        Reading shown in the brightest colour, in the unit of the pad.
     is_old
-        True to draw it pale, because it does not show the present readings.
+        True to draw the pad pale, because the readings are out of date.
     """
     rows, cols = state.values.shape
     pitch = 1e3 * state.pitch
@@ -43,7 +44,8 @@ def heat_map(state: PadState, full_scale: float, is_old: bool = False) -> Markup
 
 
 def _png(state: PadState, full_scale: float) -> Markup:
-    """Return one pixel per taxel, row 0 at the bottom; a taxel without a value is transparent and marked from below."""
+    """Return a PNG data URL with one pixel per taxel and row 0 at the bottom. A taxel without a value is transparent.
+    """
     values = state.values[::-1]
     indices = np.where(np.isnan(values), STEPS - 1, np.minimum(levels(values, full_scale), STEPS - 2))
     picture = Image.frombytes('P', values.shape[::-1], indices.astype(np.uint8).tobytes())
@@ -54,7 +56,7 @@ def _png(state: PadState, full_scale: float) -> Markup:
 
 
 def words(contact: SeenContact | None) -> str:
-    """Return the contact in one line: its shape, confidence, size, force and motion.
+    """Describe a contact in one line: shape, confidence, size, force and motion.
 
 
     >>> words(SeenContact('square', '', {'square': 0.97}, None, (('side', 0.028),), False, 1.5, None))

@@ -1,4 +1,4 @@
-"""Make a report about a CAN log, or about a bag with taxel arrays and its CAN frames."""
+"""Build a report from a CAN log, or from a bag with taxel arrays and, optionally, CAN frames."""
 
 import hashlib
 import platform
@@ -44,7 +44,7 @@ DIGEST_CHUNK = 1 << 20  #: [bytes]
 
 
 def versions() -> tuple[tuple[str, str], ...]:
-    """Return the names and versions of the software behind the report, without libraries that are not installed."""
+    """Return names and versions of the software that makes the report, skipping libraries that are not installed."""
     found = []
     for name in LIBRARIES:
         try:
@@ -56,7 +56,7 @@ def versions() -> tuple[tuple[str, str], ...]:
 
 
 def reported_file(path: str | Path, kind: Kind, begin: float, end: float, **problems: Any) -> ReportedFile:
-    """Return the facts about a file, a series of files or the folder of a bag. Raises OSError if it cannot be read."""
+    """Describe a file, a series of files or a bag folder. Raises OSError if a file cannot be read."""
     path = Path(path)
     files = [file for file in path.rglob('*') if file.is_file()] if path.is_dir() else files_of(path)
     return ReportedFile(path.resolve().name, sum(file.stat().st_size for file in files),
@@ -71,14 +71,14 @@ def _sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-END_POLL = 0.1  #: period at which the end of the log is checked [s]
+END_POLL = 0.1  #: polling period for the end of the log [s]
 
 
 class LogReporter:
     """Plays a CAN log once, as fast as possible, and makes a report.
 
-    If the set-up in the log contradicts layout or EDS, or if other nodes send the COB-IDs of a pad, the taxels of this
-    pad are left out.
+    The report omits a pad's taxels if the device set-up in the log contradicts the layout or EDS, or if other nodes
+    send the pad's COB-IDs.
 
     Parameters
     ----------
@@ -89,11 +89,11 @@ class LogReporter:
     channel, eds
         As in `LogSource`.
     any_device
-        True to report the taxels in spite of a contradiction.
+        True to report the taxels even if they may come from another device.
     bit_rate
-        Bit rate of the bus [bit/s], which no log contains; None if it is not known.
+        Bit rate of the bus [bit/s], or None if unknown. A log does not contain the bit rate.
     recogniser
-        Recogniser of the shapes.
+        Shape recogniser to use.
     on_can_frame
         Called for each CAN frame.
     window
@@ -121,9 +121,9 @@ class LogReporter:
         Raises
         ------
         LogError
-            If the log cannot be read, or if its CAN frames come from two buses.
+            Raised if the log cannot be read, or if its CAN frames come from two buses.
         KeyboardInterrupt
-            If ``stop_requested`` was set.
+            Raised if ``stop_requested`` is set.
         """
         source = self._source
         source.open()
@@ -137,7 +137,7 @@ class LogReporter:
         statistics = source.statistics()
         if source.failure or statistics.consumer_errors:
             got = source.failure.detail.removesuffix('.') if source.failure else 'an error in a taxel frame'
-            raise LogError(self._path, expected='a log that plays to its end', got=got,
+            raise LogError(self._path, expected='a log that can be played to its end', got=got,
                            remedy='No report was written.')
         recording = reported_file(
             self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end, unread=statistics.unread,
@@ -184,11 +184,11 @@ class BagReporter:
     path
         Path of the bag.
     channel
-        Topic of the CAN frames, if the bag has several.
+        Topic with the CAN frames, needed if the bag has several such topics.
     bit_rate
-        Bit rate of the bus of the CAN frames [bit/s]; None if it is not known.
+        Bit rate of the CAN bus [bit/s], or None if unknown.
     recogniser
-        Recogniser of the shapes.
+        Shape recogniser to use.
     on_message
         Called for each message.
     window
@@ -212,9 +212,9 @@ class BagReporter:
         Raises
         ------
         LogError
-            If the bag has no valid taxel array.
+            Raised if the bag has no valid taxel array.
         KeyboardInterrupt
-            If ``stop_requested`` was set.
+            Raised if ``stop_requested`` is set.
         """
         for message in self._reader.messages((TAXELS, STATUS, DIAGNOSTICS), window=self._window):
             if stop_requested.is_set():
@@ -254,7 +254,7 @@ class BagReporter:
         self._pads[name].feed(frame)
 
     def _of_can_frames(self, stop_requested: threading.Event) -> tuple[tuple[NodeReport, ...], BusReport]:
-        """Return the facts from the CAN frames. Services are not counted, because only a layout tells TPDOs apart."""
+        """Report on nodes and bus. Frames are not counted by service, because only a layout identifies TPDOs."""
         bus = BusRecord(self._bit_rate)
         nodes = NodeRecords({node.node_id: node.pad for node in self._status.nodes() or ()}, frozenset())
         for message in CanLogReader(self._path, self._channel, self._window):

@@ -1,6 +1,6 @@
-"""Facts of a report, from which `report_page` makes HTML.
+"""Data of a report, which `report_page` renders as HTML.
 
-A field is None if the recording does not contain the fact. Stamps are Unix time [s].
+A field is None if the recording does not contain its value. Stamps are Unix time [s].
 """
 
 import heapq
@@ -20,14 +20,14 @@ from tactile_node.logs.logged_set_up import Contradiction
 from tactile_node.viewing.taxel_record import TaxelHealth
 from tactile_node.viewing.touch import Sample, TouchList
 
-KEPT_ENTRIES = 100  #: number of entries kept from the start and from the end
-KEPT_GAPS = 50      #: number of gaps kept
+KEPT_ENTRIES = 100  #: number of entries kept at each end
+KEPT_GAPS = 50      #: maximum number of gaps kept
 
 Entry = TypeVar('Entry')
 
 
 class Ends(Generic[Entry]):
-    """The first and the last of many entries. The entries in between are only counted, so that memory is bounded."""
+    """Keeps the first and last entries of a sequence. Other entries are only counted, so that memory stays bounded."""
 
     def __init__(self) -> None:
         self._first: list[Entry] = []
@@ -39,7 +39,7 @@ class Ends(Generic[Entry]):
         (self._first if len(self._first) < KEPT_ENTRIES else self._last).append(entry)
 
     def __iter__(self) -> Iterator[Entry]:
-        """Yield the kept entries in their order."""
+        """Yield the kept entries in order."""
         return iter((*self._first, *self._last))
 
     def __len__(self) -> int:
@@ -47,14 +47,14 @@ class Ends(Generic[Entry]):
 
 
 class Gap(NamedTuple):
-    """A time without the expected events."""
+    """An interval without the expected events."""
 
     seconds: float  #: length [s]
     begin: float    #: stamp of the last event before the gap
 
 
 class LongestGaps:
-    """Collects the longest gaps between events, in the order of time. A gap lasts ``least`` [s] or more."""
+    """Collects the longest gaps between events in chronological order. A gap lasts at least ``least`` [s]."""
 
     def __init__(self, least: float):
         self._least = least
@@ -79,7 +79,7 @@ class LongestGaps:
 
 @unique
 class Kind(Enum):
-    """Content of the recording that is reported."""
+    """Kind of data in the recording."""
 
     CAN_FRAMES = 'CAN frames'
     TOPICS = 'ROS topics'
@@ -90,9 +90,9 @@ class Kind(Enum):
 class ReportedFile:
     """Facts about the recording itself."""
 
-    name: str          #: name without its folder
+    name: str          #: file name without the folder
     size: int          #: size of the file, or of all files of a bag [bytes]
-    sha256: str        #: checksum of a single file; '' for several files
+    sha256: str        #: SHA-256 checksum of a single file, or '' for several files
     kind: Kind
     begin: float
     end: float
@@ -118,29 +118,32 @@ class PadReport:
     gaps: LongestGaps                     #: gaps between taxel frames
     touches: TouchList
     samples: tuple[Sample, ...]
-    health: TaxelHealth | None            #: None without a taxel frame
-    node_ids: tuple[int, ...] = ()        #: node-IDs of the pad; empty if the recording does not contain them
+    health: TaxelHealth | None            #: None if there is no taxel frame
+    node_ids: tuple[int, ...] = ()        #: node-IDs of the pad, or empty if the recording does not contain them
     layout: str | None = None             #: name of the layout
     layout_sha256: str | None = None
     statistics: PadStatistics | None = None
-    losses: tuple[tuple[str, int], ...] | None = None  #: number of lost CAN frames for each reason
-    contradiction: Contradiction | None = None  #: proof that the log comes from another device; no taxel is reported
-    strangers: tuple[int, ...] = ()       #: other nodes that send the pad's COB-IDs, if its own nodes were not heard
-    #: True if the taxels may be wrong for one of these reasons; they are then left out
+    #: reasons and numbers of lost CAN frames
+    losses: tuple[tuple[str, int], ...] | None = None
+    #: evidence that the log comes from another device, in which case no taxels are reported
+    contradiction: Contradiction | None = None
+    #: other nodes that send the pad's COB-IDs, listed if the pad's own nodes were not heard
+    strangers: tuple[int, ...] = ()
+    #: True if the taxels may belong to another pad or device, in which case they are omitted
     are_of_others: bool = False
 
 
 class NmtChange(NamedTuple):
     stamp: float
-    state: int       #: NMT state in the heartbeat; 0 for a boot-up
+    state: int       #: NMT state in the heartbeat, or 0 for a boot-up
 
 
 class Reported(NamedTuple):
-    """A sentence from the driver, in a SkinStatus or on /diagnostics."""
+    """A message from the driver, in a SkinStatus or on /diagnostics."""
 
     stamp: float
     text: str
-    is_problem: bool  #: True for a warning or an error; False for its end or any other change
+    is_problem: bool  #: True if the message reports a warning or an error, rather than its end or another change
 
 
 @dataclass
@@ -148,8 +151,9 @@ class NodeReport:
     """Facts about one CANopen node, whether or not it belongs to a pad."""
 
     node_id: int
-    pad: str | None                 #: name of the pad; None if the node belongs to no pad
-    #: (index, sub-index) -> different values that were read by SDO
+    #: name of the pad, or None if the node belongs to no pad
+    pad: str | None
+    #: distinct values read by SDO, by index and sub-index
     objects: dict[tuple[int, int], tuple[bytes, ...]] = field(default_factory=dict)
     emergencies: Ends[Emergency | Reported] = field(default_factory=Ends)
     nmt: Ends[NmtChange] = field(default_factory=Ends)
@@ -158,7 +162,7 @@ class NodeReport:
 
     @property
     def identity(self) -> dict[tuple[int, int], tuple[bytes, ...]]:
-        """Objects that cannot be written; their values change only if the device is replaced."""
+        """Read-only objects of the device, whose values change only if the device is replaced."""
         return {key: values for key, values in self.objects.items() if key[0] != PRODUCER_HEARTBEAT_TIME}
 
 
@@ -172,25 +176,25 @@ class SeenCommand(NamedTuple):
 
 @dataclass(frozen=True)
 class LoadCurve:
-    """Bus load in windows of ``window`` seconds, with the worst case of bit stuffing.
+    """Bus load in windows of ``window`` seconds, assuming worst-case bit stuffing.
 
-    A time without CAN frames is represented by its first and last window only.
+    An interval without CAN frames is stored as its first and last window only.
     """
 
     window: float
     stamps: np.ndarray
-    bit_rates: np.ndarray | None    #: bits per second on the bus; None if only the share is known
-    shares: np.ndarray | None       #: bits as a fraction of the bus's bit rate; None if that is not known
-    mean: float                     #: mean over the whole recording: a fraction or, if not known, bits per second
+    bit_rates: np.ndarray | None    #: bits per second on the bus, or None if only ``shares`` are known
+    shares: np.ndarray | None       #: load as a fraction of the bus's bit rate, or None if the bit rate is unknown
+    mean: float  #: mean over the recording: a fraction if the bit rate is known, else bits per second
 
 
 @dataclass(frozen=True)
 class BusReport:
-    """Facts about the CAN bus. Fields are None if the recording has no CAN frames."""
+    """Facts about the CAN bus. Fields derived from CAN frames are None if the recording has no CAN frames."""
 
     load: LoadCurve | None
-    reported: Ends[Reported] | None = None  #: changes in the reports of the driver and the nodes
-    can_frames: dict[str, int] | None = None   #: number of CAN frames for each service; read-only
+    reported: Ends[Reported] | None = None  #: status changes reported by the driver
+    can_frames: dict[str, int] | None = None   #: number of CAN frames by CANopen service, read-only
     gaps: LongestGaps | None = None         #: gaps without any CAN frame
     commands: Ends[SeenCommand] | None = None
     channels: tuple[str, ...] = ()          #: names of the buses in the log, or topics with CAN frames
@@ -198,7 +202,7 @@ class BusReport:
 
 @dataclass(frozen=True)
 class Report:
-    """All facts on the page."""
+    """All data shown on the report page."""
 
     versions: tuple[tuple[str, str], ...]
     recording: ReportedFile

@@ -1,6 +1,6 @@
 """Collect facts about nodes from the CAN frames of a log: identity, NMT states, heartbeats and EMCYs (CiA 301).
 
-The COB-IDs follow the predefined connection set, which devices rarely change.
+The functions assume the COB-IDs of the predefined connection set, which devices rarely change.
 """
 
 from collections import Counter
@@ -31,26 +31,27 @@ from tactile_node.cia301.sdo import SdoUpload, Step
 from tactile_node.taxel_frame import read_only
 from tactile_node.viewing.model import BusReport, Ends, LoadCurve, LongestGaps, NmtChange, NodeReport, SeenCommand
 
-LOAD_WINDOW = 1.0  #: window of the bus load, as in the driver [s]
-BUS_GAP = 0.5      #: shortest reported gap without any CAN frame [s]; a working skin sends every 20 ms
-NMT_BYTES = 2      #: length of an NMT command
-MOST_CHANNELS = 8  #: number of channels that are named
+LOAD_WINDOW = 1.0  #: averaging window of the bus load, as in the driver [s]
+BUS_GAP = 0.5      #: shortest reported gap without any CAN frame [s]; a working skin sends CAN frames every 20 ms
+NMT_BYTES = 2      #: length of an NMT command [bytes]
+MOST_CHANNELS = 8  #: maximum number of channels listed
 
 
 class BusRecord:
-    """Processes the CAN frames of a log one by one to collect the facts about the bus.
+    """Collects facts about the bus from the CAN frames of a log, one frame at a time.
 
     Parameters
     ----------
     bit_rate
-        Bit rate of the bus [bit/s]. A log does not contain it; None if it is not known.
+        Bit rate of the bus [bit/s], or None if unknown. A log does not contain the bit rate.
     """
 
     def __init__(self, bit_rate: int | None):
         self._bit_rate = bit_rate
-        self._bits: Counter[int] = Counter()  # window since the first CAN frame -> bits
+        self._bits: Counter[int] = Counter()  # bits in each window, counted from the first CAN frame
         self._gaps = LongestGaps(BUS_GAP)
-        self._channels: set[str] = set()  # from received frames only, because sent frames may lack the bus's name
+        # names from received frames only, because sent frames may lack the name of the bus
+        self._channels: set[str] = set()
         self._commands: Ends[SeenCommand] = Ends()
         self.begin: float | None = None  #: stamp of the first frame
         self.end = 0.0
@@ -75,12 +76,13 @@ class BusRecord:
                          tuple(sorted(self._channels)))
 
     def _load(self) -> LoadCurve | None:
-        """Return the load without the last window, which the log may not fill; None if no window is full."""
+        """Return the load without the last, possibly incomplete window, or None if no window is complete."""
         if self.begin is None or self.end - self.begin < LOAD_WINDOW:
             return None
         windows = int((self.end - self.begin) // LOAD_WINDOW)
         used = {window: bits for window, bits in self._bits.items() if window < windows}
-        # A time without CAN frames is represented by its ends: a clock set forward can make it last for years.
+        # Only the ends of an interval without CAN frames are stored, because a clock set forward can make it years
+        # long.
         edges = {window + step for window in used for step in (-1, 1)} | {0, windows - 1}
         places = sorted(window for window in edges | set(used) if 0 <= window < windows)
         rates = np.array([used.get(window, 0) for window in places]) / LOAD_WINDOW
@@ -90,24 +92,24 @@ class BusRecord:
                        mean if self._bit_rate is None else mean / self._bit_rate)
 
 
-#: (index, sub-index) -> name of an object that identifies a device in a support ticket
+#: names of the objects that identify a device in a support ticket, by index and sub-index
 OBJECTS = {(IDENTITY, 1): 'vendor (0x1018:1)', (IDENTITY, 2): 'product (0x1018:2)',
            (IDENTITY, 3): 'revision (0x1018:3)', (IDENTITY, 4): 'serial number (0x1018:4)',
            (DEVICE_TYPE, 0): 'device type (0x1000)', (DEVICE_NAME, 0): 'device name (0x1008)',
            (HARDWARE_VERSION, 0): 'hardware version (0x1009)', (SOFTWARE_VERSION, 0): 'software version (0x100A)',
            (PRODUCER_HEARTBEAT_TIME, 0): 'heartbeat time read [ms] (0x1017)'}
-MOST_VALUES = 4  #: number of values kept for one object; a damaged log may contain a new value each time
+MOST_VALUES = 4  #: maximum number of values kept per object, because a damaged log may contain a new value each time
 
 
 class NodeRecords:
-    """Processes the CAN frames of a log one by one to collect the facts about the nodes.
+    """Collects facts about the nodes from the CAN frames of a log, one frame at a time.
 
     Parameters
     ----------
     pads
-        Node-ID -> pad.
+        Pad name by node-ID.
     taken
-        COB-IDs of TPDOs and SYNC, which must not be read as EMCY.
+        COB-IDs of TPDOs and SYNC, which must not be interpreted as EMCYs.
     """
 
     def __init__(self, pads: Mapping[int, str | None], taken: frozenset[int]):
@@ -124,7 +126,7 @@ class NodeRecords:
                 self._node(node_id).feed(base, bytes(message.data), message.timestamp)
 
     def reports(self) -> tuple[NodeReport, ...]:
-        """Return the facts about all nodes that were heard and about all nodes of the pads, sorted by node-ID."""
+        """Return a report on each node that was heard or belongs to a pad, sorted by node-ID."""
         for node_id in self._pads:
             self._node(node_id)
         return tuple(node.report for _, node in sorted(self._nodes.items()))

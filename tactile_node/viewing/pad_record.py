@@ -10,11 +10,11 @@ from tactile_node.viewing.model import LongestGaps, PadReport
 from tactile_node.viewing.taxel_record import TaxelRecord
 from tactile_node.viewing.touch_finder import MAX_PAUSE, ReportedTouchFinder
 
-MEDIAN_PERIODS = 5000  #: number of latest periods from which the median is taken
+MEDIAN_PERIODS = 5000  #: number of latest periods used for the median
 
 
 class PadRecord:
-    """Processes the frames of one pad; frames with another shape (rows, cols) are counted in ``misshapen``."""
+    """Processes the frames of one pad. Frames with another number of rows or columns are counted in ``misshapen``."""
 
     def __init__(self, name: str, rows: int, cols: int, pitch: float, unit: str, recogniser: VisibilityGuard):
         self._name, self._shape, self._pitch, self._unit = name, (rows, cols), pitch, unit
@@ -32,7 +32,8 @@ class PadRecord:
             return
         if self._last is not None:
             self._periods.append(frame.stamp - self._last.stamp)
-            self._lost += max(0, frame.sequence - self._last.sequence - 1)  # a restarted driver counts from 0
+            # a restarted driver begins again at sequence number 0
+            self._lost += max(0, frame.sequence - self._last.sequence - 1)
         self._last = frame
         self._frames += 1
         self._incomplete += frame.missing_can_frames > 0
@@ -41,7 +42,7 @@ class PadRecord:
         self._touches.feed(frame)
 
     def report(self) -> PadReport:
-        """Return the facts at the end of the recording."""
+        """Return the report on the pad at the end of the recording."""
         self._touches.end()
         return PadReport(
             self._name, *self._shape, self._pitch, self._unit, self._frames, self._incomplete, self._lost,

@@ -1,4 +1,4 @@
-"""Show the pads in 3-D, with a column for each taxel; pairs of pads face each other like the fingers of a gripper."""
+"""Show the pads in 3-D with a column for each taxel. Pairs of pads face each other like the fingers of a gripper."""
 
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ PLANE = Frame(30.0, 17.0, 3.2, .4, 1.4, 2.6)
 
 
 class Planes:
-    """Draws the planes of the paper's classifier with its curves, which are read once."""
+    """Draws the feature planes of Volf, Dvořák and Vlček's classifier with their curves, which are loaded once."""
 
     def __init__(self) -> None:
         self._planes = VolfClassifier.from_file(config_path(METHOD_FILES[VOLF])).planes
@@ -28,7 +28,7 @@ class Planes:
         Parameters
         ----------
         masks
-            Number of the pad -> taxels of its contact, bool (rows, cols).
+            Masks of the contacts by pad number, bool (rows, cols).
         """
         features = {pad: compute_features(mask, Group.CLASSIFIER) for pad, mask in masks.items()
                     if np.count_nonzero(mask) >= SMALLEST}
@@ -58,16 +58,17 @@ def _picture(name: str, plane: Plane, features: dict[int, Features]) -> str:
 if TYPE_CHECKING:
     from viser import BatchedMeshHandle, ClientHandle, LineSegmentsHandle
 
-UNITS_PER_METRE = 100.0       #: scene units per metre; a pad is then a few units wide, as the camera of viser expects
+UNITS_PER_METRE = 100.0       #: scene units per metre, so that a pad is a few units wide, as viser's camera expects
 TALLEST_COLUMN = 3.0       #: height of a column at full scale [pitches]
 FLAT_COLUMN = 0.15         #: height of a column without load [pitches]
 GRIPPER_OPENING = 9.0       #: distance between two pads that face each other [pitches]
-NARROW_ASPECT = 0.7        #: if the pane is narrower than this aspect ratio, its width decides the camera's distance
+NARROW_ASPECT = 0.7        #: aspect ratio below which the width of the pane sets the camera distance
 OUTLINE_RGB = (41, 230, 255)
 HIDDEN_RGB = (138, 143, 152)
 OLD_RGB = (190, 190, 190)
 IDENTITY_QUATERNION = np.array((1.0, 0.0, 0.0, 0.0), np.float32)
-TURNED_QUATERNION = np.array((0.0, 1.0, 0.0, 0.0), np.float32)  #: rotation by 180 degrees about x
+#: rotation by 180 degrees about x
+TURNED_QUATERNION = np.array((0.0, 1.0, 0.0, 0.0), np.float32)
 #: corners and faces of a column with its base at 0
 BOX_CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (-.45, .45) for x in (-.45, .45)], np.float32)
 BOX_FACES = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2),
@@ -75,7 +76,7 @@ BOX_FACES = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1,
 
 
 class Pads3d:
-    """The scene in one browser. It is a sketch of a gripper: pads are placed by their order, not by the URDF."""
+    """3-D scene in one browser, which sketches the pads on a gripper. Pads are placed in order, not as in the URDF."""
 
     def __init__(self, client: 'ClientHandle'):
         self._client = client
@@ -84,7 +85,7 @@ class Pads3d:
         self._outlines: dict[str, LineSegmentsHandle] = {}
 
     def look_from(self, state: PadState, pads: int) -> None:
-        """Place the camera so that ``pads`` pads of this size are in view."""
+        """Place the camera so that ``pads`` pads of the size in ``state`` are in view."""
         width = UNITS_PER_METRE * state.pitch * max(state.values.shape)
         middle = 1.3 * width * ((pads - 1) // 2) / 2
         away = (width + 2 * middle) * max(1.0, NARROW_ASPECT / self._client.camera.aspect)
@@ -92,8 +93,9 @@ class Pads3d:
         self._client.camera.look_at = (middle, 0.0, 0.25 * width)
 
     def show(self, number: int, state: PadState, full_scale: float, is_old: bool) -> None:
-        """Show pad ``number``. An old state is drawn flat and pale, because the present load is not known."""
-        if self._sizes.get(state.pad) != (state.values.shape, state.pitch):  # a restarted driver may use another layout
+        """Show pad ``number``. An old state is drawn flat and pale, because the current load is unknown."""
+        # the driver may have restarted with another layout
+        if self._sizes.get(state.pad) != (state.values.shape, state.pitch):
             self._add(number, state)
         values, pitch = state.values.ravel(), UNITS_PER_METRE * state.pitch
         heights = np.nan_to_num(np.clip(values / full_scale, 0, 1)) * TALLEST_COLUMN + FLAT_COLUMN
@@ -139,4 +141,5 @@ class Pads3d:
         self._outlines[state.pad] = scene.add_line_segments(
             f'{name}/outline', np.zeros((1, 2, 3), np.float32), OUTLINE_RGB, thickness=0.3 * pitch, visible=False)
         scene.add_label(f'{name}/name', state.pad, anchor='bottom-center' if is_upper else 'top-center',
-                        position=(0.0, (.5 if is_upper else -.5) * rows * pitch, 0.0))  # at the edge facing the camera
+                        # label at the edge that faces the camera
+                        position=(0.0, (.5 if is_upper else -.5) * rows * pitch, 0.0))

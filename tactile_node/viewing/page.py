@@ -1,4 +1,4 @@
-"""The page in one browser. It is updated as fast as this browser accepts updates, and no faster."""
+"""The page in one browser. The page is updated only as fast as the browser accepts updates."""
 
 import math
 import threading
@@ -27,20 +27,20 @@ if TYPE_CHECKING:
 
     from tactile_node.viewing.bus_source import RecordingSource
 
-UPDATE_RATE = 17.5  #: highest rate of updates [1/s]
-SLOW_PERIOD = 0.2   #: shortest period of chart and tables [s]
-SCENE_PERIOD = 0.15  #: shortest period of the 3-D view [s]
-PAUSE_SHARE = 5.0    #: pause after such a slow part, as a multiple of the time that the browser took for it
-LONGEST_SILENCE = 0.4  #: longest time between two updates; without new data, only the displayed ages change [s]
+UPDATE_RATE = 17.5  #: maximum update rate [1/s]
+SLOW_PERIOD = 0.2   #: minimum update period of the chart and tables [s]
+SCENE_PERIOD = 0.15  #: minimum update period of the 3-D view [s]
+PAUSE_SHARE = 5.0    #: pause after an update of the chart, tables or 3-D view, as a multiple of the update's duration
+LONGEST_SILENCE = 0.4  #: longest time between updates, so that displayed ages advance without new data [s]
 CONNECTION_PERIOD = 0.2  #: period at which the connection to the browser is checked [s]
-MEASURED_TIME = 3.0  #: time over which rate and delay are measured [s]
+MEASURED_TIME = 3.0  #: averaging time of the displayed rate and delay [s]
 PADS_WIDTH = 720.0   #: width of the panel with the pads [pixels]
 HEALTH_WIDTH = 380.0  #: width of the panel with the health table [pixels]
 SLIDER_STEP = 0.05  #: [s]
 
 
 class PlayerControls:
-    """Controls to play a recording; `update` lets them follow the player."""
+    """Playback controls for a recording, which `update` synchronises with the player."""
 
     def __init__(self, gui: 'GuiApi', player: 'RecordingSource'):
         self._player = player
@@ -56,17 +56,17 @@ class PlayerControls:
             self._slider.value = min(self._player.position, self._slider.max)  # type: ignore[misc]
 
     def _moved(self, event) -> None:
-        if event.client is not None:  # moved by a person, not by `update`
+        if event.client is not None:  # event.client is None if `update` moved the slider
             self._player.play(False)
             self._player.seek(self._slider.value)
 
 
 class Page:
-    """Updates one browser from `start` to `stop`, with at most one update under way.
+    """Updates one browser from `start` to `stop`, with at most one update in flight.
 
-    The next update waits for the browser's answer. Therefore nothing queues between the skin and a slow browser, and
-    the browser never shows data older than one update. The data that may look live are sent first, alone, so that
-    they arrive soon. Chart, tables and scene follow in separate updates.
+    Each update waits until the browser has confirmed the previous update. Therefore no data queue up for a slow
+    browser, and the browser never shows data older than one update. Data that may be marked as live are sent first and
+    alone, so that they arrive quickly. The chart, the tables and the 3-D scene follow in separate updates.
     """
 
     def __init__(self, client: 'ClientHandle', source: ViewSource, is_connected: Callable[[], bool],
@@ -76,12 +76,12 @@ class Page:
         self._scales = Scales(full_scale)
         self._stopping = threading.Event()
         self._thread = ReportedThread(self._run, f'view_page_{client.client_id}')
-        self._taken: deque[tuple[float, float]] = deque()  # (time of a receipt, age of the data then) [s]
+        self._taken: deque[tuple[float, float]] = deque()  # time of each receipt, and age of the data at that time [s]
         self._number = 0
         self._is_taken = threading.Event()
         self._receipt_time = 0.0  # time of the last receipt [s]
         self._slow_due = self._scene_due = 0.0
-        # time and aspect ratio of the last scene that the browser has confirmed
+        # time and aspect ratio of the last scene confirmed by the browser
         self._scene_shown, self._aspect = -math.inf, 0.0
         self._history = HealthHistory()
         self._planes: Planes | None = None
@@ -144,7 +144,7 @@ class Page:
             gui.add_html(str(macros().legend()))
         panel.dock_left()
         pane = self._client.camera
-        panel.set_width(max(PADS_WIDTH, min(0.8 * pane.image_height, 0.45 * pane.image_width)))  # as its height allows
+        panel.set_width(max(PADS_WIDTH, min(0.8 * pane.image_height, 0.45 * pane.image_width)))
         self._scene = Pads3d(self._client)
 
     def _update_pads(self, shown: Shown, drawn: list[DrawnPad], now: float) -> None:
@@ -155,7 +155,7 @@ class Page:
         self._client.flush()
 
     def _has_taken_rest(self, shown: Shown, drawn: list[DrawnPad]) -> bool:
-        """Send the other parts that are due and wait for the browser; return False if it has gone."""
+        """Send the chart, tables or scene if due, and wait. Return False if the browser has disconnected."""
         begun = time.monotonic()
         is_scene_due, is_slow_due = begun >= self._scene_due and self._scene_wanted.value, begun >= self._slow_due
         if not is_scene_due and not is_slow_due:
@@ -216,12 +216,12 @@ class Page:
             self._scene.show(number, pad.state, pad.full_scale, not pad.is_live)
 
     def taken(self, number: int) -> None:
-        """Record that the browser has put update ``number`` on its page; may be called from any thread."""
+        """Record that the browser has applied update ``number``. Any thread may call this method."""
         if number == self._number:
             self._is_taken.set()
 
     def _has_answered(self) -> bool:
-        """Wait until the browser has confirmed the update; return False if it has gone."""
+        """Wait until the browser has confirmed the update. Return False if the browser has disconnected."""
         while not self._stopping.is_set() and self._is_connected():
             if self._is_taken.wait(CONNECTION_PERIOD):
                 self._receipt_time = time.monotonic()

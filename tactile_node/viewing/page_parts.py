@@ -1,4 +1,5 @@
-"""Parts of the page as HTML, from the template page.html: the pads and the state of the data. Old data are marked."""
+"""Render the pads and the status line of the page from page.html. Data older than OLD_AGE are marked as old.
+"""
 
 import math
 import time
@@ -21,20 +22,20 @@ if TYPE_CHECKING:
     from tactile_node.viewing.bus_source import RecordingSource
 
 OLD_AGE = 0.5          #: age from which data are marked as old [s]
-FRAME_TIME = 0.02      #: time for which a painted picture stays on the screen of a browser [s]
-OLD_SCENE_AGE = 1.0    #: age up to which the 3-D view is marked as current [s]
-PAGE_SILENCE = 2.0  #: time without an update after which the page reports this [s]
-HELD_SCALE = 10.0  #: time for which the largest reading sets the colour scale [s]
-CLOCK_DIFFERENCE_LIMIT = 5.0  #: difference between stamps and this computer's clock above which it is reported [s]
+FRAME_TIME = 0.02      #: display time of one picture in the browser [s]
+OLD_SCENE_AGE = 1.0    #: age above which the 3-D view is marked as old [s]
+PAGE_SILENCE = 2.0  #: time without an update after which the page shows a warning [s]
+HELD_SCALE = 10.0  #: time for which a peak reading keeps setting the colour scale [s]
+CLOCK_DIFFERENCE_LIMIT = 5.0  #: difference between stamps and this computer's clock that triggers a warning [s]
 
 
 class DrawnPad(NamedTuple):
-    """A pad as it is drawn now."""
+    """A pad with the data needed to draw it."""
 
     name: str
     state: PadState | None
-    age: float         #: age of the state [s]; inf if not known
-    full_scale: float  #: reading with the brightest colour, in the unit of the pad
+    age: float         #: age of the state [s], or inf if unknown
+    full_scale: float  #: reading shown in the brightest colour, in the unit of the pad
     since_receipt: float = 0.0  #: time since the receipt of the previous update [s]
 
     @property
@@ -43,18 +44,18 @@ class DrawnPad(NamedTuple):
 
     @property
     def is_live(self) -> bool:
-        """True if the state is new and has valid taxels. The frames of a dead skin have none."""
+        """True if the state is recent and has valid taxels. The frames of a dead skin have no valid taxels."""
         return self.state is not None and not self.is_old and not np.isnan(self.state.values).all()
 
 
 def fresh_for(pads: list[DrawnPad]) -> float | None:
-    """Return how long the browser may show these data as live, or None if no pad is live.
+    """Return how long the browser may mark ``pads`` as live, or None if no pad is live.
 
     Returns
     -------
     float or None
-        Time after the browser sent its last receipt [s]. The receipt arrives later than it was sent, so data never
-        count as younger than they are, however long an update takes on its way.
+        Time after the browser sent its last receipt [s]. The server computes this time from the later arrival of the
+        receipt. Old data are never marked as live, even if an update is delayed.
     """
     return min((_fresh_for(pad.age, pad.since_receipt) for pad in pads if pad.is_live), default=None)
 
@@ -64,16 +65,16 @@ def _fresh_for(age: float, since_receipt: float) -> float:
 
 
 class FullScale:
-    """Computes the reading with the brightest colour: the largest of the last HELD_SCALE seconds, rounded up.
+    """Computes full scale, which is drawn in the brightest colour, from the peak of the last HELD_SCALE seconds.
 
-    It is never below the press threshold, so that noise stays dark.
+    Full scale never falls below the press threshold, so that noise stays dark.
 
     Parameters
     ----------
     unit
         Unit of the readings.
     fixed
-        Reading to use instead, or None.
+        Fixed full scale, or None to compute full scale from the readings.
     """
 
     def __init__(self, unit: str, fixed: float | None = None):
@@ -82,12 +83,12 @@ class FullScale:
         self._peaks: deque[tuple[float, float]] = deque()
 
     def update(self, values: np.ndarray, now: float) -> float:
-        """Process a frame that is shown at the time ``now`` [s], and return the reading with the brightest colour."""
+        """Process readings that are displayed at the time ``now`` [s], and return full scale."""
         if self._fixed:
             return self._fixed
         peak = float(np.fmax.reduce(values, axis=None, initial=self._least))  # fmax ignores NaN
         while self._peaks and (self._peaks[-1][1] <= peak or self._peaks[-1][0] > now):
-            self._peaks.pop()  # because it can never become the largest again
+            self._peaks.pop()  # this peak can never become the largest again
         self._peaks.append((now, peak))
         while now - self._peaks[0][0] > HELD_SCALE:
             self._peaks.popleft()
@@ -95,11 +96,12 @@ class FullScale:
 
 
 class Scales:
-    """The colour scale of each pad; ``fixed`` is the reading with the brightest colour for all pads."""
+    """Colour scales of all pads. ``fixed`` sets the same full scale for every pad."""
 
     def __init__(self, fixed: float | None = None):
         self._fixed = fixed
-        self._scales: dict[tuple[str, str], FullScale] = {}  # by name and unit: a new layout may change the unit
+        # by pad name and unit, because a new layout may change the unit
+        self._scales: dict[tuple[str, str], FullScale] = {}
 
     def drawn_now(self, source: ViewSource, shown: Shown) -> list[DrawnPad]:
         return [self.drawn(name, state, math.inf if state is None else source.age(state))
@@ -122,12 +124,12 @@ def macros() -> Any:
 
 
 def pads_html(pads: list[DrawnPad], number: int, is_recording: bool = False) -> str:
-    """Return all pads as HTML; ``number`` makes each update differ from the last one."""
+    """Return all pads as HTML. ``number`` makes each update differ from the previous update."""
     return str(macros().pads(pads, number, is_recording))
 
 
 def said_of(pad: DrawnPad) -> str:
-    """Return text that says whether the data of a pad are live."""
+    """Describe in words whether the data of a pad are live."""
     if pad.state is None:
         return 'no data received yet'
     fresh = f'LIVE, {1e3 * pad.age:.0f} ms old' if pad.is_live else 'no valid taxels'
@@ -135,7 +137,7 @@ def said_of(pad: DrawnPad) -> str:
 
 
 def silence(age: float) -> str:
-    """Return text that says for how long no data were received.
+    """Describe in words how long no data have been received.
 
     >>> silence(3.21), silence(math.inf)
     ('no data for 3.2 s', 'age of the data not known')
@@ -149,25 +151,25 @@ def hidden_text(state: PadState) -> str:
 
 
 class PageFacts(NamedTuple):
-    """Facts about the source, and about how fast the browser follows."""
+    """Facts about the source, and about how well the browser keeps up."""
 
     title: str
-    player: 'RecordingSource | None'  #: player of a recording; None for live data
+    player: 'RecordingSource | None'  #: player of a recording, or None for live data
     problem: str
-    rate: float       #: updates that this browser has confirmed [1/s]
-    delay: float      #: age of the newest data when the browser had received them [s]; NaN if not measured yet
-    scene_age: float  #: age of the 3-D view by the browser's receipt [s]; inf if it shows nothing yet
+    rate: float       #: rate of updates confirmed by this browser [1/s]
+    delay: float      #: mean age of the newest data on arrival in the browser [s], or NaN if not measured yet
+    scene_age: float  #: age of the last 3-D view that the browser has confirmed [s], or inf if there is none
     grasp: GraspFacts | None = None
 
 
 def clock_difference(pads: list[DrawnPad], wall: float) -> float:
-    """Return how far the stamps are behind ``wall``, the clock of this computer [s]; NaN if all data are old."""
+    """Return how far the stamps lag behind this computer's clock ``wall`` [s], or NaN if all data are old."""
     return max((wall - pad.age - pad.state.stamp for pad in pads if pad.state is not None and pad.is_live),
                key=abs, default=math.nan)
 
 
 def _other_clock(behind: float) -> str:
-    """Return a warning if the stamps are far from this computer's clock, as in a replay with the stamps of its log."""
+    """Return a warning if the stamps are far from this computer's clock, as in a replay that keeps the log's stamps."""
     if not abs(behind) > CLOCK_DIFFERENCE_LIMIT:
         return ''
     return (f'; the stamps are {abs(behind):.0f} s {"before" if behind > 0 else "after"} the time of this computer: it '
@@ -175,7 +177,7 @@ def _other_clock(behind: float) -> str:
 
 
 def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) -> str:
-    """Return the line that says whether the page is live, and the receipt of update ``number`` of ``page``."""
+    """Return the status line of the page as HTML, with the receipt for update ``number`` of ``page``."""
     fresh = None if facts.player is not None else fresh_for(pads)
     grasp_age = math.nan if facts.grasp is None else time.monotonic() - facts.grasp.acquired
     grasp_fresh = _fresh_for(grasp_age, max((pad.since_receipt for pad in pads), default=0.0))

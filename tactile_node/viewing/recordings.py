@@ -1,4 +1,4 @@
-"""Recordings that a view can play: a bag with taxels as published, or a CAN log, assembled as the driver does it."""
+"""Recordings that a view can play: a bag of published taxel arrays, or a CAN log that is assembled as in the driver."""
 
 import tempfile
 import threading
@@ -20,13 +20,13 @@ from tactile_node.viewing.states import BusFacts, facts_of, facts_of_status
 
 
 class _Track:
-    """Frames of one pad: the index is kept in memory, the taxels in a file."""
+    """Frames of one pad, with the index in memory and the taxels in a temporary file."""
 
     def __init__(self, shape: tuple[int, ...], pitch: float, unit: str):
         self.geometry = shape, pitch, unit
-        self.places = array('d')  # stamps, corrected so that they never go back
+        self.places = array('d')  # stamps, adjusted so that they never decrease
         self.file = tempfile.TemporaryFile()
-        self._lock = threading.Lock()  # for the file position; os.pread would need no lock, but Windows lacks it
+        self._lock = threading.Lock()  # guards the file position, because Windows lacks os.pread
         self._record = np.dtype([('stamp', 'f8'), ('sequence', 'u8'), ('values', 'f4', shape),
                                  ('status', 'u1', shape), ('missing', 'u4')])
 
@@ -48,16 +48,16 @@ class _Track:
 
 
 class Moment(NamedTuple):
-    """Newest frame of a pad at one time in the recording."""
+    """Newest frame of a pad at a given time in the recording."""
 
-    number: int  #: index among the pad's frames
+    number: int  #: index of the frame among the pad's frames
     frame: TaxelFrame
     pitch: float
     unit: str
 
 
 class Timeline:
-    """Frames and bus facts by time. One thread may add data while another thread reads. Times are Unix time [s]."""
+    """Frames and bus facts by Unix time [s]. One thread may add data while another thread reads."""
 
     def __init__(self) -> None:
         self._tracks: dict[str, _Track] = {}
@@ -66,7 +66,7 @@ class Timeline:
         self.begin, self.end = np.inf, -np.inf  #: stamps of the first and the last frame
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
-        """Add a frame. Return False if it is left out because its geometry differs from the pad's first frame."""
+        """Add a frame, or return False without adding it if its geometry differs from the pad's first frame."""
         geometry = frame.values.shape, pitch, unit
         if pad not in self._tracks:
             self._tracks[pad] = _Track(*geometry)
@@ -87,13 +87,13 @@ class Timeline:
         return -1 if track is None else bisect_right(track.places, time) - 1
 
     def moment(self, pad: str, index: int) -> Moment:
-        """Return the frame at an index that `index` has returned."""
+        """Return the frame at an ``index`` that `Timeline.index` returned."""
         track = self._tracks[pad]
         _, pitch, unit = track.geometry
         return Moment(index, track.frame(index), pitch, unit)
 
     def facts(self, time: float) -> tuple[BusFacts | None, float]:
-        """Return the newest facts at ``time`` and their age [s]; at the last frame, facts that came later count too."""
+        """Return the newest facts at ``time`` and their age [s]. Later facts count at the last frame."""
         index = len(self._facts) - 1 if time >= self.end else bisect_right(self._fact_times, time) - 1
         return (self._facts[index], max(time - self._fact_times[index], 0.0)) if index >= 0 else (None, 0.0)
 
@@ -111,16 +111,16 @@ class BagRecording:
     path
         Path of the bag.
     pads
-        Pads to show; empty for all pads in the bag.
+        Pads to show, or empty for all pads in the bag.
     window
         Part of the bag to show.
 
     Raises
     ------
     LogError
-        If the bag has no taxel arrays of this package.
+        Raised if the bag has no taxel arrays of this package.
     ConfigurationError
-        If a pad is not in the bag.
+        Raised if a pad is not in the bag.
     """
 
     def __init__(self, path: str, pads: Sequence[str] = (), window: TimeWindow = WHOLE):
@@ -128,14 +128,14 @@ class BagRecording:
         self.title = path
         if missing := [pad for pad in pads if pad not in self._reader.pads]:
             raise ConfigurationError('--pads', expected=f'some of {", ".join(self._reader.pads)}, as in the bag',
-                                     got=', '.join(missing), remedy='Leave the option out to show all of them.')
+                                     got=', '.join(missing), remedy='Leave out --pads to show all pads.')
         self.pads = tuple(pads) or self._reader.pads
 
     def check(self) -> None:
         """Do nothing, because `__init__` has already opened the bag."""
 
     def read(self, timeline: Timeline, is_stopping: Callable[[], bool]) -> str:
-        """Read the whole bag as fast as possible; return a description of unreadable parts, or '' if there are none."""
+        """Read the whole bag as fast as possible. Return a description of unreadable parts, or '' if there are none."""
         others = 0
         for message in self._reader.messages((TAXELS, STATUS), window=self._window):
             if is_stopping():
@@ -152,8 +152,8 @@ class BagRecording:
         return f'not shown: {", ".join(unread)} (last: {self._reader.problem})' if unread else ''
 
 
-FACTS_PERIOD = 0.5  #: period at which the state of the bus is read [s]; for a log, by the time of the log
-READ_POLL = 0.2      #: period at which the end of the reading is checked [s]
+FACTS_PERIOD = 0.5  #: period at which the bus state is read [s], in log time for a log
+READ_POLL = 0.2      #: polling period while a log is being read [s]
 
 
 class LogRecording:
@@ -213,7 +213,7 @@ class LogRecording:
 
 
 def _of_others(source: LogSource) -> str:
-    """Return a warning if nodes with other node-IDs send the same COB-IDs, because the taxels may be theirs."""
+    """Return a warning if other nodes send a pad's COB-IDs, because the taxels may belong to those nodes."""
     return '; '.join(f'pad {pad}: node {", ".join(map(str, nodes))} sends its COB-IDs, not its own: check --node-id'
                      for pad, nodes in source.heard.strangers().items())
 

@@ -1,4 +1,4 @@
-"""Make the report as a single HTML page from the template report.html, without scripts and external content."""
+"""Render the report as a single HTML page from report.html, without scripts or external content."""
 
 import math
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ from tactile_node.viewing.touch_finder import RECOGNITION_PERIOD
 
 ABSENT_TEXT = 'not in this recording'
 TEXT_OBJECTS = DEVICE_NAME, HARDWARE_VERSION, SOFTWARE_VERSION
-#: palette of Okabe and Ito, which can be distinguished with every kind of colour vision
+#: palette of Okabe and Ito, whose colours remain distinct for colour-blind readers
 SHAPE_COLOURS: dict[ShapeClass, str] = {
     Shape.CIRCLE: '#0072b2', Shape.SQUARE: '#d55e00', Shape.RECTANGLE: '#009e73',
     Shape.RIGHT_TRIANGLE: '#cc79a7', Shape.ISOSCELES_TRIANGLE: '#e69f00', Shape.UNKNOWN: '#777777'}
@@ -43,8 +43,8 @@ MARK_LEGEND = {Mark.GOOD: ('#2e8b57', 'values in every frame, and they change'),
          Mark.SOME_MISSING: ('#f78154', 'no value in some frames'),
          Mark.NO_VALUE: ('#8d3b72', 'no value in any frame'), Mark.FLICKERING: ('#5f7fff', 'flickers'),
          Mark.STUCK: ('#c1121f', 'stuck'), Mark.DEAD: ('#1d1d1d', 'dead'), Mark.UNMAPPED: ('#ececec', 'no taxel')}
-MOST_EVENTS = 5  #: number of events of a touch that are listed
-MOST_LISTED_TAXELS = 20  #: number of taxels that are listed
+MOST_EVENTS = 5  #: maximum number of events listed for a touch
+MOST_LISTED_TAXELS = 20  #: maximum number of taxels listed
 
 
 def page_of(report: Report) -> str:
@@ -62,14 +62,14 @@ def page_of(report: Report) -> str:
 
 
 def count_text(ends: Ends) -> str:
-    """Return the number of entries, and how many of them are listed."""
+    """Return the number of entries, and the number of listed entries, as text."""
     listed = len(ends)
     return f'{ends.count}' if ends.count == listed else (
         f'{ends.count}, of which the first and last {listed} are listed')
 
 
 def name_of(touch: ReportedTouch) -> str:
-    """Return the name of the shape; for an unknown shape, also the reason."""
+    """Return the name of the shape, with the reason if the shape is unknown."""
     name = touch.shape.value.replace('_', ' ')
     return f'{name}: {touch.reason.name.lower().replace("_", " ")}' if touch.shape is Shape.UNKNOWN else name
 
@@ -83,7 +83,7 @@ def size_of(touch: ReportedTouch) -> str:
 
 
 def force_of(touch: ReportedTouch) -> str:
-    """Return the force as text; on/off taxels give no force."""
+    """Return the force as text. With on/off taxels, the force is not known."""
     return 'not known' if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
 
 
@@ -103,7 +103,7 @@ def reading_text(value: float, unit: str) -> str:
 
 
 def touch_picture(touch: ReportedTouch, pad: PadReport, number: int) -> Markup:
-    """Return the frame in which ``touch`` pressed most, with the outline and the colour bar, as SVG."""
+    """Draw the frame in which ``touch`` pressed hardest as SVG, with the outline and a colour bar."""
     picture = touch.picture
     assert picture is not None
     top = float(np.nanmax(picture.values, initial=0.0))
@@ -113,13 +113,13 @@ def touch_picture(touch: ReportedTouch, pad: PadReport, number: int) -> Markup:
 
 
 def _pad_picture(rows: int, cols: int, paths: list[tuple[str, str]], label: str, points: str, top: str) -> Markup:
-    """Return a picture of a pad with the colour bar below; ``top`` is the text at the bright end of the bar."""
+    """Draw a pad with a colour bar below. ``top`` is the label at the bright end of the bar."""
     made: Markup = pictures().pad(rows, cols, paths, label, points)
     return made + pictures().colour_bar(top) if top else made
 
 
 def touch_charts(pad: PadReport, begin: float, end: float) -> tuple[list[tuple[str, str]], Markup, str]:
-    """Return the legend of the shapes, the chart of the confidence and the chart of the force ('' if not known)."""
+    """Return the shape legend, the confidence chart and the force chart, which is '' if the force is not known."""
     stamps = np.array([sample.stamp for sample in pad.samples]) - begin
     confidence = np.array([sample.confidence for sample in pad.samples])
     force = np.array([sample.force for sample in pad.samples])
@@ -146,7 +146,7 @@ def mark_counts(health: TaxelHealth) -> list[tuple[str, str]]:
 
 
 def health_pictures(health: TaxelHealth, unit: str) -> list[tuple[str, Markup]]:
-    """Return named pictures of each taxel's state, of its highest value, and of how often it had no value."""
+    """Return titled maps of the taxels' states, highest values and fractions of frames without a value."""
     marks, share = marks_of(health), no_value_share(health)
     top, worst = float(np.nanmax(health.highest, initial=0.0)), float(np.nanmax(share, initial=0.0))
     pads = [('State', cells([(colour, marks == mark) for mark, (colour, _) in MARK_LEGEND.items()]), ''),
@@ -157,7 +157,7 @@ def health_pictures(health: TaxelHealth, unit: str) -> list[tuple[str, Markup]]:
 
 
 def worst_taxels(health: TaxelHealth) -> tuple[list[tuple[Any, ...]], int]:
-    """Return table rows for the taxels that most often had no value, and the total number of such taxels."""
+    """Return table rows for the worst taxels, and the total number of taxels with faults or missing values."""
     share, marks, rows = np.nan_to_num(no_value_share(health)), marks_of(health), []
     odd = [place for place in np.argsort(-share, axis=None, kind='stable')
            if share.flat[place] > 0 or marks.flat[place] in FAULTS]
@@ -192,7 +192,7 @@ def _load_values(load: LoadCurve) -> tuple[np.ndarray, str]:
 
 
 def identity_of(node: NodeReport) -> list[tuple[str, str | None]]:
-    """Return names and values of the objects that identify the device, from its SDO answers."""
+    """Return names and values of the objects that identify the device, from its SDO responses."""
     return [(name, ' then '.join(_value(key[0], value) for value in node.objects[key]) if key in node.objects else None)
             for key, name in OBJECTS.items()]
 
@@ -205,5 +205,5 @@ def _value(index: int, data: bytes) -> str:
 
 
 def event_text(event: Any) -> str:
-    """Return a change of the NMT state, an EMCY or a sentence of the driver as text."""
+    """Return an NMT state change, an EMCY or a driver message as text."""
     return state_name(event.state) if isinstance(event, NmtChange) else getattr(event, 'text', None) or str(event)

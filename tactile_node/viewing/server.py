@@ -1,4 +1,5 @@
-"""Server of the page: viser on loopback behind a gate. The source runs while at least one browser shows a page."""
+"""Web server for the page: viser on loopback behind a gate. The source runs while at least one browser shows the page.
+"""
 
 import io
 import secrets
@@ -15,7 +16,7 @@ from tactile_node.viewing.source import ViewSource
 if TYPE_CHECKING:
     from viser import ClientHandle
 
-#: time for which the source keeps running without a browser [s], because a browser may only be reloading the page
+#: time for which the source keeps running without a browser [s], in case a browser is only reloading the page
 LINGER_TIME = 2.0
 
 
@@ -29,10 +30,10 @@ class ViewServer:
         self._pages: dict[int, Page] = {}
         self._is_closing = False
         self.is_source_on = False
-        with redirect_stdout(io.StringIO()):  # because viser prints its own address, behind the gate
+        with redirect_stdout(io.StringIO()):  # suppresses viser's message, which shows the address behind the gate
             inner_host = _inner_host()
             self._viser = viser.ViserServer(host=inner_host, port=0, verbose=False)
-        # Otherwise a browser could request a tunnel through a server on the internet.
+        # Without this override, a browser could request a tunnel through a server on the internet.
         self._viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         try:
             self._gate = Gate(port, (inner_host, self._viser.get_port()), self._taken)
@@ -65,7 +66,8 @@ class ViewServer:
 
         page = Page(client, self._source, is_connected, self._full_scale)
         with self._changed:
-            if self._is_closing or not is_connected():  # viser calls from many threads, so the client may have gone
+            # viser calls from many threads, so the client may have disconnected
+            if self._is_closing or not is_connected():
                 return
             self._pages[client.client_id] = page
             self._changed.notify_all()
@@ -84,7 +86,7 @@ class ViewServer:
             page.taken(update)
 
     def _switch_source(self) -> None:
-        """Start and stop the source on a single thread, so that it is never started twice or while it stops."""
+        """Start and stop the source on one thread, so that a start never overlaps with a stop or another start."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._is_closing or bool(self._pages) != self.is_source_on)
@@ -107,7 +109,7 @@ class ViewServer:
 def _inner_host() -> str:
     """Return a random address in 127.0.0.0/8.
 
-    viser checks neither Host nor Origin. Web pages could try all ports of a known address.
+    viser checks neither the Host nor the Origin header, so a web page could try all ports of a known address.
     """
     host = '127.' + '.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))
     with socket.socket() as probe:

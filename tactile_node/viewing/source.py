@@ -1,4 +1,4 @@
-"""Interface of a source for the views, and a store for the newest state of each pad; older states are replaced."""
+"""Interface of a data source for the views, and a store that keeps only the newest state of each pad."""
 
 import threading
 import time
@@ -14,19 +14,19 @@ from tactile_node.viewing.states import BusFacts, GraspFacts, PadState
 if TYPE_CHECKING:
     from tactile_node.viewing.bus_source import RecordingSource
 
-FORCE_HISTORY = 20.0  #: length of the history of the force [s]
-MOST_FORCE_POINTS = 600  #: number of points in the history of a pad
+FORCE_HISTORY = 20.0  #: length of the force history [s]
+MOST_FORCE_POINTS = 600  #: maximum number of points in the force history of a pad
 
 
 class Shown(NamedTuple):
-    """All that a page needs at one moment."""
+    """All data that a page shows at one moment."""
 
-    version: int                     #: increases with every change
-    pads: Mapping[str, PadState | None]  #: None for a pad without data so far
+    version: int                     #: version number that increases with every change
+    pads: Mapping[str, PadState | None]  #: state by pad name, None before the pad's first frame
     bus: BusFacts | None = None
-    bus_acquired: float = 0.0        #: time at which these facts were true, by time.monotonic [s]
+    bus_acquired: float = 0.0        #: time of the bus facts, by time.monotonic [s]
     grasp: GraspFacts | None = None  #: None if no grasp was received
-    problem: str = ''                #: reason why the source delivers nothing; '' while it works
+    problem: str = ''                #: reason why the source delivers no data, or '' while it works
 
 
 class Store:
@@ -43,7 +43,7 @@ class Store:
         return tuple(self._forces)
 
     def put(self, state: PadState) -> None:
-        """Replace the state of its pad. If the stamp goes backwards or jumps, the history of the force starts again."""
+        """Replace the stored state of the pad. If the stamp goes backwards or jumps, the force history restarts."""
         with self._changed:
             forces = self._forces[state.pad]
             if forces and not 0 <= state.stamp - forces[-1][0] < FORCE_HISTORY:
@@ -62,25 +62,25 @@ class Store:
         self._change(problem=problem)
 
     def put_error(self, error: Exception) -> None:
-        """Store ``error``, which has ended the source, as the problem."""
+        """Store ``error``, which stopped the source, as the problem to show."""
         self.put_problem(failure_text(failure_of(error)))
 
     def forget(self, pad: str) -> None:
-        """Forget the state of a pad, as before its first frame."""
+        """Forget the state of ``pad``, as if no frame had been received."""
         with self._changed:
             if self._shown.pads[pad] is not None:
                 self._forces[pad].clear()
                 self._change(pads={**self._shown.pads, pad: None})
 
     def clear(self) -> None:
-        """Forget everything, so that data from before a stop of the source are not shown as present."""
+        """Forget all data, so that they are not shown as current after the source has been stopped."""
         with self._changed:
             for forces in self._forces.values():
                 forces.clear()
             self._change(pads=dict.fromkeys(self.pads), bus=None, grasp=None, problem='')
 
     def close(self) -> None:
-        """Wake all waiting threads; from then on, no thread waits."""
+        """Wake all waiting threads, and make later calls of `wait` return immediately."""
         with self._changed:
             self._is_closed = True
             self._changed.notify_all()
@@ -106,27 +106,27 @@ class Store:
 
 
 class ViewSource:
-    """A source of data for the views. It fills ``store``, but only between `start` and `stop`."""
+    """A data source for the views, which fills ``store`` only between `start` and `stop`."""
 
     title: str
     store: Store
-    player: 'RecordingSource | None' = None  #: player of a recording; None for live data
+    player: 'RecordingSource | None' = None  #: player of a recording, or None for live data
 
     def check(self) -> None:
-        """Raise TactileError if the source cannot be used. It is called once, before the first start."""
+        """Raise TactileError if the source cannot be used. `check` is called once, before the first `start`."""
 
     def start(self) -> None:
-        """Start to fill the store, because somebody watches. Later failures are put into the store."""
+        """Start to fill the store, because a viewer is connected. Later failures are stored as the problem to show."""
         raise NotImplementedError
 
     def stop(self) -> None:
-        """Stop all computation, because nobody watches."""
+        """Stop all computation, because no viewer is connected."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Release all resources; may be called in any state."""
+        """Release all resources. `close` may be called in any state."""
         self.stop()
 
     def age(self, state: PadState) -> float:
-        """Return the age of ``state`` [s]; in a recording, the time from its stamp to the position shown."""
+        """Return the age of ``state`` [s], relative to the playback position in a recording."""
         return time.monotonic() - state.acquired

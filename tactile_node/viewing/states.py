@@ -1,4 +1,4 @@
-"""State of a pad and of its bus at one moment, as facts from any source."""
+"""State of a pad and its bus at one moment, in a form common to all sources."""
 
 import math
 from collections.abc import Mapping
@@ -15,18 +15,18 @@ from tactile_node.pose.events import EventKind, Moving
 
 
 class SeenContact(NamedTuple):
-    """The largest contact as recognised. If the whole pad is visible and empty, `shape` is 'none'."""
+    """The largest contact and its recognised shape. If the whole pad is visible and empty, `shape` is 'none'."""
 
-    shape: str          #: name of the class, as on topics
-    reason: str         #: reason why the shape is unknown; '' for any other shape
+    shape: str          #: name of the shape class, as published on the topics
+    reason: str         #: reason why the shape is unknown, or '' if it is known
     probabilities: Mapping[str, float]
-    outline: np.ndarray | None            #: corners (n, 2) in the pad's frame [m]; None without a shape
-    dimensions: tuple[tuple[str, float], ...]  #: names and lengths [m]
-    size_is_bound: bool                   #: True if the contact may be larger
-    force: float                          #: [N]; NaN if not known
-    mask: np.ndarray | None               #: taxels of the contact, bool (rows, cols); None if not known
-    force_is_bound: bool = False          #: True if the force may be larger, as taxels are saturated or hidden
-    moves: str = ''                       #: motion and last event as text, see `moving_words`
+    outline: np.ndarray | None            #: corners (n, 2) in the pad frame [m], or None without a shape
+    dimensions: tuple[tuple[str, float], ...]  #: names and lengths of the dimensions [m]
+    size_is_bound: bool                   #: True if the dimensions are lower bounds
+    force: float                          #: force of the contact [N], or NaN if unknown
+    mask: np.ndarray | None               #: mask of the contact's taxels, bool (rows, cols), or None if unknown
+    force_is_bound: bool = False          #: True if the force is a lower bound, because taxels are saturated or hidden
+    moves: str = ''                       #: motion and last event as text from `moving_words`
 
     @property
     def confidence(self) -> float:
@@ -47,9 +47,9 @@ def moving_words(moving: int, speed: float, rate: float, event: int, age: float)
     speed
         Speed of the slide [m/s].
     rate
-        Rate of the turn [rad/s].
+        Rate of turning [rad/s].
     event
-        Last event, an `EventKind`; 0 for none.
+        Last event as an `EventKind`, or 0 if there is none.
     age
         Age of the event [s].
 
@@ -70,21 +70,21 @@ class PadState(NamedTuple):
 
     pad: str
     stamp: float         #: acquisition time [s, Unix epoch]
-    acquired: float      #: acquisition time by time.monotonic [s]; in a recording, the time when it was shown
-    values: np.ndarray   #: float, (rows, cols), NaN = no valid value
-    status: np.ndarray   #: uint8 TaxelStatus, (rows, cols)
+    acquired: float      #: acquisition time by time.monotonic [s], or the display time for a recording
+    values: np.ndarray   #: taxel values, float (rows, cols), NaN where there is no valid value
+    status: np.ndarray   #: `TaxelStatus` of each taxel, uint8 (rows, cols)
     pitch: float         #: [m]
-    unit: str            #: 'Pa', 'N' or '1'
-    contact: SeenContact | None = None  #: None if the source recognises no contacts
+    unit: str            #: unit of the values: 'Pa', 'N' or '1'
+    contact: SeenContact | None = None  #: recognised contact, or None if the source does not recognise contacts
 
 
 class GraspFacts(NamedTuple):
     """The grasp between two pads."""
 
     contact: str     #: name of a GraspContact, in lower case
-    is_fresh: bool   #: True if both sides are current
+    is_fresh: bool   #: True if the results of both pads are recent
     is_stable: bool
-    acquired: float  #: acquisition time of the older side, by time.monotonic [s]; -inf if not known
+    acquired: float      #: acquisition time of the older pad's data by time.monotonic [s], or -inf if unknown
 
 
 class NodeFacts(NamedTuple):
@@ -92,35 +92,35 @@ class NodeFacts(NamedTuple):
 
     node_id: int
     nmt_state: str
-    heartbeat_age: float  #: [s]; NaN if no heartbeat was received
-    fault: str            #: '' without a fault
-    emergency: str        #: last EMCY; '' without one
+    heartbeat_age: float  #: age of the last heartbeat [s], or NaN if none was received
+    fault: str            #: fault of the node as text, or '' if there is none
+    emergency: str        #: last EMCY as text, or '' if there is none
 
 
 class PadFacts(NamedTuple):
-    """Counts of a pad's frames since the source was opened."""
+    """Counters and faults of a pad since the source was opened."""
 
     pad: str
     frames_complete: int
     frames_incomplete: int
     expected: int               #: number of expected TPDOs
     used: int                   #: number of used TPDOs
-    losses: Mapping[str, int]   #: number of lost TPDOs for each reason; a reason without losses is left out
+    losses: Mapping[str, int]   #: number of lost TPDOs by reason, omitting reasons without losses
     nodes: tuple[NodeFacts, ...] = ()
-    faulty_taxels: tuple[tuple[int, int, str], ...] = ()  #: row, column and fault of each
+    faulty_taxels: tuple[tuple[int, int, str], ...] = ()  #: row, column and fault of each faulty taxel
 
 
 class BusFacts(NamedTuple):
     """State of a bus and its pads."""
 
-    failure: str                #: '' while the bus works
-    load: float                 #: fraction of the time in which the bus is busy; NaN if not known, as for a log
-    counts: Mapping[str, int]   #: losses on the bus itself, by name; a name without losses is left out
+    failure: str                #: failure of the bus as text, or '' while the bus works
+    load: float                 #: fraction of time for which the bus is busy, or NaN if unknown, as for a log
+    counts: Mapping[str, int]   #: number of losses on the bus itself by name, omitting names without losses
     pads: tuple[PadFacts, ...]
 
 
 def facts_of(statistics: BusStatistics, health: BusHealth, load_is_known: bool = True) -> BusFacts:
-    """Return the facts of a live bus or a log. The load of a log is not known."""
+    """Return the facts of a live bus or a log. The bus load of a log is not known."""
     counts = counters.read_counters(counters.BUS_LOSSES, statistics)
     return BusFacts(failure_text(health.failure), health.load if load_is_known else math.nan, _some(counts),
                     tuple(_pad(name, pad, health.nodes.get(name, ())) for name, pad in statistics.pads.items()))

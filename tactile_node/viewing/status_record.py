@@ -1,7 +1,7 @@
-"""Collect the driver's own reports in a bag, from SkinStatus or, if there is none, from /diagnostics.
+"""Collect the driver's status reports from a bag: SkinStatus messages or, if there are none, /diagnostics.
 
-The counters of the driver start when it is configured. The report covers only the recording, so the counts in the first
-message are subtracted.
+The driver's counters start when the driver is configured. The report covers only the recording, so the counts in the
+first message are subtracted.
 """
 
 from collections import Counter
@@ -14,14 +14,14 @@ from tactile_node.cia301.objects import NmtState
 from tactile_node.taxel_frame import read_only
 from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NmtChange, NodeReport, Reported
 
-OK_LEVEL = 1                            #: level of SkinStatus and PadStatus; NOT_KNOWN is 0
-NMT_NOT_KNOWN = 0                       #: NMT state in NodeStatus
-NMT_BOOT_UP = 1                         #: NMT state in NodeStatus
+OK_LEVEL = 1                            #: level OK of SkinStatus and PadStatus, where NOT_KNOWN is 0
+NMT_NOT_KNOWN = 0                       #: value of NodeStatus.nmt_state
+NMT_BOOT_UP = 1                         #: value of NodeStatus.nmt_state
 STATUS_PERIOD = 1.0               #: time between two SkinStatus messages [s]
 
 
 class StatusRecord:
-    """Processes the messages of one bag one by one."""
+    """Processes the status messages of one bag in order."""
 
     def __init__(self) -> None:
         self._levels: dict[str, tuple[int, str]] = {}
@@ -45,14 +45,14 @@ class StatusRecord:
                 self._report(stamp, f'node {node.node_id}', int(bool(node.fault_text)), node.fault_text)
 
     def feed_diagnostics(self, stamp: float, diagnostics: Any) -> None:
-        """Process a DiagnosticArray from any program."""
+        """Process a DiagnosticArray from any node."""
         self._has_message = True
         for status in diagnostics.status:
             level = status.level if isinstance(status.level, int) else status.level[0]
             self._report(stamp, status.name, level, status.message)
 
     def bus(self) -> BusReport:
-        """Return the facts about the bus; ``reported`` has the changes of level or text, or None without a message."""
+        """Return the facts about the bus. ``reported`` holds changes of level or text, or None without a message."""
         load = None
         if self._loads:
             stamps, shares = np.array(self._loads).T
@@ -60,7 +60,7 @@ class StatusRecord:
         return BusReport(load, self._reported if self._has_message else None)
 
     def losses(self, pad: str) -> tuple[tuple[str, int], ...] | None:
-        """Return the CAN frames lost in the recording for each reason; ``pad`` may include a namespace."""
+        """Return the number of CAN frames lost in the recording, by reason. ``pad`` may include a namespace."""
         counts = self._losses.get(pad.rpartition('/')[2])
         return None if counts is None else counts.within()
 
@@ -76,7 +76,7 @@ class StatusRecord:
 
 
 class _Counts:
-    """Counts that only rise until their program restarts; the first counts are from before the recording."""
+    """Counts losses within the recording, from the driver's counters, which decrease only when the driver restarts."""
 
     def __init__(self) -> None:
         self._last: Mapping[str, int] | None = None
@@ -106,8 +106,8 @@ class _ReportedNode:
             self.report.nmt.add(NmtChange(stamp, state))
         self._state = state
         new = 0 if self._count is None else node.emcy_count - self._count
-        new = new if new >= 0 else node.emcy_count  # the driver was restarted
+        new = new if new >= 0 else node.emcy_count  # the counter fell because the driver restarted
         if new:
             self.report.emergencies.add(Reported(stamp, node.emcy_last, bool(node.emcy_active)))
-            self.report.emergencies.count += new - 1  # the message holds only the last EMCY
+            self.report.emergencies.count += new - 1  # a NodeStatus holds only the last EMCY
         self._count = node.emcy_count

@@ -12,13 +12,13 @@ from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
 
 @dataclass(frozen=True)
 class TaxelHealth:
-    """Counts for each taxel over all frames. Arrays have the shape (rows, cols) and are read-only."""
+    """Statistics of each taxel over all frames. Arrays have the shape (rows, cols) and are read-only."""
 
     frames: int
-    by_status: np.ndarray      #: int, (TaxelStatus, rows, cols): number of frames with this status
-    lowest: np.ndarray         #: lowest value; NaN if the taxel never had a value
-    highest: np.ndarray        #: highest value; NaN if the taxel never had a value
-    faults: np.ndarray         #: uint8 TaxelFault, found from the values that the taxel sent
+    by_status: np.ndarray      #: number of frames with each status, int (TaxelStatus, rows, cols)
+    lowest: np.ndarray         #: lowest value, or NaN if the taxel never had a value
+    highest: np.ndarray        #: highest value, or NaN if the taxel never had a value
+    faults: np.ndarray         #: `TaxelFault` detected from the taxel's values, uint8
 
     @property
     def valued(self) -> np.ndarray:
@@ -27,12 +27,12 @@ class TaxelHealth:
 
     @property
     def never_changed(self) -> np.ndarray:
-        """Bool: True for a taxel that had a value in at least two frames, and always the same value."""
+        """Mask of the taxels that had a value in at least two frames, and always the same value."""
         return (self.valued >= 2) & (self.lowest == self.highest)
 
 
 class TaxelRecord:
-    """Collects the values of one pad's taxels; all frames must have the shape (rows, cols)."""
+    """Collects the values of one pad's taxels. All frames must have the shape (rows, cols)."""
 
     def __init__(self, rows: int, cols: int, unit: str):
         self._by_status = np.zeros((len(TaxelStatus), rows * cols), np.int64)
@@ -56,7 +56,7 @@ class TaxelRecord:
 
 
 class Mark(IntEnum):
-    """Worst known state of a taxel; if several apply, the highest number is used."""
+    """Worst known state of a taxel. If several states apply, the highest number is used."""
 
     GOOD = 0           #: the taxel had a value in every frame, and the value changed
     NEVER_CHANGED = 1  #: the value never changed, which is normal for an untouched taxel of a skin without noise
@@ -64,8 +64,8 @@ class Mark(IntEnum):
     SOME_MISSING = 3   #: the taxel had no value in some frames
     NO_VALUE = 4       #: the taxel had no value in any frame
     FLICKERING = 5
-    STUCK = 6          #: stuck at a value, or at the end of its range
-    DEAD = 7           #: dead according to its values, the layout or the driver
+    STUCK = 6          #: the taxel is stuck at one value, or at the end of its range
+    DEAD = 7           #: the taxel is dead according to its values, the layout or the driver
     UNMAPPED = 8       #: there is no taxel at this place
 
 
@@ -73,7 +73,7 @@ FAULTS = Mark.FLICKERING, Mark.STUCK, Mark.DEAD
 
 
 def no_value_share(health: TaxelHealth) -> np.ndarray:
-    """Return the fraction of frames without a value for each taxel, (rows, cols); NaN where there is no taxel."""
+    """Return each taxel's fraction of frames without a value (rows, cols), or NaN where there is no taxel."""
     share: np.ndarray = 1 - health.valued / max(1, health.frames)
     return np.where(health.by_status[TaxelStatus.UNMAPPED] == health.frames, np.nan, share)
 

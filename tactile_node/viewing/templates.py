@@ -1,4 +1,4 @@
-"""Templates of the pages: HTML by Jinja2, with every text escaped."""
+"""Jinja2 templates for the HTML pages, with all text escaped."""
 
 from functools import cache
 from pathlib import Path
@@ -10,8 +10,8 @@ if TYPE_CHECKING:
 
 @cache
 def environment() -> 'Environment':
-    """Return the Jinja2 environment, which finds the templates in this folder."""
-    # imported here because it is slow to import and not every command needs it
+    """Return the Jinja2 environment, which loads the templates from this folder."""
+    # Jinja2 is imported here because the import is slow and not every command needs it.
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     return Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
@@ -19,7 +19,7 @@ def environment() -> 'Environment':
 
 
 def printable(value: object) -> object:
-    """Return ``value`` with U+FFFD for each unprintable character; a value that is already HTML is not changed.
+    """Replace each unprintable character in ``value`` with U+FFFD, unless ``value`` is already HTML.
 
     >>> printable('<b>' + chr(7)) == '<b>' + chr(0xFFFD)
     True
@@ -30,5 +30,5 @@ def printable(value: object) -> object:
 
 
 def printable_text(text: str, keep: str = '') -> str:
-    """Return ``text`` with U+FFFD for each unprintable character, because a terminal would execute escape sequences."""
+    """Replace each unprintable character in ``text`` with U+FFFD, because a terminal would execute escape sequences."""
     return ''.join(each if each.isprintable() or each in keep else '\N{REPLACEMENT CHARACTER}' for each in text)

@@ -1,4 +1,4 @@
-"""Show a source on a terminal, for use over ssh: pictures that are redrawn in place, or one line of text per second."""
+"""Show a source on a terminal, for example over ssh, as pictures redrawn in place or as one line of text per second."""
 
 import shutil
 import sys
@@ -14,15 +14,16 @@ from tactile_node.viewing.source import Shown, ViewSource
 from tactile_node.viewing.templates import printable_text
 
 SHADES = ' .:-=+*#%@'
-XTERM_COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)  #: xterm-256, dark to bright
+#: xterm-256 colours, dark to bright
+XTERM_COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)
 CLEAR_LINE = '\x1b[2K'
-CLEAR_BELOW = '\x1b[J'  #: clears the remains of a taller picture
+CLEAR_BELOW = '\x1b[J'  #: clears the rest of a taller previous picture
 PAD_GAP = '   '        #: space between two pads
-LEAST_WIDTH = 38   #: smallest width of a pad [columns]; two pads fit into 80 columns
+LEAST_WIDTH = 38   #: minimum width of a pad [columns], so that two pads fit into 80 columns
 
 
 class PadView(NamedTuple):
-    """A pad as shown: its latest taxels (rows, cols) as fractions of full scale, and the text below."""
+    """A pad to display: its taxels (rows, cols) as fractions of full scale, and the text below the picture."""
 
     name: str
     taxels: np.ndarray
@@ -30,7 +31,7 @@ class PadView(NamedTuple):
 
 
 def picture(taxels: np.ndarray, colour: bool) -> list[str]:
-    """Return the lines of a picture with two characters per taxel; '??' marks a taxel without a value.
+    """Return the lines of a picture with two characters per taxel. '??' marks a taxel without a value.
 
     >>> picture(np.array([[0.0, 1.0, np.nan]]), colour=False)
     ['  @@??']
@@ -39,7 +40,7 @@ def picture(taxels: np.ndarray, colour: bool) -> list[str]:
 
 
 def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
-    """Return the lines of several pads next to each other, each with its name above and its text below."""
+    """Return the lines of several pads side by side, each pad with its name above and its text below."""
     if not views:
         return []
     columns = []
@@ -66,7 +67,7 @@ def _width(view: PadView) -> int:
 
 
 def draw(stream: TextIO, lines: Sequence[str], back: int) -> int:
-    """Draw ``lines`` over the ``back`` lines drawn last time; return the number of lines drawn now."""
+    """Overwrite the ``back`` lines drawn last time with ``lines``, and return the number of lines drawn."""
     up = f'\x1b[{back}A' if back else ''
     stream.write(up + ''.join(f'{CLEAR_LINE}{line}\n' for line in lines) + CLEAR_BELOW)
     stream.flush()
@@ -117,7 +118,7 @@ def line_of(drawn: list[DrawnPad], footer: str) -> str:
 
 
 def _view(pad: DrawnPad) -> PadView:
-    """Return a pad as shown, with row 0 at the bottom as on the page; old values are not drawn."""
+    """Return the view of a pad with row 0 at the bottom, as on the page. Old values are not drawn."""
     if pad.state is None:
         return PadView(printable_text(pad.name), np.full((1, 1), np.nan), _said(pad))
     values = pad.state.values / pad.full_scale if pad.is_live else np.full_like(pad.state.values, np.nan)

@@ -1,15 +1,15 @@
 """Find the touches in the taxel frames of one pad.
 
 A touch is a run of taxel frames with a contact of at least SMALLEST_CONTACT taxels. Frames with a smaller contact are
-only counted, because noise of single taxels looks the same. A touch ends in one of these cases:
+only counted, because noise on single taxels looks the same. A touch ends in one of these cases:
 
-- A frame shows the whole pad without such a contact.
-- A frame without such a contact shows at least the fraction RELEASED of the taxels that were pressed before.
-- No taxel frame comes for MAX_PAUSE.
+- A frame shows the whole pad without a contact of this size.
+- A frame without a contact of this size shows at least the fraction RELEASED of the previously pressed taxels.
+- No taxel frame arrives for longer than MAX_PAUSE.
 
-A frame that hides these taxels neither begins nor ends a touch. The finder searches every frame for a contact, but
-recognises a shape only once every RECOGNITION_PERIOD. The nodes recognise every frame that they can, but a report about
-hours of recording must not take hours.
+A frame that hides the previously pressed taxels neither begins nor ends a touch. The finder searches every frame for a
+contact, but recognises a shape only once every RECOGNITION_PERIOD. The ROS nodes recognise as many frames as they can,
+but a report on hours of recording must not take hours.
 """
 
 from collections import Counter
@@ -28,25 +28,25 @@ from tactile_node.viewing.touch import MOST_TOUCHES, Picture, ReportedTouch, Sam
 
 
 class PadRecogniser:
-    """Recognises the contact on one pad, frame by frame; pads may share the ``recogniser``."""
+    """Recognises the contact on one pad, frame by frame. Several pads may share one ``recogniser``."""
 
     def __init__(self, pad: str, pitch: float, unit: str, recogniser: VisibilityGuard):
         self._pad, self._taxels, self._recogniser = pad, Taxels(pitch, unit), recogniser
         self.restart()
 
     def restart(self) -> None:
-        """Forget the previous frames, as needed after a jump in a recording."""
+        """Forget the previous frames, for example after a jump in a recording."""
         self._pipeline = ContactPipeline(self._recogniser)
 
     def state(self, frame: TaxelFrame, acquired: float) -> PadState:
-        """Return the state in ``frame``.
+        """Return the state of the pad in ``frame``.
 
         Parameters
         ----------
         frame
             Taxel frame of the pad.
         acquired
-            Time of its acquisition by the steady clock [s].
+            Acquisition time of the frame by the steady clock [s].
         """
         result = self._pipeline.follow(frame.values, self._taxels, frame.stamp, **_marks(frame))
         return PadState(self._pad, frame.stamp, acquired, frame.values, frame.status, self._taxels.pitch,
@@ -54,7 +54,7 @@ class PadRecogniser:
 
 
 def _marks(frame: TaxelFrame) -> dict[str, np.ndarray]:
-    """Return masks of the saturated and of the unmapped taxels of ``frame``."""
+    """Return masks of the saturated and the unmapped taxels in ``frame``."""
     return {'saturated': frame.status == TaxelStatus.SATURATED, 'unmapped': frame.status == TaxelStatus.UNMAPPED}
 
 
@@ -73,9 +73,11 @@ def _seen(result: StreamedContact, stamp: float) -> SeenContact:
                            stamp - event.stamp if event else np.inf))
 
 
-RECOGNITION_PERIOD = 0.1  #: time between two recognitions of one touch [s]; they cost as much as the rest of a report
-RELEASED = 0.5   #: fraction of the taxels last pressed; needed because a pad with a missing row is never seen whole
-MAX_PAUSE = 0.5  #: time without a taxel frame after which a contact may be another one [s]
+#: period of shape recognition in a touch [s]; recognition takes as long as the rest of a report
+RECOGNITION_PERIOD = 0.1
+#: visible fraction of the last pressed taxels that ends a touch; a pad with a missing row is never fully visible
+RELEASED = 0.5
+MAX_PAUSE = 0.5  #: time without a taxel frame after which the next contact counts as a new touch [s]
 
 
 class ReportedTouchFinder:
@@ -84,7 +86,7 @@ class ReportedTouchFinder:
     Parameters
     ----------
     recogniser
-        Recogniser of the shapes, which several finders may share.
+        Shape recogniser, which several finders may share.
     pitch
         Distance between neighbouring taxels [m].
     unit
@@ -148,7 +150,7 @@ class _OpenTouch:
         self._events: list[Event] = []
 
     def shown(self, seen: np.ndarray) -> float:
-        """Return the fraction of the taxels last pressed that are ``seen``, bool (rows, cols)."""
+        """Return the fraction of the last pressed taxels that are visible in the mask ``seen``, bool (rows, cols)."""
         return float(seen[self._last].mean())
 
     def feed(self, stamp: float, found: FoundContact) -> None:
@@ -188,7 +190,7 @@ class _OpenTouch:
 
 
 def _most_frequent(shapes: Sequence[ShapeClass]) -> ShapeClass:
-    """Return the most frequent class; at a tie, a shape before "unknown", as a beginning or ending touch has no shape.
+    """Return the most frequent class. A tie goes to a shape, because every touch begins and ends as "unknown".
 
     >>> _most_frequent([Shape.UNKNOWN, Shape.UNKNOWN, Shape.UNKNOWN, Shape.SQUARE, Shape.SQUARE]).value
     'unknown'
