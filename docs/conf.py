@@ -14,7 +14,7 @@ ROOT = Path(tactile_node.__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / 'docs/_ext'))
 PAGES = '' if Path('_ext').is_dir() else 'docs/'  # Sphinx runs this file in the folder that it builds.
 
-# Stop the build if an example computes with an undefined number. Otherwise its page would show a warning with a path.
+# A warning about an invalid number stops the build. Otherwise the page of the example would show it with a local path.
 warnings.filterwarnings('error', category=RuntimeWarning, module='tactile_node')
 
 project = 'tactile_skin'
@@ -41,7 +41,7 @@ napoleon_google_docstring = False
 napoleon_use_param = False  # Types such as `float (rows, cols)` are text, not links.
 napoleon_use_rtype = False
 nitpicky = True
-#: Names without a page: those of other libraries, whose indexes we do not download, and our internal names.
+#: Names that have no page here: names in other libraries, and internal names of our package.
 nitpick_ignore_regex = [('py:.*', r'(numpy|np|scipy|matplotlib|pathlib|collections|typing|enum|os)\..*'),
                         ('py:.*', r'(ArrayLike|Path|ndarray|NDArray|Axes|Any|Iterator|Mapping|Sequence|Callable)'),
                         ('py:.*', r'tactile_node\..*')]

@@ -1,7 +1,7 @@
 """Sphinx extension that replaces each mark `<!-- from the code: NAME -->` in a page with generated documentation.
 
-The module of this package with the name NAME generates the documentation from the code. The generated documentation is
-not committed, so GitHub shows nothing in place of the mark.
+The module NAME of this package generates the documentation from the code. The generated documentation is not committed,
+so GitHub shows nothing in place of the mark.
 """
 
 import re
@@ -9,8 +9,7 @@ from collections.abc import Callable
 from importlib import import_module
 
 MARK = re.compile(r'<!-- from the code: (\w+) -->')
-#: Modules of this package that generate documentation with their function `markdown`. Each module is imported only if a
-#: page needs it.
+#: Modules that generate documentation with their function `markdown`. A module is imported only if a page needs it.
 GENERATORS = ('parameters', 'counters', 'interfaces', 'graph', 'command_line', 'layout_keys', 'library', 'other_pages')
 
 

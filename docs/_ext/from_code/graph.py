@@ -25,11 +25,11 @@ from .interfaces import files_of, first_sentence
 
 PADS, NODE_IDS, LAYOUT = ['left', 'right'], [32, 64], 'sim16x16.yaml'
 NAMESPACE = 'documented'  # No other node on this machine uses this namespace.
-QUIET, TIMEOUT = 1.0, 60.0  # Time without a change after which discovery is complete, and longest time for discovery [s].
+QUIET, TIMEOUT = 1.0, 60.0  # Unchanged time that ends discovery, and longest time for discovery [s].
 EVERY_NODE = 'every node'
 OF_EVERY_NODE = ('describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
                  'list_parameters', 'set_parameters', 'set_parameters_atomically')
-#: Descriptions of topics with a standard message type, because the type does not describe their content.
+#: Descriptions of the topics that have a standard message type.
 OF_STANDARD_TYPES = {
     '<pad>/image': 'The taxels as values; NaN where invalid',
     '<pad>/image_colour': 'The taxels as colours',
@@ -48,7 +48,7 @@ class Open(NamedTuple):
 
     node: str
     name: str
-    type: str  #: Name of the type, as in package/kind/Name.
+    type: str  #: Full type name: package/kind/Name.
     quality: str = ''
 
 
@@ -76,7 +76,7 @@ def markdown() -> str:
 def linked(kind: str) -> str:
     """Return the name of a type as Markdown. For a type of this package, link to the table of its fields."""
     package, folder, name = kind.split('/')
-    # A space separates package and name, so that a line can break there in a narrow column.
+    # The space between package and name allows a line break in a narrow column.
     return f'[`{name}`](interfaces.md#{name.lower()})' if package == 'tactile_skin' else f'{package} {md.code(name)}'
 
 

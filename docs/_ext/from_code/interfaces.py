@@ -12,7 +12,7 @@ from typing import NamedTuple
 from . import markdown as md
 
 ROOT = Path(__file__).resolve().parents[3]
-#: For each folder, the heading of its part of the page, and the names of the file sections that --- separates.
+#: Heading on the page, and names of the file sections, by folder. In the files, --- separates the sections.
 KINDS = {'msg': ('Messages', ('',)), 'srv': ('Services', ('Request', 'Response')),
          'action': ('Actions', ('Goal', 'Result', 'Feedback'))}
 UNIT = re.compile(r'\s*\[([^\]]*)\]')
@@ -20,7 +20,7 @@ DECLARED = re.compile(r'(?P<type>[\w/<=]+(?:\[[^\]]*\])?)\s+(?P<name>\w+)(?:\s*=
 
 
 class Line(NamedTuple):
-    """A field or a constant, with its comment. The comment may continue on indented lines. A field has no value."""
+    """A field or a constant of an interface, with its comment. Only a constant has a ``value``."""
 
     type: str
     name: str
@@ -91,7 +91,7 @@ def _blocks(text: str) -> list[str | list[Line]]:
             if match is None:
                 raise ValueError(f'{raw!r} is neither a field nor a constant')
             found.append((Line, Line(match['type'], match['name'], match['value'], comment)))
-        elif declared and comment and found and isinstance(found[-1][1], Line):  # The indented comment continues.
+        elif declared and comment and found and isinstance(found[-1][1], Line):  # This indented line continues the comment.
             line = found[-1][1]
             found[-1] = (Line, line._replace(comment=f'{line.comment} {comment}'))
         elif comment:

@@ -18,7 +18,7 @@ def markdown() -> str:
 
 
 def sections(key: str, kind: Schema) -> Iterator[tuple[str, Schema]]:
-    """Yield the key and the schema of each mapping, an outer mapping before its inner mappings. The top key is ''."""
+    """Yield the key and the schema of each mapping, outer mappings first. The outermost mapping has the key ''."""
     yield key, kind
     for name, inner in kind['properties'].items():
         mapping = _mapping(inner)

@@ -30,7 +30,7 @@ def _table(rows: tuple[Parameter, ...]) -> str:
 
 
 def _written(default: object) -> str:
-    """Return a default value as it is written in a parameter file."""
+    """Return a default value in the syntax of a parameter file."""
     if isinstance(default, bool):
         return str(default).lower()
     if isinstance(default, tuple):
