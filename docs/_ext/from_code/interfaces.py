@@ -91,7 +91,7 @@ def _blocks(text: str) -> list[str | list[Line]]:
             if match is None:
                 raise ValueError(f'{raw!r} is neither a field nor a constant')
             found.append((Line, Line(match['type'], match['name'], match['value'], comment)))
-        elif declared and comment and found and isinstance(found[-1][1], Line):  # This indented line continues the comment.
+        elif declared and comment and found and isinstance(found[-1][1], Line):  # This line continues the comment.
             line = found[-1][1]
             found[-1] = (Line, line._replace(comment=f'{line.comment} {comment}'))
         elif comment:
