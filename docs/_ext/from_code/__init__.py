@@ -1,6 +1,7 @@
-"""Sphinx extension: `<!-- from the code: NAME -->` in a page becomes what GENERATORS[NAME] makes of the code.
+"""Sphinx extension that replaces each mark `<!-- from the code: NAME -->` in a page with generated documentation.
 
-Pages on GitHub show nothing there; nothing that is generated is committed.
+The module NAME of this package generates the documentation from the code. The generated documentation is not committed,
+so GitHub shows nothing in place of the mark.
 """
 
 import re
@@ -8,12 +9,21 @@ from collections.abc import Callable
 from importlib import import_module
 
 MARK = re.compile(r'<!-- from the code: (\w+) -->')
-#: module of this package, imported when a page needs it; each has a function `markdown`
+#: Modules that generate documentation with their function `markdown`. A module is imported only if a page needs it.
 GENERATORS = ('parameters', 'counters', 'interfaces', 'graph', 'command_line', 'layout_keys', 'library', 'other_pages')
 
 
 def filled(text: str, missing: Callable[[str, ModuleNotFoundError], str]) -> str:
-    """Return a page with each mark replaced; ``missing`` says what stands there without a module the code needs."""
+    """Return the text of a page with each mark replaced by generated documentation.
+
+    Parameters
+    ----------
+    text : str
+        Text of the page.
+    missing : Callable[[str, ModuleNotFoundError], str]
+        Function that returns the replacement for a mark if a Python module for its generator is not installed. The
+        arguments are the name in the mark and the error.
+    """
     return MARK.sub(lambda mark: _generated(mark[1], missing), text)
 
 
@@ -28,7 +38,10 @@ def _generated(name: str, missing: Callable[[str, ModuleNotFoundError], str]) ->
 
 def shortened(app, what: str, name: str, thing: object, options: object, signature: str | None,
               returned: str | None) -> tuple[str, str | None] | None:
-    """Write NumPy's ArrayLike by its name: it is a union of ten types, and Python does not keep the name."""
+    """Return a signature in which NumPy's ArrayLike has its short name.
+
+    ArrayLike is a union of ten types, and Sphinx would print all ten.
+    """
     from numpy.typing import ArrayLike
     from sphinx.util.typing import stringify_annotation
     written = stringify_annotation(ArrayLike, 'smart')
@@ -41,8 +54,9 @@ def setup(app) -> dict[str, bool]:
 
     def fill(app, page: str, content: list[str]) -> None:
         def missing(name: str, error: ModuleNotFoundError) -> str:
-            logger.warning('%s: %s is not generated without the module %s', page, name, error.name)
-            return f'*Not in this build: it needs the Python module {error.name}.*'
+            logger.warning('%s: cannot generate the part %s, because the Python module %s is not installed', page, name,
+                           error.name)
+            return f'*This build does not contain this part, because the Python module {error.name} was not installed.*'
         content[0] = filled(content[0], missing)
 
     app.connect('source-read', fill)

@@ -1,4 +1,4 @@
-"""The sub-commands of `tactile`, from their argument parsers."""
+"""Generate the help texts of all sub-commands of `tactile` from their argument parsers."""
 
 import argparse
 import os
@@ -6,7 +6,7 @@ from unittest import mock
 
 from tactile_node.cli.main import COMMANDS, _parser
 
-WIDTH = '100'  # of what argparse writes
+WIDTH = '100'  # Columns of the help texts.
 
 
 def markdown() -> str:
@@ -20,7 +20,7 @@ def markdown() -> str:
 
 
 def parser_of(name: str) -> argparse.ArgumentParser:
-    """The parser of one sub-command."""
+    """Return the argument parser of a sub-command."""
     return _below(_parser(name))[name]
 
 

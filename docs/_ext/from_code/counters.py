@@ -1,4 +1,4 @@
-"""The counters of a driver, from the tables of `tactile_node/assembly/counters.py`."""
+"""Generate the tables of the driver's counters from `tactile_node/assembly/counters.py`."""
 
 from collections.abc import Iterable, Iterator
 
@@ -16,7 +16,7 @@ def markdown() -> str:
 
 
 def listed(rows: Iterable[counters.Counter]) -> Iterator[tuple[str, str]]:
-    """Give the name and the meaning of each counter."""
+    """Yield the name and the meaning of each counter."""
     return ((row.name, row.meaning) for row in rows)
 
 

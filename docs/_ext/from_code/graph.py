@@ -1,4 +1,4 @@
-"""Topics, services and actions: what the nodes of two simulated pads have open, asked of the running nodes."""
+"""Generate the tables of topics, services and actions by querying running nodes with two simulated pads."""
 
 import re
 import time
@@ -24,12 +24,12 @@ from . import markdown as md
 from .interfaces import files_of, first_sentence
 
 PADS, NODE_IDS, LAYOUT = ['left', 'right'], [32, 64], 'sim16x16.yaml'
-NAMESPACE = 'documented'  # other nodes on this machine do not have it
-QUIET, TIMEOUT = 1.0, 60.0  # s without a change after which discovery is over; for a busy machine
+NAMESPACE = 'documented'  # No other node on this machine uses this namespace.
+QUIET, TIMEOUT = 1.0, 60.0  # Unchanged time that ends discovery, and longest time for discovery [s].
 EVERY_NODE = 'every node'
 OF_EVERY_NODE = ('describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
                  'list_parameters', 'set_parameters', 'set_parameters_atomically')
-#: What topics of ours are whose type does not say it.
+#: Descriptions of the topics that have a standard message type.
 OF_STANDARD_TYPES = {
     '<pad>/image': 'The taxels as values; NaN where invalid',
     '<pad>/image_colour': 'The taxels as colours',
@@ -41,11 +41,14 @@ OF_STANDARD_TYPES = {
 
 
 class Open(NamedTuple):
-    """What one kind of node has open; names without the namespace of the bus, a pad written <pad>."""
+    """A topic, service or action of a node.
+
+    The name does not contain the namespace of the bus, and <pad> replaces the name of the pad.
+    """
 
     node: str
     name: str
-    type: str  #: package/kind/Name
+    type: str  #: Full type name: package/kind/Name.
     quality: str = ''
 
 
@@ -71,9 +74,9 @@ def markdown() -> str:
 
 
 def linked(kind: str) -> str:
-    """The type, for one of ours with a link to its fields."""
+    """Return the name of a type as Markdown. For a type of this package, link to the table of its fields."""
     package, folder, name = kind.split('/')
-    # Apart, so that a narrow column can break between them.
+    # The space between package and name allows a line break in a narrow column.
     return f'[`{name}`](interfaces.md#{name.lower()})' if package == 'tactile_skin' else f'{package} {md.code(name)}'
 
 
@@ -88,7 +91,7 @@ def about(kind: str) -> str:
 
 
 def running_graph() -> Graph:
-    """Start the nodes of two simulated pads, ask for what they have open, and end them."""
+    """Start the nodes of two simulated pads, return their topics, services and actions, and stop the nodes."""
     with ExitStack() as stack:
         stack.enter_context(_ros())
         pads = with_dictionaries(make_pads([LAYOUT], NODE_IDS, PADS), [''])
@@ -124,7 +127,7 @@ def _settled(ask: Callable[[], Graph]) -> Graph:
         elif time.monotonic() - since > QUIET:
             return now
         time.sleep(0.1)
-    raise TimeoutError('the graph of the nodes does not settle')
+    raise TimeoutError(f'expected a stable ROS graph within {TIMEOUT:g} s, but it kept changing; reduce the CPU load')
 
 
 def _asked(watcher: Node, nodes: tuple[Node, ...]) -> Graph:
@@ -141,7 +144,10 @@ def _asked(watcher: Node, nodes: tuple[Node, ...]) -> Graph:
 
 
 def _generic(found: set[Open]) -> tuple[Open, ...]:
-    """Names as in any namespace, one row for both pads; what many nodes have open is of every node."""
+    """Return one row for each name, without the namespace and with <pad> in place of the name of a pad.
+
+    If several nodes provide the same name, the row names EVERY_NODE.
+    """
     by_name: dict[tuple[str, str], set[Open]] = {}
     for each in found:
         name = re.sub(f'^/{NAMESPACE}/(({"|".join(PADS)})(?=/))?', lambda match: '<pad>' if match[1] else '', each.name)
@@ -155,7 +161,7 @@ def _generic(found: set[Open]) -> tuple[Open, ...]:
 
 
 def _quality(watcher: Node, topic: str, node: str) -> str:
-    """Reliability, and durability unless it is the usual one."""
+    """Return the reliability of a topic, and its durability if it is transient local."""
     profiles: list[QoSProfile] = [info.qos_profile for info in watcher.get_publishers_info_by_topic(topic)
                                   if info.node_name == node]
     if not profiles:

@@ -1,7 +1,7 @@
-"""Messages, services and actions, field by field, from msg/, srv/ and action/.
+"""Generate the tables of all message, service and action fields from the files in msg/, srv/ and action/.
 
-rosidl_adapter reads these files too, but gives a comment above several fields to the first of them alone and separates
-constants from fields; here both stay where the author wrote them.
+The module does not use rosidl_adapter, because rosidl_adapter assigns a comment above several fields to the first of
+these fields, and separates constants from fields. This module keeps comments and constants in the order of the file.
 """
 
 import re
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from . import markdown as md
 
 ROOT = Path(__file__).resolve().parents[3]
-#: folder -> heading, names of the parts that --- separates
+#: Heading on the page, and names of the file sections, by folder. In the files, --- separates the sections.
 KINDS = {'msg': ('Messages', ('',)), 'srv': ('Services', ('Request', 'Response')),
          'action': ('Actions', ('Goal', 'Result', 'Feedback'))}
 UNIT = re.compile(r'\s*\[([^\]]*)\]')
@@ -20,7 +20,7 @@ DECLARED = re.compile(r'(?P<type>[\w/<=]+(?:\[[^\]]*\])?)\s+(?P<name>\w+)(?:\s*=
 
 
 class Line(NamedTuple):
-    """A constant (with a value) or a field, with the comment beside it and on the indented lines below."""
+    """A field or a constant of an interface, with its comment. Only a constant has a ``value``."""
 
     type: str
     name: str
@@ -41,7 +41,7 @@ def files_of(folder: str) -> list[Path]:
 
 
 def first_sentence(path: Path) -> str:
-    """What the interface is, by the first sentence of its file."""
+    """Return the first sentence of the comment at the top of an interface file."""
     top = path.read_text(encoding='utf-8').split('\n---\n')[0]
     text = next((block for block in _blocks(top) if isinstance(block, str)), '')
     return re.split(r'(?<=[a-z)])[.:;](?: |$)', text)[0]
@@ -60,7 +60,7 @@ def page_part(path: Path) -> str:
 
 
 def _table(blocks: list[str | list[Line]]) -> str:
-    """A paragraph among the fields is a row without a name."""
+    """Return the table of an interface. A comment paragraph between fields becomes a row without a name."""
     rows = []
     for block in blocks:
         rows += [('', '', '', f'*{md.prose(block)}*')] if isinstance(block, str) else map(_row, block)
@@ -74,13 +74,13 @@ def _row(line: Line) -> tuple[str, str, str, str]:
 
 
 def _linked(kind: str) -> str:
-    """A type, one of our own with a link to its fields."""
+    """Return the name of a type as Markdown. For a message of this package, link to the table of its fields."""
     name = kind.split('[')[0]
     return f'[{md.code(kind)}](#{name.lower()})' if (ROOT / f'msg/{name}.msg').is_file() else md.code(kind)
 
 
 def _blocks(text: str) -> list[str | list[Line]]:
-    """Paragraphs of comment, and lists of the lines that follow without one, in the order of the file."""
+    """Return comment paragraphs (str) and groups of adjacent fields and constants (list), in the order of the file."""
     found: list[tuple[object, str | Line]] = []
     paragraph, before = 0, ''
     for raw in text.splitlines():
@@ -91,7 +91,7 @@ def _blocks(text: str) -> list[str | list[Line]]:
             if match is None:
                 raise ValueError(f'{raw!r} is neither a field nor a constant')
             found.append((Line, Line(match['type'], match['name'], match['value'], comment)))
-        elif declared and comment and found and isinstance(found[-1][1], Line):  # indented: of the line above
+        elif declared and comment and found and isinstance(found[-1][1], Line):  # This line continues the comment.
             line = found[-1][1]
             found[-1] = (Line, line._replace(comment=f'{line.comment} {comment}'))
         elif comment:

@@ -1,4 +1,4 @@
-"""The keys of a skin layout, from config/skin_layout.schema.json."""
+"""Generate the tables of layout keys from config/skin_layout.schema.json."""
 
 import json
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ def markdown() -> str:
 
 
 def sections(key: str, kind: Schema) -> Iterator[tuple[str, Schema]]:
-    """Every mapping with the key it stands under ('' at the top), those inside after it."""
+    """Yield the key and the schema of each mapping, outer mappings first. The outermost mapping has the key ''."""
     yield key, kind
     for name, inner in kind['properties'].items():
         mapping = _mapping(inner)
@@ -29,7 +29,10 @@ def sections(key: str, kind: Schema) -> Iterator[tuple[str, Schema]]:
 
 
 def _mapping(kind: Schema) -> Schema | None:
-    """What has keys: the value, one form of it, or an entry of the list."""
+    """Return the schema of a mapping, or None if the value contains no mapping.
+
+    The mapping is the value itself, one of its alternatives, or an entry of a list.
+    """
     forms = [kind, kind.get('items', {}), *kind.get('anyOf', ())]
     return next((form for form in forms if 'properties' in form), None)
 
@@ -43,7 +46,7 @@ def _section(key: str, kind: Schema) -> str:
 
 
 def written(kind: Schema) -> str:
-    """What may stand there, in short."""
+    """Return a short description of the values that a schema allows."""
     if 'enum' in kind:
         return ', '.join(map(str, kind['enum']))
     if 'anyOf' in kind:

@@ -1,4 +1,4 @@
-"""What `import tactile_node as tn` offers, by its docstrings."""
+"""Generate the list of public names of `import tactile_node as tn` from their docstrings."""
 
 import inspect
 

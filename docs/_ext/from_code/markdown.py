@@ -1,10 +1,10 @@
-"""Pieces of Markdown."""
+"""Write tables, code and prose in Markdown."""
 
 from collections.abc import Iterable, Sequence
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table; a bar or a line break within a cell does not break it.
+    """Return a Markdown table. Bars in cells are escaped, and line breaks in cells become spaces.
 
     >>> print(table(('a', 'b'), [('1', 'x | y')]))
     | a | b |
@@ -16,12 +16,12 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def code(text: object) -> str:
-    """Return ``text`` as code; nothing for nothing."""
+    """Return ``text`` as inline code, or an empty string for an empty text."""
     return f'`{text}`' if str(text) else ''
 
 
 def prose(text: str) -> str:
-    """Return a comment of a message file as Markdown: what is neither code nor a link there stays as it is written.
+    """Return a comment from a message file as Markdown, with ``<``, ``*``, ``[`` and ``]`` escaped.
 
     >>> prose('on <pad>/shape, see 2*pi and tpdo_ages')
     'on \\\\<pad>/shape, see 2\\\\*pi and tpdo_ages'

@@ -1,4 +1,4 @@
-"""The pages of docs/ that no list in docs/index.rst names, as lines of a list there."""
+"""Generate toctree entries for the pages in docs/ that docs/index.rst does not list."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,7 +13,7 @@ def markdown() -> str:
 
 
 def others(index: str, pages: Iterable[str]) -> list[str]:
-    """Return the pages that are not in ``index``, by name.
+    """Return the pages that ``index`` does not list, sorted by name.
 
     >>> others('   hardware\\n   <!-- -->', ['view', 'hardware', 'README'])
     ['view']

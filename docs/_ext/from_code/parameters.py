@@ -1,4 +1,4 @@
-"""The parameters of every node, from the tables by which the nodes declare them."""
+"""Generate the tables of all node parameters from the settings classes with which the nodes declare them."""
 
 import math
 
@@ -8,14 +8,14 @@ from tactile_node.ros.parameters import NodeSettings, Parameter, table
 
 from . import markdown as md
 
-#: name of the node -> its settings, in the order of the data
+#: Settings class of each node, in the order in which data passes through the nodes.
 NODES = {'skin_driver': settings.DriverSettings, 'processor': settings.ProcessorSettings,
          'classifier': settings.ClassifierSettings, 'grasp': settings.GraspNodeSettings,
          'touch_gripper': GripperSettings}
 
 
 def markdown() -> str:
-    """A table for the parameters that all nodes have, and one for each node."""
+    """Return one table for the parameters that all nodes have in common, and one table for each node."""
     common = {row.name for row in table(NodeSettings)}
     parts = ['## Of every node', _table(table(NodeSettings))]
     for node, kind in NODES.items():
@@ -30,7 +30,7 @@ def _table(rows: tuple[Parameter, ...]) -> str:
 
 
 def _written(default: object) -> str:
-    """As a parameter file has it."""
+    """Return a default value in the syntax of a parameter file."""
     if isinstance(default, bool):
         return str(default).lower()
     if isinstance(default, tuple):
