@@ -1,6 +1,8 @@
-"""The chain on two hosts that are joined by a bad link: no false state is believed, and no loss is silent.
+"""Run the chain on two hosts that are joined by a bad link. No consumer believes a false state, and every loss is
+reported.
 
-The hosts find each other by a discovery server, or with TACTILE_LONG by address. test_hosts.py has the other way.
+The hosts find each other through a discovery server, or by address with TACTILE_LONG. test_hosts.py tests the opposite
+choice.
 """
 
 import json
@@ -47,9 +49,9 @@ def missed_since(world, since) -> int:
 
 
 def test_a_link_that_loses_and_delays(world):
-    """Gaps reveal the missed frames, which are counted.
+    """Missed frames leave gaps in the sequence, and the subscriber counts them.
 
-    No false state is believed, even after the object is removed.
+    No consumer believes a false state, even after the object is removed.
     """
     before, since = world.skipped('/grasp'), time.monotonic()
     world.hosts.set(loss=0.05, delay=0.02, jitter=0.01)
@@ -75,11 +77,11 @@ def waiting_bytes(world) -> int:
 
 
 def test_a_link_that_carries_less_than_is_sent(world):
-    """A full socket must not delay the driver. Without the profile, it would."""
+    """A full socket must not delay the driver. Without the DDS profile, a full socket delays the driver."""
     shaped = 'tc', 'qdisc', 'replace', 'dev', 'tun0', 'root'
     try:
         world.hosts.first.run(*shaped, 'tbf', 'rate', LINK_RATE, 'burst', '10kb', 'latency', '20s')
-    except NoHostsError as error:  # The kernel has no token bucket filter.
+    except NoHostsError as error:  # This kernel has no token bucket filter.
         pytest.skip(str(error))
     since = time.monotonic()
     world.wait(lambda: waiting_bytes(world) > SOCKET_ROOM / 3, 'the socket to be nearly full')
