@@ -81,8 +81,8 @@ def test_devices_and_bus_of_a_session(whole):
     assert (0x1008, 0) not in node.objects and (0x1018, 4) not in node.objects
     assert [change.state for change in node.nmt] == [0x00, 0x05] and node.heartbeats == 48
     assert [command.command for command in whole.bus.commands] == [0x80, 0x80, 0x01, 0x01, 0x80, 0x80]
-    # There are 25 sweeps a second: a SYNC of at most 55 bits, and 64 TPDOs of 135 bits. Each node sends ten heartbeats
-    # of one byte, with 65 bits each.
+    # The bus carries 25 sweeps a second, each with a SYNC of at most 55 bits and 64 TPDOs of 135 bits. Each node also
+    # sends ten heartbeats a second, each with one byte and 65 bits.
     assert whole.bus.load.bit_rates[3] == 25 * (55 + 64 * 135) + 20 * 65
     assert whole.bus.load.shares[3] == pytest.approx(0.218675)
     assert [round(gap.seconds, 2) for gap in whole.bus.gaps] == [1.75]
@@ -108,7 +108,7 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
     for k, line in enumerate(lines):
         out += [short] if k == tpdos[15] else [] if k == tpdos[5] else [line]
         if k == tpdos[8]:
-            out.append(line)  # This line is doubled.
+            out.append(line)  # This line appears twice in the log.
         out += changed[k]
     report = report_of(logged(tmp_path / 'x.log', out))
     left, right = report.pads
@@ -123,7 +123,7 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
                 (Remark.EMERGENCIES, '32'): 1, (Remark.BOOTED_AGAIN, '64'): 1, (Remark.NODE_OF_NO_PAD, '5'): 1}
     assert expected.items() <= found_in(report).items()
     with_gaps = left.health.by_status[TaxelStatus.STALE]
-    assert with_gaps.sum() == 2 * 8 and with_gaps.max() == 2  # The TPDO has 8 taxels and is affected twice.
+    assert with_gaps.sum() == 2 * 8 and with_gaps.max() == 2  # The TPDO with 8 taxels has no valid data in two sweeps.
     assert (marks_of(left.health) == Mark.SOME_MISSING).sum() == 8
 
 
@@ -308,7 +308,7 @@ def test_counts_of_the_driver_are_those_within_the_recording():
     record = StatusRecord()
     for k, each in enumerate((status(late=5, emcy=2), status(late=8, emcy=3), status(late=1, emcy=0))):
         record.feed_status(BEGIN + k, each)
-    # The late count rises by 3. Then the driver restarts, and its count of 1 is added.
+    # The count of late TPDOs rises by 3. The driver then restarts, and its new count of 1 is added.
     assert dict(record.losses('robot/left')) == {'late': 4, 'short': 7}
     assert record.losses('right') is None
     node, = record.nodes()
