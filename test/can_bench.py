@@ -1,4 +1,4 @@
-"""Helpers that the CAN tests share: a pad that is small enough to compute by hand, a driver and a skin on one bus."""
+"""Helpers that the CAN tests share: a pad small enough to compute by hand, and a driver and a skin on one bus."""
 
 import os
 import pty
@@ -30,21 +30,22 @@ INTERFACE = os.environ.get('TACTILE_TEST_INTERFACE', 'virtual')
 
 
 def channel_of(name: str) -> str:
-    """Return the channel that a test uses as its own bus."""
+    """Return the name of the bus that only this test uses."""
     return name if INTERFACE == 'virtual' else 'vcan0'
 
 
 class TooSlowError(AssertionError):
-    """The machine was too slow for real time, so the test proves nothing. conftest.py skips such a test."""
+    """Raised if the machine was too slow for real time, so that the test proves nothing. conftest.py then skips the
+    test."""
 
 
 def is_overloaded() -> bool:
-    """Return True if more processes than processors have waited in the last minute."""
+    """Return True if the mean load of the last minute exceeds 1.5 processes per processor."""
     return os.getloadavg()[0] > 1.5 * (os.cpu_count() or 1)
 
 
 class Served:
-    """Context with a hand-written device. Its ``_serve`` runs on a thread until ``_ends`` is set."""
+    """Context manager for a hand-written device. Its ``_serve`` runs on a thread until ``_ends`` is set."""
 
     def __init__(self, channel: str):
         self._bus = can.Bus(channel, interface=INTERFACE)
