@@ -1,5 +1,6 @@
-"""Message packages that are not on PyPI. If ROS does not provide a package, this module builds it or generates its
-Python classes.
+"""Message packages that are not on PyPI.
+
+If ROS does not provide a package, this module builds it or generates its Python classes.
 
 A package is built once, which takes 20 s of processor time, and its messages can be sent. Generating the Python classes
 takes 1 s, but their messages cannot be sent.
@@ -101,8 +102,10 @@ def built_messages(name: str, folder: Path) -> Iterator[None]:
 
 @contextmanager
 def generated_messages(name: str) -> Iterator[None]:
-    """Make package ``name`` importable. If it is not installed, only its Python classes are generated, which DDS cannot
-    send."""
+    """Make package ``name`` importable.
+
+    If it is not installed, only its Python classes are generated, which DDS cannot send.
+    """
     if importlib.util.find_spec(name):
         yield
         return
@@ -129,8 +132,10 @@ def _importable(name: str, modules: Path) -> Iterator[None]:
 
 
 def environment_with(name: str) -> dict[str, str]:
-    """Return the environment for a process that imports package ``name``. The package must be importable in this
-    process."""
+    """Return the environment for a process that imports package ``name``.
+
+    The package must be importable in this process.
+    """
     modules = Path(importlib.import_module(name).__file__).parents[1]
     paths = {'PYTHONPATH': modules, 'LD_LIBRARY_PATH': modules.parents[2] / 'lib'}
     return {**os.environ, **{key: f'{path}:{os.environ.get(key, "")}' for key, path in paths.items()}}

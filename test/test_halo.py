@@ -1,5 +1,7 @@
-"""A cover over the skin may spread a load to neighbouring taxels. The contact must end at the edge of the load itself,
-and not at the edge of the spread load."""
+"""A cover over the skin may spread a load to neighbouring taxels.
+
+The contact must end at the edge of the load itself, and not at the edge of the spread load.
+"""
 
 import numpy as np
 import pytest
@@ -24,8 +26,10 @@ def carried(load, share, reach=3.0):
 
 
 def quiet(shape):
-    """Return the values of a pad at rest, which are close to 0. With exact zeros, the pad could be taken for an on/off
-    pad."""
+    """Return the values of a pad at rest, which are close to 0.
+
+    With exact zeros, the pad could be taken for an on/off pad.
+    """
     frame = np.zeros(shape)
     frame[0, 0] = 1e-4
     frame[3, 3] = 2e-4

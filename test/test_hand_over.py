@@ -1,5 +1,7 @@
-"""Within one process, nodes pass their results to each other by function calls. The published output is the same as
-with messages."""
+"""Within one process, nodes pass their results to each other by function calls.
+
+The published output is the same as with messages.
+"""
 
 import importlib
 import os
@@ -55,8 +57,10 @@ def until(condition, timeout=TIMEOUT):
 
 
 class Process:
-    """Runs the nodes of two pads in one process, and a subscriber in another context. The test supplies the taxel
-    frames."""
+    """Runs the nodes of two pads in one process, and a subscriber in another context.
+
+    The test supplies the taxel frames.
+    """
 
     def __init__(self, stack_nodes=(), **every):
         self.system = System(bus_nodes(['left', 'right'], driver={'autostart': False}, every=every)[:-1])
@@ -185,8 +189,10 @@ def test_an_exception_of_a_stage_is_counted_and_the_others_go_on(monkeypatch):
 
 
 def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
-    """Like a subscription, the slot of a blocked stage keeps only the newest frames. Dropped frames leave gaps in the
-    sequence."""
+    """Like a subscription, the slot of a blocked stage keeps only the newest frames.
+
+    Dropped frames leave gaps in the sequence.
+    """
     blocked = 5.0 if os.environ.get('TACTILE_LONG') else 1.0
     with Process(queue_depth=10) as process:
         stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
@@ -233,8 +239,10 @@ def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
 
 
 def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
-    """If the newer contact came first, the next contact of the other pad would be processed in between. No grasp would
-    then have both pads of one SYNC."""
+    """If the newer contact came first, the next contact of the other pad would be processed in between.
+
+    No grasp would then have both pads of one SYNC.
+    """
     process, answered = Process(), []
     try:
         for pad in ('left', 'right'):
@@ -321,8 +329,10 @@ def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(m
 
 
 def test_a_bag_that_records_everything_changes_no_count():
-    """Every message is published for the bag. The stages still pass results by calls, and receive none of the published
-    messages."""
+    """Every message is published for the bag.
+
+    The stages still pass results by calls, and receive none of the published messages.
+    """
     with Process() as process:
         topics = {name: kind for name, kind in frame_topics(['left', 'right']).items() if not name.endswith('taxels')}
         heard = {name: heard_by(process.peer, getattr(importlib.import_module(f'{package}.msg'), kind), name)

@@ -17,7 +17,8 @@ from tactile_node.grasp.tracker import GraspContact
 FORCE = 5.0          # N
 PERIOD = 0.02        # s
 LOOK = 0.005         # s
-# Together these two delays [s] are less than the latency.
+
+# The sum of these two delays [s] is less than the latency.
 SEEN_AFTER = 0.02
 OBEYS_AFTER = 0.015
 LIMITS, HOLD = TouchLimits(), HoldLimits()
@@ -138,8 +139,9 @@ def test_without_a_measured_opening_it_never_opens():
 @pytest.mark.parametrize('noise', [0.0, 0.4])
 @pytest.mark.parametrize('offset', [-3.0, 3.0])
 def test_no_correction_causes_another(stiffness, step, noise, offset):
-    """All corrections must have the same sign, whatever the size of a gripper step. ``offset`` [N] is the error of the
-    force that the control must correct.
+    """All corrections must have the same sign, whatever the size of a gripper step.
+
+    ``offset`` [N] is the error of the force that the control must correct.
 
     At the stiffness that the limits assume, one correction must be enough. One gripper step changes the force by up to
     1 N, which is larger than any other effect in this test.

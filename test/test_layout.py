@@ -222,8 +222,10 @@ def refusal(path: Path, layout: dict, read=load_layout) -> ConfigurationError | 
 
 
 def relates_keys(change: str) -> bool:
-    """Return True if the change affects a limit that depends on other keys. A JSON schema cannot express a limit of
-    this kind."""
+    """Return True if the change affects a limit that depends on other keys.
+
+    A JSON schema cannot express a limit of this kind.
+    """
     return bool(re.search(r"'(offset|start_bit|bit_step|repeat)'|'domain', 'bytes'", change))
 
 

@@ -1,5 +1,7 @@
-"""Taxels that stay on after a release count as hidden. The pad is never reported as empty while an object presses
-it."""
+"""Taxels that stay on after a release count as hidden.
+
+The pad is never reported as empty while an object presses it.
+"""
 
 import os
 
@@ -56,8 +58,10 @@ HELD = {
 @pytest.mark.parametrize(('name', 'unit'), [(name, unit) for i, name in enumerate(HELD)
                                             for j, unit in enumerate(('Pa', None)) if LONG or (i + j) % 2 == 0])
 def test_a_pad_is_not_empty_while_something_presses_it(name, unit):
-    """A gripper that opens when the pad is reported empty would drop the object. With TACTILE_LONG, each mask is tested
-    with and without a pressure unit."""
+    """A gripper that opens when the pad is reported empty would drop the object.
+
+    With TACTILE_LONG, each mask is tested with and without a pressure unit.
+    """
     for mask, pattern in states(HELD[name], unit=unit):
         assert pattern.contacts or not pattern.pad_seen, f'{mask.sum()} taxels on'
         assert pattern.contacts or not visibility_of(pattern).pad_seen, f'{mask.sum()} taxels on'

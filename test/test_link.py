@@ -1,5 +1,6 @@
-"""Run the chain on two hosts that are joined by a bad link. No consumer believes a false state, and every loss is
-reported.
+"""Run the chain on two hosts that are joined by a bad link.
+
+No consumer believes a false state, and every loss is reported.
 
 The hosts find each other through a discovery server, or by address with TACTILE_LONG. test_hosts.py tests the opposite
 choice.
@@ -20,8 +21,9 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 LONG = bool(os.environ.get('TACTILE_LONG'))
 FRAME_PERIOD = 0.08  # Time between two frames [s], long enough for a busy machine.
 LOOK_SECONDS = 3.0
-LINK_RATE = '50kbit'  # A small part of what the taxels need, even if a busy machine is late with every frame.
-#: Bytes of waiting packets that Linux allows a socket. With the headers of the kernel, this is about twice the payload.
+#: A small part of the rate that the taxels need, even if a busy machine sends every frame late.
+LINK_RATE = '50kbit'
+#: Number of bytes in waiting packets that Linux allows per socket, about twice the payload because of kernel headers.
 SOCKET_ROOM = int(Path('/proc/sys/net/core/wmem_default').read_text(encoding='ascii'))
 DDS_PROFILE = Path(__file__).resolve().parents[1] / 'examples' / 'fastdds_link.xml'
 #: With LOCALHOST, rmw_fastrtps uses another transport, whatever the profile says.

@@ -58,13 +58,15 @@ def outcome(tmp_path, *lines, **options):
     (), RIGHT, mapped(1, 0x20000110, by=download),
     # The device first had another mapping, which was then overwritten.
     (*mapped(2, 0x20000310), *mapped(2, 0x20000210, by=download)),
-    (*mapped(2, 0x20000310), download(0x1A01, 1, 0x20000210)[0]),  # The log does not contain the answer.
+    # The log does not contain the response.
+    (*mapped(2, 0x20000310), download(0x1A01, 1, 0x20000210)[0]),
     # The device may have restored another saved mapping.
     *((*mapped(2, 0x20000310), f'(0.2) can0 701#{boot}') for boot in ('00', '0000', '80')),
-    mapped(2, 0x20000310)[1::2],  # Answers without requests.
+    mapped(2, 0x20000310)[1::2],  # The log contains responses without requests.
     (*mapped(2, 0x20000210), *download(0x1A01, 1, 0x20000310, answer='80')),  # The device refused the write.
-    (*RIGHT, *download(0x1801, 1, 0x80000281)),  # This write is still in the device's queue.
-    # This is another node.
+    # This write is still in the device's queue.
+    (*RIGHT, *download(0x1801, 1, 0x80000281)),
+    # These frames belong to another node.
     tuple(line.replace('601#', '602#').replace('581#', '582#') for line in mapped(2, 0x20000310)),
     (*mapped(9, 0x20000310), *upload(0x1808, 1, 0x80000281))])  # The device has no TPDO with this number.
 def test_a_set_up_that_fits_or_is_not_known_is_played(tmp_path, set_up):
@@ -130,8 +132,10 @@ def test_of_several_nodes_each_is_judged_by_its_own_part_of_the_layout(tmp_path)
 @pytest.mark.parametrize(('own', 'strangers'), [
     ('#05', {}), ('#0500', {}), ('#', {'pad': [17]}), ('#R', {'pad': [17]})])
 def test_a_request_to_a_node_is_not_heard_as_the_node(tmp_path, own, strangers):
-    """A master guards node 1, but the bus has only node 17. One of the node's TPDOs has a COB-ID that belongs to the
-    pad."""
+    """A master guards node 1, but the bus has only node 17.
+
+    One of the node's TPDOs has a COB-ID that belongs to the pad.
+    """
     pad = PadSettings('pad', (1,), tiny_layout(tmp_path, TINY.replace('0x280', '0x190')))
     _, source = play(tiny_log(tmp_path, '(0.1) can0 711#05', f'(0.2) can0 701{own}', *SWEEP), (pad,))
     assert source.heard.strangers() == strangers

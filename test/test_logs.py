@@ -59,8 +59,10 @@ def test_ring_session_accounts_for_every_can_frame():
 
 
 def test_ring_session_shows_the_ring():
-    """The README of the recording states that a ring is visible while it is pressed. After the release, 9 to 29 taxels
-    remain on."""
+    """The README of the recording states that a ring is visible while it is pressed.
+
+    After the release, 9 to 29 taxels remain on.
+    """
     frames, _ = play(RING, nus_pad())
     stamps = np.array([frame.stamp for _, frame in frames])
     values = np.array([frame.values for _, frame in frames])

@@ -1,5 +1,6 @@
-"""Long recordings: several files are read as one recording, starting at any time. A damaged chunk costs only the frames
-in it.
+"""Long recordings: several files are read as one recording, starting at any time.
+
+A damaged chunk costs only the frames in it.
 
 A damaged file must not give a reader a wrong value. The reader must neither report the rest of an hour as lost, nor
 read the gap as a skin at rest. One file of ten must not be read as the whole recording, nor two recordings as one.
@@ -287,8 +288,10 @@ def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path
 
 @pytest.mark.slow
 def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
-    """If a bit outside the chunks' content is flipped, either no frame is lost or the damage is reported. A flipped bit
-    never changes a frame."""
+    """If a bit outside the chunks' content is flipped, either no frame is lost or the damage is reported.
+
+    A flipped bit never changes a frame.
+    """
     path, copy = can_log(tmp_path / 'x.mcap'), tmp_path / 'y.mcap'
     data, random = path.read_bytes(), np.random.default_rng(5)
     inside = np.zeros(len(data), bool)
@@ -309,8 +312,10 @@ def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize('is_missing', [False, True])
 def test_no_taxel_frame_is_made_of_what_was_before_a_gap_and_what_came_after(tmp_path, is_missing):
-    """Chunks and files end in the middle of sweeps. Sweep k has the value k in all taxels, so that a mixture of sweeps
-    is recognised."""
+    """Chunks and files end in the middle of sweeps.
+
+    Sweep k has the value k in all taxels, so that a mixture of sweeps is recognised.
+    """
     layout, names = load_layout('sim16x16.yaml'), [tmp_path / 'x.mcap', *(tmp_path / f'x_part{n}.mcap' for n in (2, 3))]
     messages = []
     for k in range(100):

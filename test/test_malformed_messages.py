@@ -263,8 +263,10 @@ TABLE = {
 
 
 def cases_of(check) -> list[tuple[Change | None, R]]:
-    """Return the changes to a good message, each with the reason for which the message is rejected. The change None
-    represents a default-constructed message."""
+    """Return the changes to a good message, each with the reason for which the message is rejected.
+
+    The change None represents a default-constructed message.
+    """
     _, default, tables = TABLE[check]
     return [(None, default), *((change, reason) for table in tables for reason, changes in table.items()
                                for change in changes)]
@@ -408,8 +410,10 @@ def chain(ros):
 
 
 def send_all(chain, publisher, good, cases, results) -> dict[str, int]:
-    """After each malformed message, send a good message, whose result must arrive. Return the number of dropped
-    messages by reason."""
+    """After each malformed message, send a good message, whose result must arrive.
+
+    Return the number of dropped messages by reason.
+    """
     expected: dict[str, int] = {}
     for sequence, (change, reason) in enumerate(cases, start=1):
         publisher.publish(malformed(good, change, sequence))
@@ -580,8 +584,10 @@ def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
 
 
 def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch):
-    """The middleware matches both versions by the name of the type. Only the hash of the type description differs (REP
-    2011)."""
+    """The middleware matches both versions by the name of the type.
+
+    Only the hash of the type description differs (REP 2011).
+    """
     subscription, received = guarded(chain)
     publisher = chain.publisher(TaxelArray, 'taxels')
     publisher.publish(with_sequence(7))

@@ -86,8 +86,10 @@ def test_a_ball_follows_hertz():
 @pytest.mark.parametrize('name', INDENTERS)
 @pytest.mark.parametrize('tilt', [(0.0, 0.0), (0.5, -0.4)])
 def test_where_pressure_is_there_is_no_gap(name, tilt):
-    """The solution must satisfy the complementarity conditions p >= 0, gap >= 0 and p gap = 0. The test computes the
-    gap from the pressure again."""
+    """The solution must satisfy the complementarity conditions p >= 0, gap >= 0 and p gap = 0.
+
+    The test computes the gap from the pressure again.
+    """
     indenter, cell = INDENTERS[name], 1 / 32
     width, height = (int(round((high - low) / cell)) for low, high in zip(indenter.low, indenter.high))
     x = np.linspace(indenter.low[0], indenter.high[0], 2 * width + 1)[1::2]

@@ -1,5 +1,6 @@
-"""A consumer that reads only the latest message must not be misled. `make misled` prints what this consumer sees, and
-for how long.
+"""A consumer that reads only the latest message must not be misled.
+
+`make misled` prints what this consumer sees, and for how long.
 
 This module tests the cases that need the whole chain. Other tests cover the parts of the other short cases:
 test_planner_client.py a frozen skin, test_stages.py hidden rows and saturation, and test_driver_recovery.py the tare of
@@ -25,8 +26,10 @@ def test_a_default_constructed_message_claims_nothing(message, facts):
 
 
 def check(findings):
-    """Check that no forbidden claim is made, and that each temporary claim ends. `make misled` measures the duration of
-    these claims."""
+    """Check that no forbidden claim is made, and that each temporary claim ends.
+
+    `make misled` measures the duration of these claims.
+    """
     assert findings and not [finding for finding in findings if not finding.bound and finding.seconds]
     lasting = [finding for finding in findings if finding.bound and not finding.has_ended]
     if lasting and is_overloaded() and all(finding.claim == 'not stable' for finding in lasting):

@@ -1,5 +1,7 @@
-"""Events of a contact are published in `<pad>/events`, in `shape` and in `grasp`. A pad with stale data reports no
-events."""
+"""Events of a contact are published in `<pad>/events`, in `shape` and in `grasp`.
+
+A pad with stale data reports no events.
+"""
 
 import math
 

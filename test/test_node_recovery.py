@@ -115,8 +115,10 @@ def cob_id(bench, number):
 
 
 def test_no_other_tpdo_is_taken_for_taxels(tmp_path, caplog):
-    """The demo device of CANopenNode once sent two TPDOs with the same COB-ID. The driver then read the first of the
-    two as valid taxel values."""
+    """The demo device of CANopenNode once sent two TPDOs with the same COB-ID.
+
+    The driver then read the first of the two as valid taxel values.
+    """
     caplog.set_level(logging.WARNING)
     with Bench('rivals', 'sim8x8_16bit.yaml', source=lambda t: ROWS, sync_period=0.02) as bench:
         bench.run()

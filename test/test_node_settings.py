@@ -136,8 +136,10 @@ LISTS = [(name, row.name) for name, settings in SETTINGS.items() for row in tabl
 
 
 def configured(kind, options):
-    """Create the node and return it. A driver is also configured, and a failed configuration raises its
-    ConfigurationError."""
+    """Create the node and return it.
+
+    A driver is also configured, and a failed configuration raises its ConfigurationError.
+    """
     node = kind(**options)
     try:
         if kind is DriverNode and node.trigger_configure() != TransitionCallbackReturn.SUCCESS:
@@ -212,8 +214,10 @@ CHANGES = {
 
 @pytest.mark.parametrize('name', CHANGES)
 def test_a_change_that_another_callback_refuses_has_no_effect(name):
-    """ROS calls all callbacks before it sets a parameter. A callback that ROS calls after ours may still refuse the new
-    value."""
+    """ROS calls all callbacks before it sets a parameter.
+
+    A callback that ROS calls after ours may still refuse the new value.
+    """
     refusing, (change, state) = [], CHANGES[name]
 
     class Refusing(NODES[name]):

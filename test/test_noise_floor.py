@@ -88,8 +88,10 @@ def test_with_a_unit_the_pad_may_be_covered_from_the_start_or_slowly(seconds, ma
 @pytest.mark.slow
 @pytest.mark.parametrize('unit', ['Pa', 'N'])
 def test_a_contact_between_noise_and_fixed_thresholds_is_not_learned(unit):
-    """With absolute thresholds, the taxels of a light contact are not pressed. The noise floor must not rise to the
-    values of a light contact."""
+    """With absolute thresholds, the taxels of a light contact are not pressed.
+
+    The noise floor must not rise to the values of a light contact.
+    """
     fixed = PressThresholds(PRESS_BY_UNIT[unit], RELEASE_RATIO * PRESS_BY_UNIT[unit])
     heights = np.concatenate((np.zeros(50), np.full(1000, 9.0)))
     *_, last = patterns(heights, unit, fixed=fixed)
@@ -117,8 +119,10 @@ def test_the_noise_of_each_taxel_is_found(unit):
 
 @pytest.mark.parametrize('sense', [-1, 1])
 def test_a_slow_drift_is_followed_up_and_down(sense):
-    """All values drift by one standard deviation per second. A contact on the drifting values must be found with
-    exactly its own taxels."""
+    """All values drift by one standard deviation per second.
+
+    A contact on the drifting values must be found with exactly its own taxels.
+    """
     rng, extractor = np.random.default_rng(6), PatternExtractor()
     for k in range(500):
         assert not extractor.extract(sense * k / 50 + rng.standard_normal(SHAPE)).contacts

@@ -74,8 +74,10 @@ def at(x, y, z, quaternion=STRAIGHT):
 
 
 def gripper(left=0.02, right=0.02, measured=100.0):
-    """Return a frame tree in which the hand at the end of an arm is rotated by a quarter turn. The fingers of the hand
-    slide along its y axis."""
+    """Return a frame tree in which the hand at the end of an arm is rotated by a quarter turn.
+
+    The fingers of the hand slide along its y axis.
+    """
     tree = FrameTree()
     tree.set('flange', 'base', at(1, 2, 3), 7.0)
     tree.set('hand', 'flange', at(0, 0, 0.1, QUARTER))

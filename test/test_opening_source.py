@@ -28,8 +28,9 @@ from tactile_node.ros.settings import GraspNodeSettings
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 LIMIT = 0.3  # Value of the parameter max_gap_age [s].
-PERIOD = 0.01  # Period of the joint states [s].
-# Each finger moves by half of the gap.
+#: Period of the joint states [s].
+PERIOD = 0.01
+#: Each finger moves by half of the gap.
 TWO_FINGERS = {'gap_source': 'joint_states', 'gap_joints': ['finger_left', 'finger_right']}
 KNUCKLE = {'gap_source': 'joint_states', 'gap_joints': ['knuckle'], 'gap_offset': 0.085, 'gap_scale': -0.1}
 ARM = (['shoulder', 'elbow'], [0.1, 0.2])
@@ -157,8 +158,10 @@ def test_the_diagnostic_has_the_reason(opening, words):
 
 
 def test_two_controllers_that_disagree_about_the_time_are_no_opening(gripper):
-    """The joint states of the two controllers alternate. The joint states of neither controller give the present
-    opening."""
+    """The joint states of the two controllers alternate.
+
+    The joint states of neither controller give the present opening.
+    """
     gripper.make(**KNUCKLE)
     first, second = Sender(gripper, 1.7e9), Sender(gripper, 1.7e9 - 5.0)
     for _ in range(60):

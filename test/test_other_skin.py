@@ -1,5 +1,7 @@
-"""The example node for skins that do not use CANopen. The example must recognise a shape on such a skin, and publish
-NaN for taxels without a value."""
+"""The example node for skins that do not use CANopen.
+
+The example must recognise a shape on such a skin, and publish NaN for taxels without a value.
+"""
 
 import os
 import subprocess
@@ -49,8 +51,10 @@ def context():
 
 
 def counts(contact, seed):
-    """Return a frame of a skin whose counts fall by one for each 25 Pa of pressure. One taxel of the skin has no
-    value."""
+    """Return a frame of a skin whose counts fall by one for each 25 Pa of pressure.
+
+    One taxel of the skin has no value.
+    """
     pressures = pressure_frame(contact, np.random.default_rng(seed), ROWS, COLS, skin=Skin(noise=0.003))
     frame = np.rint(REST - pressures / COUNT)
     frame[DEAD] = np.nan

@@ -1,5 +1,6 @@
-"""One host runs another version of our messages. The middleware connects both versions, and would read values from the
-wrong places.
+"""One host runs another version of our messages.
+
+The middleware connects both versions, and would read values from the wrong places.
 
 The test builds the other version of the messages once, which takes 10 s. Because of this build, the test runs only with
 TACTILE_LONG. See also test_malformed_messages.py.

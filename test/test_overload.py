@@ -1,5 +1,7 @@
-"""A stage that is too slow processes the newest frame and counts the frames that it missed. In a lossless replay, a
-slow stage loses no frame."""
+"""A stage that is too slow processes the newest frame and counts the frames that it missed.
+
+In a lossless replay, a slow stage loses no frame.
+"""
 
 import threading
 import time

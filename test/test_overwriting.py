@@ -1,5 +1,7 @@
-"""No command replaces an existing file without the option --force. A command refuses to overwrite a file before it
-starts its work."""
+"""No command replaces an existing file without the option --force.
+
+A command refuses to overwrite a file before it starts its work.
+"""
 
 import argparse
 import os

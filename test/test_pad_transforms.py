@@ -28,8 +28,9 @@ from tactile_node.ros.settings import GraspNodeSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 
-LIMIT = 0.3  # Value of max_gap_age [s].
-#: The pads of urdf/example_gripper.urdf.xacro.
+#: Value of the parameter max_gap_age [s].
+LIMIT = 0.3
+#: Poses of the pads in urdf/example_gripper.urdf.xacro.
 POSES = {'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-pi / 2, 0.0, 0.0],
          'right_xyz': [-0.015, 0.0, 0.115], 'right_rpy': [pi / 2, 0.0, 0.0]}
 JOINTS = {'gap_source': 'joint_states', 'gap_joints': ['finger']}

@@ -72,8 +72,10 @@ def test_a_bus_that_would_be_too_full_is_refused_with_the_rate_that_fits(pads, l
 @pytest.mark.slow
 @pytest.mark.parametrize('pads, rate, load', [(1, 50, None), (4, 50, None), (3, 100, 1.3015), (4, 100, 1.7335)])
 def test_the_driver_starts_and_warns_of_pads_that_its_bus_cannot_carry(pads, rate, load, caplog):
-    """A user who reads only the log must be warned before the first frame is missing. Warnings after the first one
-    appear only in the status."""
+    """A user who reads only the log must be warned before the first frame is missing.
+
+    Warnings after the first one appear only in the status.
+    """
     settings = BusSettings('virtual', f'planned{pads}at{rate}', sync_period=1 / rate, allow_full_bus=True)
     placed = placed_pads(pads)
     bus = Supervisor(settings, placed, lambda name, frame: None)

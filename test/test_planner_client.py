@@ -54,7 +54,8 @@ def choose(**changes):
     ({'confidence': 0.5, 'stable': False}, 'wait'), ({'confidence': 0.5}, 'regrasp'),
     ({'dimensions': [], 'yaw': nan, 'symmetry': 0}, 'regrasp'),  # No outline could be fitted.
     ({'yaw': nan}, 'regrasp'),  # The yaws of the two sides contradict each other.
-    ({'offset': 0.004}, 'regrasp'),  # Without an opening, the angle is not known.
+    # Without an opening, the misalignment is unknown.
+    ({'offset': 0.004}, 'regrasp'),
     # The line between the contacts is short.
     ({'offset': 0.001, 'misalignment': 0.1, 'axis': (sin(0.1), 0.0, cos(0.1))}, 'tilt'),
     ({'yaw': nan, 'symmetry': 0}, 'lift')])  # The object is a circle, which has no yaw.
@@ -256,8 +257,10 @@ def acted_too_long(bench, fail: Callable, notice: float) -> float:
 
 
 def test_a_taught_shape_is_centred_and_lifted_and_never_rotated():
-    """A taught shape has no dimensions and no yaw. The test fails if the client makes up an angle of 0 for a taught
-    shape."""
+    """A taught shape has no dimensions and no yaw.
+
+    The test fails if the client makes up an angle of 0 for a taught shape.
+    """
     plug = {'shape': OTHER, 'class_name': 'plug', 'dimensions': [], 'yaw': nan, 'symmetry': 0}
     assert choose(**plug).action == 'lift'
     beside = choose(**plug, centre=(0.02, AIM[1]))

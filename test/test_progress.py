@@ -1,5 +1,7 @@
-"""A command shows its progress to a user at a terminal. Without a terminal, no progress is printed, and progress is
-never mixed with the results."""
+"""A command shows its progress to a user at a terminal.
+
+Without a terminal, no progress is printed, and progress is never mixed with the results.
+"""
 
 import io
 

@@ -1,5 +1,7 @@
-"""When a recording rotates, no CAN frame is lost between two files. On a full disk, the recording counts exactly the
-lost CAN frames."""
+"""When a recording rotates, no CAN frame is lost between two files.
+
+On a full disk, the recording counts exactly the lost CAN frames.
+"""
 
 import os
 import subprocess

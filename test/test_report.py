@@ -59,8 +59,10 @@ def whole():
 
 
 def test_touches_of_a_session_with_their_size(whole):
-    """The five shapes are pressed one after another, each on 60 taxels of 2 mm pitch. The expected areas are the areas
-    of the outlines."""
+    """The five shapes are pressed one after another, each on 60 taxels of 2 mm pitch.
+
+    The expected areas are the areas of the outlines.
+    """
     order = [Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE]
     for pad in whole.pads:
         assert [touch.shape for touch in pad.touches] == order and pad.touches.left_out == 0
@@ -144,8 +146,10 @@ def test_of_another_device_no_taxel_is_given(tmp_path):
 
 
 def test_an_identity_that_changes_is_two_devices():
-    """The log contains two different responses to reading the revision. Responses of another node must not be
-    counted."""
+    """The log contains two different responses to reading the revision.
+
+    Responses of another node must not be counted.
+    """
     records = NodeRecords({32: 'left'}, frozenset())
     for can_id, data in ((0x620, '4018100300000000'), (0x5A0, '4318100300000100'), (0x5A1, '4318100300000300'),
                          (0x620, '4018100300000000'), (0x5A0, '4318100300000200'), (0x620, '4018100300000000'),

@@ -1,5 +1,7 @@
-"""Each results page must equal the output of its script for the recorded tables. A results page must not be edited by
-hand."""
+"""Each results page must equal the output of its script for the recorded tables.
+
+A results page must not be edited by hand.
+"""
 
 from pathlib import Path
 

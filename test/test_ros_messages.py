@@ -373,8 +373,10 @@ def test_a_side_is_empty_only_if_seen_and_a_cut_contact_shows_no_creep(values, k
 
 @pytest.mark.parametrize('kind', (Shape.RECTANGLE, Shape.UNKNOWN))
 def test_what_reaches_the_edge_is_a_bound_for_a_grasp_also_where_the_finger_ends_and_its_force_is_whole(kind):
-    """The object may extend beyond the finger. The centre of this object may then lie elsewhere, and the object may
-    creep along its own length."""
+    """The object may extend beyond the finger.
+
+    The centre of this object may then lie elsewhere, and the object may creep along its own length.
+    """
     message = shape(bar(), kind)
     assert message.at_edge and message.force_is_bound and message.centre_of_pressure_is_bound
     # The message has these values if the finger ends at the edge of the pad.

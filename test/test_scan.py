@@ -19,8 +19,10 @@ ABORT = bytes.fromhex('00000206')  # Abort code for an object that does not exis
 
 
 class Device(Served):
-    """An SDO server for expedited and segmented uploads that also sends a heartbeat. The server records every received
-    frame."""
+    """An SDO server for expedited and segmented uploads that also sends a heartbeat.
+
+    The server records every received frame.
+    """
 
     def __init__(self, channel, node_id, objects, heartbeat: bytes | None = b'\x05'):
         super().__init__(channel)

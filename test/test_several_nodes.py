@@ -70,8 +70,10 @@ def test_the_delayed_tail_of_one_node_goes_back_once_that_node_begins_its_next_s
 
 
 def test_a_whole_sweep_after_a_silent_period_does_not_go_back_before_a_lost_sync_may_show(assembler):
-    """Node 1 omits sweep 1, and the driver does not receive SYNC 3. The driver must not join sweep 2 of node 1 with
-    sweep 1 of node 5."""
+    """Node 1 omits sweep 1, and the driver does not receive SYNC 3.
+
+    The driver must not join sweep 2 of node 1 with sweep 1 of node 5.
+    """
     assembler.sync(0.0)
     feed(assembler, *FIRST, *SECOND)
     given = [*assembler.sync(10.0)]

@@ -89,8 +89,10 @@ def test_an_item_half_off_the_pad_presses_the_other_half_twice():
 
 
 def test_a_ball_presses_as_on_a_foundation():
-    """For a Winkler foundation, F = pi k R d**2. The pressure is k d in the middle and falls to 0 at the radius sqrt(2
-    R d)."""
+    """For a Winkler foundation, F = pi k R d**2.
+
+    The pressure is k d in the middle and falls to 0 at the radius sqrt(2 R d).
+    """
     radius, force = 0.018, 2.0
     depth = sqrt(force / (pi * STIFFNESS * radius))
     found, edge = felt('ball', force=force), sqrt(2 * radius * depth)

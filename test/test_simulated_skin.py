@@ -104,8 +104,10 @@ def test_the_tpdos_are_sent_in_the_order_of_the_layout(tmp_path):
 
 
 def test_written_mapping_transmission_type_and_cob_id_are_obeyed(wire):
-    """TPDO 1 maps 0x210F sub 16 and 0x2101 sub 1, which have the counts 255 and 16. The device sends TPDO 1 with the
-    COB-ID 0x3AA at every second SYNC."""
+    """TPDO 1 maps 0x210F sub 16 and 0x2101 sub 1, which have the counts 255 and 16.
+
+    The device sends TPDO 1 with the COB-ID 0x3AA at every second SYNC.
+    """
     wire.take(1)
     for request in ('2F001A0000000000', '23001A0108100F21', '23001A0208010121', '2F001A0002000000',
                     '2F00180202000000',
@@ -206,8 +208,9 @@ def test_taxels_have_noise_that_the_seed_repeats():
     assert on_off(1.0).dtype == bool
 
 
-TARE_TIME = 1.0  # Duration of a tare [s]: 50 frames at 50 Hz.
-#: Layouts of the pads in pascal or newton, with the numbers of their nodes.
+#: Duration of a tare of 50 frames at 50 Hz [s].
+TARE_TIME = 1.0
+#: Layouts of all pads with values in pascal or newton, and their node-IDs.
 LAYOUTS = [(path.name, [32, 35] if path.stem.startswith('nodes2') else [32]) for path in sorted(CONFIG.glob('*.yaml'))
            if path.with_suffix('.eds').exists() and load_layout(path.name).value.unit != '1']
 

@@ -46,8 +46,10 @@ def test_a_device_that_answers_after_the_timeout_is_configured(delay):
 
 
 def test_a_server_that_is_silent_during_the_configuration_is_waited_for():
-    """In an earlier version, an SDO server that stayed silent during the configuration ended the process. The driver
-    must wait for a device that is absent at start."""
+    """In an earlier version, an SDO server that stayed silent during the configuration ended the process.
+
+    The driver must wait for a device that is absent at start.
+    """
     with Bench('silent server', sdo_timeout=0.05, sdo_retries=1) as bench:
         bench.driver.open()
         device = bench.simulator.devices[32]
@@ -126,8 +128,10 @@ def test_the_answer_about_our_object_is_taken(others):
 
 
 def test_a_device_that_was_held_up_answers_requests_of_clients_before():
-    """The device sends three responses to three requests. In an earlier version, the driver took these responses for
-    the responses of two devices."""
+    """The device sends three responses to three requests.
+
+    In an earlier version, the driver took these responses for the responses of two devices.
+    """
     answer, owed = '43181001C1050000', Counter()
     for _ in range(2):
         with pytest.raises(SdoCommunicationError):

@@ -213,8 +213,10 @@ def test_all_contacts_are_counted_and_the_four_largest_have_shapes(pad):
 
 
 def test_a_contact_torn_by_rows_is_one_in_count_force_and_fit(pad):
-    """Rows that are NaN are a hidden part of the contact. For silent rows at 0 Pa, the recogniser decides whether both
-    parts belong to one contact."""
+    """Rows that are NaN are a hidden part of the contact.
+
+    For silent rows at 0 Pa, the recogniser decides whether both parts belong to one contact.
+    """
     pad.subscribe('shapes')
     for silent in (np.nan, 0.0):
         frame = block(slice(3, 12), slice(3, 12))
@@ -283,8 +285,10 @@ LIVE = {'use_sim_time': False, 'features': ['all'], 'smallest_contact': 3, 'rele
 
 
 def test_setting_a_parameter_keeps_what_the_pad_has_learned(pad):
-    """Left-over taxels must not become a contact on a pad that is reported as seen. The noise of a noisy taxel must
-    stay known."""
+    """Left-over taxels must not become a contact on a pad that is reported as seen.
+
+    The noise of a noisy taxel must stay known.
+    """
     rng, noise = np.random.default_rng(3), np.full((16, 16), 100.0)
     noise[2, 2] = 350.0
     left_over = np.zeros((16, 16))
@@ -306,8 +310,10 @@ def test_setting_a_parameter_keeps_what_the_pad_has_learned(pad):
 
 
 def test_a_changed_threshold_finds_the_contact_in_progress_again(pad):
-    """If the threshold changes, the outline of the contact changes with it. The outer part of the hill must not be
-    treated as left over from a larger contact."""
+    """If the threshold changes, the outline of the contact changes with it.
+
+    The outer part of the hill must not be treated as left over from a larger contact.
+    """
     hill = np.zeros((16, 16))
     hill[2:14, 2:14] = 20e3
     hill[5:10, 5:10] = 50e3

@@ -90,8 +90,10 @@ def test_restart_takes_the_new_time(hands):
 
 
 def test_adapter_of_another_epoch_is_mapped_by_its_quickest_message(hands):
-    """The adapter's clock read 0 when the wall clock read 1000. The three messages take 5, 2 and 9 ms through the
-    adapter."""
+    """The adapter's clock read 0 when the wall clock read 1000.
+
+    The three messages take 5, 2 and 9 ms through the adapter.
+    """
     clock, stamps = hands.clock(host_stamped=False), []
     for second, delay in ((1, 0.005), (2, 0.002), (3, 0.009)):
         hands.wall, hands.steady = 1000 + second + delay, 5 + second + delay

@@ -1,5 +1,7 @@
-"""Every field of the status message agrees with /diagnostics. A subscriber that starts late still receives the status
-message."""
+"""Every field of the status message agrees with /diagnostics.
+
+A subscriber that starts late still receives the status message.
+"""
 
 import math
 import re

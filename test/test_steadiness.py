@@ -78,8 +78,10 @@ def test_a_steady_creep_never_rests(rate, pitch, noise, step, speed):
 @pytest.mark.parametrize('rate', RATES)
 @cases(0.0, REST)
 def test_what_rests_is_seen_to_and_stays_so_for_a_minute(rate, pitch, noise, step, speed):
-    """A resting contact must be found to rest within 1 s plus 0.7 s per mm of pitch. The tracker needs this time to
-    distinguish rest from creep."""
+    """A resting contact must be found to rest within 1 s plus 0.7 s per mm of pitch.
+
+    The tracker needs this time to distinguish rest from creep.
+    """
     rng = np.random.default_rng(2)
     times, centres = path(speed, rate, 65.0, rng, noise * pitch, step * pitch)
     found = rests(times, centres, FRACTION * pitch)

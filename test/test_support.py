@@ -1,5 +1,7 @@
-"""The confidence of a class is never higher than the taxels allow. For an unknown contact, the result states why it is
-none of the five shapes."""
+"""The confidence of a class is never higher than the taxels allow.
+
+For an unknown contact, the result states why it is none of the five shapes.
+"""
 
 import numpy as np
 import pytest
@@ -60,8 +62,10 @@ def test_a_low_outline_has_the_weak_pressures_joined_to_the_contact():
 
 
 def speckled_square(rng):
-    """Return a block with blunt corners whose pressure falls towards the corners. The gains of the taxels differ by up
-    to 3:1."""
+    """Return a block with blunt corners whose pressure falls towards the corners.
+
+    The gains of the taxels differ by up to 3:1.
+    """
     turn, side, corner = rng.uniform(0, np.pi), rng.uniform(11, 17), rng.uniform(1, 4)
     x, y = X - rng.uniform(17, 22), Y - rng.uniform(13, 16)
     u, v = abs(x * np.cos(turn) + y * np.sin(turn)), abs(y * np.cos(turn) - x * np.sin(turn))
@@ -72,8 +76,10 @@ def speckled_square(rng):
 
 
 def fragment(rng):
-    """Return the values under a wide foreign object that presses unevenly. An outline at half of the level would show
-    only a fragment of this object."""
+    """Return the values under a wide foreign object that presses unevenly.
+
+    An outline at half of the level would show only a fragment of this object.
+    """
     pressed = 0.2 * (np.hypot((X - 19) / 11, (Y - 15) / 8) <= 1)
     for level in (1.0, *rng.uniform(0.15, 0.4, 5)):
         x, y, long, wide = rng.uniform((10, 8, 2.5, 2), (28, 22, 5, 4))

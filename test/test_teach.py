@@ -120,8 +120,10 @@ def test_live_a_touch_counts_when_it_was_steady_and_lifted():
 
 
 def test_the_interval_is_wilsons():
-    """The expected values are from R. G. Newcombe, Statistics in Medicine 17 (1998), 857: 81/263, 15/148, 0/20 and
-    1/29."""
+    """The expected values are from R.
+
+    G. Newcombe, Statistics in Medicine 17 (1998), 857: 81/263, 15/148, 0/20 and 1/29.
+    """
     expected = {(81, 263): (0.2553, 0.3662), (15, 148): (0.0624, 0.1605), (0, 20): (0.0, 0.1611),
                 (1, 29): (0.0061, 0.1718)}
     for (right, total), interval in expected.items():
@@ -207,8 +209,10 @@ def test_the_command_refuses_to_overwrite_an_input_before_any_touch_is_recorded(
 
 
 def test_live_the_recording_that_is_reported_is_the_one_that_was_written(tmp_path, monkeypatch):
-    """The log of an earlier session keeps its file name. A new session must not use the earlier log, even after
-    Ctrl-C."""
+    """The log of an earlier session keeps its file name.
+
+    A new session must not use the earlier log, even after Ctrl-C.
+    """
     earlier, said = tmp_path / 'coin_touches.log', []
     earlier.write_text('of another object')
 

@@ -22,7 +22,8 @@ from tactile_node.ros.time_messages import time_message
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 
-LIMIT = 0.3  # Value of max_gap_age [s].
+#: Value of the parameter max_gap_age [s].
+LIMIT = 0.3
 #: The fingers slide along the y axis of the hand. Their frames are 12 mm apart when the hand is closed.
 PARAMETERS = {'gap_source': 'tf', 'frame_id': 'hand', 'gap_frames': ['left_finger', '/right_finger'],
               'gap_offset': -0.012}
@@ -131,8 +132,10 @@ def test_transforms_that_were_held_back_are_no_opening(robot):
 
 @pytest.mark.parametrize('gap', [0.0, 0.0305, 0.08])
 def test_the_frames_of_the_pads_in_a_urdf_give_the_opening(ros, tf_message, gap):
-    """The example gripper is closed, so that its two skins touch. The frames of the example gripper are those that
-    robot_state_publisher publishes."""
+    """The example gripper is closed, so that its two skins touch.
+
+    The frames of the example gripper are those that robot_state_publisher publishes.
+    """
     pytest.importorskip('xacro', reason='xacro is not installed')
     from scipy.spatial.transform import Rotation
     from urdf_frames import expand, joints

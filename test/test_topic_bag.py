@@ -99,8 +99,10 @@ def mcap_file(path, messages, topic='/left/taxels', each=None, **options):
 
 
 def test_messages_of_a_bag_are_placed_by_the_clock_of_the_frames(tmp_path):
-    """The stamps of the frames are those of a replayed log, 100 s before the time of recording. The first and the last
-    message of the bag are notes."""
+    """The stamps of the frames are those of a replayed log, 100 s before the time of recording.
+
+    The first and the last message of the bag are notes.
+    """
     shape = b'\0\1\0\0'
     topics = [('/left/taxels', TAXELS), ('/left/note', 'std_msgs/msg/Empty')]
     messages = [('/left/note', shape + b'\0'), *arrays(2), ('/left/note', shape + b'\0')]

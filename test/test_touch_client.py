@@ -97,8 +97,10 @@ def test_a_rejected_goal_ends(world):
 
 @pytest.mark.parametrize('is_spun', [True, False])
 def test_a_program_without_an_executor_waits_as_well(ros, is_spun):
-    """A gripper node without pads refuses to close. The client either spins its node itself or another thread spins the
-    node."""
+    """A gripper node without pads refuses to close.
+
+    The client either spins its node itself or another thread spins the node.
+    """
     import rclpy
 
     from tactile_node.nodes.gripper_node import GripperNode

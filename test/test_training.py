@@ -1,5 +1,7 @@
-"""Training data that is computed in bulk equals the library's results for the same frames. The labels of the training
-data follow from overlaps."""
+"""Training data that is computed in bulk equals the library's results for the same frames.
+
+The labels of the training data follow from overlaps.
+"""
 
 import numpy as np
 import pytest

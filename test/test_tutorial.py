@@ -1,5 +1,7 @@
-"""The first pages of the documentation lead a newcomer to a shape and to a grasp. The test runs the commands of these
-pages exactly as printed."""
+"""The first pages of the documentation lead a newcomer to a shape and to a grasp.
+
+The test runs the commands of these pages exactly as printed.
+"""
 
 import os
 import shlex

@@ -93,8 +93,10 @@ def test_a_taxel_without_a_value_is_marked_and_not_the_colour_of_no_load():
 
 
 def test_the_outline_lies_on_the_taxels_that_it_encloses():
-    """The corners of the contact are at the centres of taxels 1 and 3. The unit of the expected points is one taxel,
-    and row 0 is at the bottom."""
+    """The corners of the contact are at the centres of taxels 1 and 3.
+
+    The unit of the expected points is one taxel, and row 0 is at the bottom.
+    """
     outline, = parts(heat_map(state(), 100e3), 'polygon')
     assert outline.get('points') == '1.500,2.500 3.500,2.500 3.500,0.500 1.500,0.500'
 
@@ -436,8 +438,10 @@ def test_a_terminal_shows_shape_and_size(monkeypatch):
 
 @pytest.mark.slow
 def test_a_name_is_no_command_to_the_terminal(monkeypatch):
-    """A bag from another source may contain a name with control characters. The sequence ESC c would clear the
-    terminal."""
+    """A bag from another source may contain a name with control characters.
+
+    The sequence ESC c would clear the terminal.
+    """
     monkeypatch.setenv('COLUMNS', '100')
     for stream in (Terminal(), io.StringIO()):
         source = HandSource(['left\x1bc'])
@@ -516,8 +520,10 @@ def test_planes_are_computed_only_while_they_are_open(monkeypatch):
 
 
 def test_a_point_lies_on_the_side_of_the_curve_that_the_classifier_takes():
-    """According to section 7 of the paper, a long bar is a rectangle. The point of the bar must lie in the area above
-    the first curve."""
+    """According to section 7 of the paper, a long bar is a rectangle.
+
+    The point of the bar must lie in the area above the first curve.
+    """
     from tactile_node.viewing.pads_3d import Planes
     mask = np.zeros((16, 16), bool)
     mask[6:9, 2:14] = True

@@ -1,5 +1,7 @@
-"""`tactile view` in headless Chromium: the page loads, follows the skin and keeps up with it. The page sends no request
-to another machine."""
+"""`tactile view` in headless Chromium: the page loads, follows the skin and keeps up with it.
+
+The page sends no request to another machine.
+"""
 
 import asyncio
 import os
@@ -40,8 +42,10 @@ def browser():
 
 
 class MovingSource(HandSource):
-    """The simulated skin has two pads of 16 x 16 taxels at 50 Hz. A square presses on one pad, and half of the other
-    pad is hidden."""
+    """The simulated skin has two pads of 16 x 16 taxels at 50 Hz.
+
+    A square presses on one pad, and half of the other pad is hidden.
+    """
 
     def __init__(self):
         super().__init__()
@@ -193,8 +197,10 @@ OPACITIES = """() => new Promise(resolve => {
 
 
 def cover(page):
-    """Return the text that covers the 3-D view, taken from the browser's computed style. The text 'none' means that
-    nothing covers the view."""
+    """Return the text that covers the 3-D view, taken from the browser's computed style.
+
+    The text 'none' means that nothing covers the view.
+    """
     return page.evaluate("""getComputedStyle(document.querySelector('canvas').parentElement, '::after').content""")
 
 

@@ -58,8 +58,10 @@ def test_every_loopback_address_is_this_machine():
 
 
 def test_web_pages_do_not_find_the_server_behind_the_gate(open_server):
-    """The viser server does not check the Origin header. A page from another site may try all ports of 127.0.0.1 and
-    localhost."""
+    """The viser server does not check the Origin header.
+
+    A page from another site may try all ports of 127.0.0.1 and localhost.
+    """
     with pytest.raises(OSError):
         socket.create_connection(('127.0.0.1', open_server._viser.get_port()), 5).close()
 

@@ -27,8 +27,10 @@ def received(bus):
 
 @pytest.fixture
 def skin(request):
-    """Return the settings of a virtual bus that has the name of this test. A square of 7 x 7 taxels touches the pad on
-    this bus."""
+    """Return the settings of a virtual bus that has the name of this test.
+
+    A square of 7 x 7 taxels touches the pad on this bus.
+    """
     pads = with_dictionaries(make_pads([LAYOUT], [32], ['left']))
     taxels = np.zeros((16, 16))
     taxels[4:11, 4:11] = 50e3
@@ -78,8 +80,10 @@ def test_a_device_that_is_gone_is_reported_on_the_page(skin):
 
 
 def test_a_log_is_sought_in(skin, tmp_path):
-    """The test records half a second of a live bus and then seeks in this log. At the beginning of the log, no taxels
-    are known; later, the square is visible."""
+    """The test records half a second of a live bus and then seeks in this log.
+
+    At the beginning of the log, no taxels are known; later, the square is visible.
+    """
     settings, pads = skin
     log = tmp_path / 'can.log'
     live = BusSource(BusSettings(settings.interface, settings.channel, record=str(log)), pads)

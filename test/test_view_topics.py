@@ -81,8 +81,10 @@ def publishers(source, node):
 
 
 def test_a_shape_of_a_driver_before_is_not_shown_on_the_taxels_of_this_one(nodes):
-    """The sequence numbers of both drivers start at 1. A shape without its own taxels must not delay the display of new
-    taxels."""
+    """The sequence numbers of both drivers start at 1.
+
+    A shape without its own taxels must not delay the display of new taxels.
+    """
     source, node = nodes
     of_taxels, of_shapes = publishers(source, node)
     before = taxels(node, 1, 10e3)

@@ -1,5 +1,7 @@
-"""The displays in RViz, Foxglove and PlotJuggler must have the fields, the frames and the QoS that they need. No
-display may mislead its user."""
+"""The displays in RViz, Foxglove and PlotJuggler must have the fields, the frames and the QoS that they need.
+
+No display may mislead its user.
+"""
 
 import importlib
 import json

@@ -17,8 +17,9 @@ def visibility(frame, smallest=4, **masks):
 
 
 @pytest.mark.parametrize(('hidden', 'least'), [
-    ([(2, 2), (2, 3), (3, 2), (3, 3)], 4), ([(2, 0), (2, 1), (2, 2), (2, 3)], 4),  # A square, and a bar.
-    # An oblique line; then a group of three and a single taxel.
+    # The hidden taxels form a square in the first case, and a bar in the second.
+    ([(2, 2), (2, 3), (3, 2), (3, 3)], 4), ([(2, 0), (2, 1), (2, 2), (2, 3)], 4),
+    # The hidden taxels form an oblique line in the first case, and a group of three with a single taxel in the second.
     ([(0, 0), (1, 1), (2, 2), (3, 3)], 4), ([(0, 0), (0, 1), (0, 2), (4, 4)], 3),
     ([(0, 0), (0, 2), (2, 0), (2, 2), (4, 4)], 1)])  # Scattered taxels.
 def test_a_pad_is_seen_unless_a_group_of_hidden_taxels_has_room_for_the_smallest_contact(hidden, least):

@@ -85,8 +85,10 @@ def test_two_models_written_apart_agree_frame_by_frame(seed):
 
 
 class Skin:
-    """Simulated devices on a segment, each with one 16x16 pad and configured by hand. The taxels read the number of the
-    sweep."""
+    """Simulated devices on a segment, each with one 16x16 pad and configured by hand.
+
+    The taxels read the number of the sweep.
+    """
 
     def __init__(self, node_ids, **settings):
         self.settings = WireSettings(**{'jitter': 0.0} | settings)

@@ -24,8 +24,9 @@ COB_IDS = [[base + node_id + i for base in bases for i in range(4)]
 #: later frames of node 64 must wait until its frames from 0x4C0 on have been sent.
 IN_ORDER = [base + i for base in (0x1A0, 0x2A0, 0x3A0, 0x3C0, 0x4A0, 0x4C0, 0x1C0, 0x2C0) for i in range(4)]
 BITRATE = 250_000
-TIMEOUT = 60.0  # Time limit on a busy machine [s].
-# Time that a frame of 8 bytes and one without data take with the most stuff bits [s].
+#: Time limit on a busy machine [s].
+TIMEOUT = 60.0
+#: Durations of a frame with 8 bytes and of a frame without data, both with the most stuff bits [s].
 EIGHT = 135 / BITRATE
 NONE = 55 / BITRATE
 DELAY = 0.002  # Delay in seconds.
@@ -61,8 +62,10 @@ class Client:
         return found
 
     def start(self) -> None:
-        """Enable all TPDOs and send NMT start. The response to a later SDO request shows that the wire has carried the
-        NMT start."""
+        """Enable all TPDOs and send NMT start.
+
+        The response to a later SDO request shows that the wire has carried the NMT start.
+        """
         for node_id, can_ids in zip(NODES, COB_IDS):
             for number, can_id in enumerate(can_ids):
                 self.send(f't{0x600 + node_id:03X}823{number:02X}1801{can_id & 0xFF:02X}{can_id >> 8:02X}0000')
@@ -116,8 +119,10 @@ def test_sweeps_come_in_the_order_of_arbitration_and_never_before_their_time(cli
 
 
 def test_wire_time_can_be_switched_off(tmp_path):
-    """Without the simulated wire, each device sends its whole sweep at once, one device after the other. The command's
-    report then contains no wire."""
+    """Without the simulated wire, each device sends its whole sweep at once, one device after the other.
+
+    The command's report then contains no wire.
+    """
     client = Client(tmp_path, '--no-wire')
     try:
         client.start()

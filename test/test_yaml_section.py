@@ -68,8 +68,10 @@ LOOPS = '''  repeat:
 
 
 def test_the_last_loop_runs_fastest(tmp_path):
-    """The loops in the layout give the order in which the device sends its TPDOs. An assembler that expects another
-    order would lose sweeps."""
+    """The loops in the layout give the order in which the device sends its TPDOs.
+
+    An assembler that expects another order would lose sweeps.
+    """
     tpdos = load_layout(written(tmp_path, HEAD + ENTRY + LOOPS)).tpdos
     assert [(tpdo.number, tpdo.cob_id.base, tpdo.mapping[0].index, tpdo.mapping[0].subindex, *tpdo.taxels[0][:2])
             for tpdo in tpdos] == [(3, 0x180, 0x2000, 1, 0, 0), (4, 0x187, 0x2000, 3, 0, 1),
