@@ -88,7 +88,7 @@ ament_package()''',
 
 @contextmanager
 def built_messages(name: str, folder: Path) -> Iterator[None]:
-    """Make package ``name`` importable. If it is not installed, it is built once in ``folder`` (about 10 s)."""
+    """Make package ``name`` importable. A package that is not installed is built once in ``folder`` (about 10 s)."""
     if importlib.util.find_spec(name):
         yield
         return
@@ -104,7 +104,7 @@ def built_messages(name: str, folder: Path) -> Iterator[None]:
 def generated_messages(name: str) -> Iterator[None]:
     """Make package ``name`` importable.
 
-    If it is not installed, only its Python classes are generated, which DDS cannot send.
+    For a package that is not installed, only the Python classes are generated, which DDS cannot send.
     """
     if importlib.util.find_spec(name):
         yield
@@ -142,8 +142,7 @@ def environment_with(name: str) -> dict[str, str]:
 
 
 def built(name: str, folder: Path) -> Path:
-    """Build package ``name`` once in ``folder``, even if it is installed, and return the folder of its Python
-    modules."""
+    """Build package ``name`` once in ``folder``, even if it is installed, and return its folder of Python modules."""
     folder = folder / name / _fingerprint(name)
     folder.mkdir(parents=True, exist_ok=True)
     prefix, is_built = folder / 'install', folder / 'is_built'

@@ -35,8 +35,7 @@ def channel_of(name: str) -> str:
 
 
 class TooSlowError(AssertionError):
-    """Raised if the machine was too slow for real time, so that the test proves nothing. conftest.py then skips the
-    test."""
+    """Raised if the machine was too slow for real time. conftest.py then skips the test, which proves nothing."""
 
 
 def is_overloaded() -> bool:
@@ -140,7 +139,7 @@ class Loss(NamedTuple):
 
 
 def telling(assembler: PadAssembler, drop_incomplete: bool = False) -> PadAssembler:
-    """Return the assembler, whose calls then return the lost CAN frames after the taxel frames."""
+    """Return the assembler with calls that also return the lost CAN frames, after the taxel frames."""
     def with_losses(call: Callable[..., Frames], *given: object) -> tuple[TaxelFrame | Loss, ...]:
         before, frames = assembler.statistics().losses, taxel_frames(call(*given))
         after = assembler.statistics().losses
@@ -212,7 +211,7 @@ class Bench:
         self.log.__exit__()
 
     def supervise(self) -> None:
-        """Replace the driver with a Supervisor instead of a SkinBus alone."""
+        """Use a Supervisor as the driver instead of a SkinBus."""
         self.driver = Supervisor(self.settings, self.pads, lambda *given: self.frames.put(given))
 
     def run(self) -> None:

@@ -1,6 +1,6 @@
 """A bench that injects the faults of the catalogue.
 
-It has a supervised driver, a skin, and another participant on the bus.
+The bench has a supervised driver, a skin, and another participant on the bus.
 """
 
 import itertools
@@ -29,8 +29,8 @@ from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
-#: The CAN frames of the simulated skin cross a simulated wire of 1 Mbit/s. With TACTILE_TEST_WIRE=off, they take no
-#: time.
+#: The CAN frames of the simulated skin cross a simulated wire of 1 Mbit/s. With TACTILE_TEST_WIRE=off, CAN frames take
+#: no time.
 WIRE = WireSettings() if os.environ.get('TACTILE_TEST_WIRE') != 'off' else None
 TIMEOUT = 60.0  # time limit on a busy machine [s]
 SYNC = 0x80
@@ -40,8 +40,10 @@ PUNCTUAL = PERIOD / 2  # time within which the driver expects a device's TPDOs a
 
 
 class Coded:
-    """Taxels whose values encode their position and the SYNC that they answer: 1 N + 0.2 N per taxel + 1 mN per
-    SYNC."""
+    """Taxels whose values encode their position and the SYNC that they answer.
+
+    The value is 1 N + 0.2 N per taxel + 1 mN per SYNC.
+    """
 
     TAXEL = 0.2
     SYNC = 0.001
@@ -104,8 +106,8 @@ def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[flo
                  answered: dict[int, float]) -> None:
     """Check for each frame of one pad that its taxels answer the SYNC to which the frame's stamp belongs.
 
-    The driver cannot detect that a device answers a SYNC only after the next SYNC (see ``assembler``). If the simulated
-    device did this because the machine was busy, the function raises TooSlowError. Any other wrong stamp raises
+    The driver cannot detect that a device answers a SYNC only after the next SYNC (see ``assembler``). If a busy
+    machine delayed the simulated device for that long, the function raises TooSlowError. Any other wrong stamp raises
     AssertionError.
 
     Parameters
@@ -132,7 +134,7 @@ def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[flo
 
 
 class FaultBench(Bench):
-    """Context manager for a driver and pads. It records every published frame, and checks all frames at its end.
+    """Context manager for a driver and pads. The bench records every published frame, and checks all frames at its end.
 
     By default, the pads have 8x8 Coded taxels, which ``layout`` and ``source`` change. ``cause`` and ``end_of_cause``
     mark the beginning and the end of the fault. ``detected`` is the time since the first mark, and ``publishing_again``

@@ -71,8 +71,7 @@ def uniform(seed: int, low: float, high: float, rows: int, cols: int) -> Callabl
 
 
 def _switch_off(bench: FaultBench, device: SimulatedDevice, missing: int, *faults: object, **kind: Any) -> TaxelFrame:
-    """Switch ``device`` off, wait until a fault is logged, and return the next frame in which ``missing`` TPDOs are
-    missing."""
+    """Switch ``device`` off, wait for a logged fault, and return the next frame that lacks ``missing`` TPDOs."""
     device.power_off()
     bench.detect(*faults, **kind)
     reported = len(bench.kept)
@@ -123,7 +122,7 @@ def absent_at_configure_then_late(bench: FaultBench) -> None:
 
 @fault((32, 64))
 def one_of_two_pads_lost(bench: FaultBench) -> None:
-    """The driver reports only this pad as silent. The other pad continues without losing a frame."""
+    """The driver reports only the lost pad as silent. The other pad continues without losing a frame."""
     bench.wait_for_whole('pad64')
     bench.cause()
     bench.device.power_off()
@@ -194,8 +193,7 @@ def stopped_by_another_master(bench: FaultBench) -> None:
 
 
 def _lists_errors(message: can.Message) -> list[can.Message]:
-    """Return the message, or the SDO response of an overheated device: register 0x09, error 0x4210, maker code
-    0x0005."""
+    """Return the message, or the SDO response of an overheated device (register 0x09, error 0x4210, maker 0x0005)."""
     answers = {'011000': '4F01100009000000', '031000': '4F03100001000000', '031001': '4303100110420500'}
     answer = answers.get(bytes(message.data[1:4]).hex()) if message.arbitration_id == 0x5A0 else None
     return [message if answer is None else _with_data(message, bytes.fromhex(answer))]
@@ -253,7 +251,7 @@ def bus_off(bench: FaultBench) -> None:
 
 @fault()
 def error_frames(bench: FaultBench) -> None:
-    """The driver counts error frames, and reports error-passive while it lasts. The taxels continue."""
+    """The driver counts error frames, and reports error-passive while that state lasts. The taxels continue."""
     for flags in (0x30, 0x10):
         bench.send_error(0x004, [0, flags, 0, 0, 0, 0, 9, 130])
     bench.wait(lambda: bench.driver.health().is_error_passive, 'not reported')
@@ -320,7 +318,7 @@ def tpdo_remapped_by_another_master(bench: FaultBench) -> None:
 
 @fault()
 def tpdo_slowed_down_by_another_master(bench: FaultBench) -> None:
-    """Another master makes TPDO 1 answer only every second SYNC. The driver reports this and restores TPDO 1."""
+    """Another master makes TPDO 1 answer only every second SYNC. The driver reports and restores TPDO 1."""
     _write(bench, '2F00180202000000')
 
 
@@ -338,7 +336,7 @@ def one_tpdo_switched_off_unseen(bench: FaultBench) -> None:
     bench.wait(lambda: NodeFault.TPDO_MISSING in bench.log.facts or bench.node().outages.count, 'not logged')
     bench.assert_no_outage()  # recovery from an outage would have switched the TPDO on as well
     bench.detect(NodeFault.TPDO_MISSING)
-    # The repair starts with the report, because the driver does not know the fault before.
+    # The repair starts with the report, because the driver does not know of the fault before.
     bench.end_of_cause().recover()
     bench.assert_no_outage()
     assert NodeFault.RECONFIGURED not in bench.log.facts
@@ -463,7 +461,7 @@ def second_heartbeat_of_a_node_id(bench: FaultBench) -> None:
 
 @fault()
 def two_masters_fight(bench: FaultBench) -> None:
-    """Another master keeps switching a TPDO off. The driver reports and repairs this less and less often."""
+    """Another master keeps switching a TPDO off. The driver reports and repairs the TPDO less and less often."""
     bench.send(0x620, '23021801A2010080')
     bench.detect(NodeFault.RECONFIGURED)
     for _ in range(40):
@@ -604,7 +602,7 @@ def _pad(bench: FaultBench):
 
 @fault()
 def tpdos_lost(bench: FaultBench) -> None:
-    """Every seventh TPDO is lost. The lost taxels are NaN and STALE. The driver counts missing TPDOs as a warning."""
+    """Every seventh TPDO is lost. The lost taxels are NaN and STALE. The driver counts and warns of missing TPDOs."""
     numbers = itertools.count()
     _tamper(bench, lambda message: [message] if next(numbers) % 7 else [], lambda bench: _pad(bench).missing)
 
@@ -649,8 +647,7 @@ def _with_data(message: can.Message, data: bytes) -> can.Message:
 
 
 def _disturb_configuration(bench: FaultBench, tamper: Callable[[can.Message], list], where: str, got: str) -> None:
-    """Restart the device while its SDO responses pass through ``tamper``, and check that all taxels are NaN until the
-    end."""
+    """Restart the device with its SDO responses passing through ``tamper``, and check that all taxels are NaN."""
     bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id == 0x5A0 else [message]
     bench.power_cycle()
     bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and where in fact.where and got in fact.got)
@@ -661,8 +658,7 @@ def _disturb_configuration(bench: FaultBench, tamper: Callable[[can.Message], li
 
 
 def _reads(answer: str, value: str) -> Callable[[can.Message], list[can.Message]]:
-    """Return a function that changes the value in an SDO response to ``value`` if its first four bytes are
-    ``answer``."""
+    """Return a function that replaces the value of an SDO response that starts with the bytes ``answer``."""
     def tamper(message: can.Message) -> list[can.Message]:
         is_meant = bytes(message.data[:4]) == bytes.fromhex(answer)
         return [_with_data(message, bytes.fromhex(answer + value)) if is_meant else message]
@@ -712,7 +708,7 @@ def queue_overrun(bench: FaultBench) -> None:
 
 @fault()
 def process_stalled(bench: FaultBench) -> None:
-    """The driver process stalls for 1.2 s. The driver reports this, and sends the healthy device no command."""
+    """The driver process stalls for 1.2 s. The driver reports the stall, and sends the healthy device no command."""
     time.sleep(0.1)
     bench.heard()
     for _ in range(2):
@@ -876,7 +872,7 @@ def one_of_a_pads_nodes_lost(bench: FaultBench) -> None:
 
 @fault(source=uniform(2, 100, 1000, 16, 10), layout='domain16x10_16bit.yaml')
 def polled_pad_power_cycled(bench: FaultBench) -> None:
-    """The SDO block uploads of a restarting pad fail. The driver reports this and configures the booted pad."""
+    """The SDO block uploads of a restarting pad fail. The driver reports the failure and configures the booted pad."""
     _switch_off(bench, bench.device, 1,
                 kind=lambda fact: isinstance(fact, (SdoAbortedError, SdoCommunicationError)))
     _switch_on(bench, bench.device)
@@ -961,7 +957,7 @@ ESSENTIAL = {
 
 
 class Beside:
-    """Context manager for a process that does nothing but sleep.
+    """Context manager for a process that only sleeps.
 
     A long wake-up delay of this process shows that the machine is overloaded.
     """

@@ -1,5 +1,4 @@
-"""Random and mutated input: all kinds of files that the package reads, all kinds of CAN frames, and random timing of
-CAN frames.
+"""Random and mutated input: all kinds of files that the package reads, and all kinds and timings of CAN frames.
 
 Run by `make fuzz`, or: python test/fuzzing.py [--frames N] [--files N] [--lines N] [--sweeps N] [--seed 1]
 
@@ -149,7 +148,7 @@ def _line(rng: random.Random, content: bytes) -> bytes:
 
 
 def _nasty(rng: random.Random, content: bytes) -> bytes:
-    """Replace a word with a text that often breaks parsers."""
+    """Replace a word with a string that often breaks parsers."""
     words = content.replace(b'=', b' = ').split(b' ')
     words[rng.randrange(len(words))] = rng.choice(NASTY).encode()
     return b' '.join(words).replace(b' = ', b'=')
@@ -185,7 +184,7 @@ def random_message(rng: random.Random, ids: list[int]) -> can.Message:
     can_id = rng.choice(ids) if rng.random() < 0.5 else rng.randrange(0x800)
     size = rng.choice((0, 1, 2, 4, 7, 8, 8, 8, 8)) if not fd else rng.choice((8, 12, 64))
     if rng.random() < 0.01:
-        size = rng.randrange(16)  # a controller never reports more than 8 bytes, but an adapter's firmware may
+        size = rng.randrange(16)  # a controller never reports more than 8 bytes, but the firmware of an adapter may
     kind = rng.random()
     stamp = rng.choice((0.0, -1.0, 1e18, float('nan'))) if kind < 0.02 else time.time()
     return can.Message(timestamp=stamp, arbitration_id=can_id | rng.getrandbits(18) << 11 if extended else can_id,

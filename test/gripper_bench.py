@@ -1,4 +1,4 @@
-"""A gripper with its action server, pads that press on a spring, and a client, as nodes of one executor.
+"""A gripper with its action server, pads that feel a spring, and a client, as nodes of one executor.
 
 Time is virtual. In each STEP of virtual time, the gripper moves and the pads measure the result. A bench runs in real
 time only if its gripper node or its pads run in another process.
@@ -34,8 +34,7 @@ ANSWER_TIME = 2.0  #: Time after which an unanswered goal to another process is 
 class Motor:
     """The action server of the gripper's controller.
 
-    The motor moves to its goal, keeps its position after a cancel, and accepts a new goal before the end of the current
-    one.
+    The motor moves to its goal, keeps its position after a cancel, and accepts a new goal early.
     """
 
     def __init__(self, bench, interface, scale=1.0, offset=0.0):
@@ -76,7 +75,7 @@ class Motor:
         self._servers.append(self.server)
 
     def restart(self):
-        """Start a second server for the motor's action, and wait until the gripper node sees this server."""
+        """Start a second server for the motor's action, and wait until the gripper node sees it."""
         self.start()
         self._bench.until_served(len(self._servers))
 
@@ -206,7 +205,7 @@ class Pads:
 
 
 class Client:
-    """Commands the gripper node in the way in which a planner commands a gripper."""
+    """Commands the gripper node as a planner does."""
 
     def __init__(self, bench, interface, action='/touch_gripper/gripper_cmd'):
         self._bench = bench
@@ -342,7 +341,6 @@ class GripperBench(TimedBench):
         return self.client.result(self.client.send(**goal))
 
     def outcome(self, **goal):
-        """Close the gripper until the goal ends, and return the outcome, or None if its message was lost during late
-        discovery."""
+        """Close the gripper until the goal ends, and return the outcome, or None if late discovery lost its message."""
         ending = self.close(**goal)
         return ending.outcome and ending.outcome.outcome

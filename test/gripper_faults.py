@@ -12,7 +12,8 @@ from tactile_node.grasp.closing import Outcome
 FORCE = 5.0  #: Requested force of a goal [N].
 LATE = 0.8  #: Delay that is longer than the answer_timeout [s].
 PARTLY = 0.05  #: Opening of a goal that opens the gripper partly [m].
-WIDEST = 0.08  #: Jaw opening when the gripper is fully open [m].
+#: Jaw opening when the gripper is fully open [m].
+WIDEST = 0.08
 #: Force at which the gripper itself stalls [N].
 MOST = 10.0
 #: Faults that are present before the goal. All other faults begin after the gripper has accepted its command.

@@ -33,8 +33,7 @@ def solved(shape: str, lengths: Sequence[float], rounding: float) -> tuple[Solut
 
 
 def counts(pressure: np.ndarray) -> np.ndarray:
-    """Return the readings of the skin, which are 1.25 p / (p + 0.25) of full scale for a pressure p in units of the
-    range."""
+    """Return the readings of the skin, which are 1.25 p / (p + 0.25) of full scale for the relative pressure p."""
     pressure = np.maximum(pressure, 0)
     return FULL_SCALE * 1.25 * pressure / (pressure + 0.25)
 

@@ -128,8 +128,7 @@ class HostsWorld(World):
         return self._on(self.hosts.second)(command, **keywords)
 
     def driver_waits(self, seconds: float) -> int:
-        """Check every 0.1 s whether a thread of the bus host's nodes waits for the link, and return the number of
-        positive checks."""
+        """Check every 0.1 s whether a thread of the bus host waits for the link, and return how often one did."""
         ends, found = time.monotonic() + seconds, 0
         while time.monotonic() < ends:
             time.sleep(0.1)
@@ -151,8 +150,7 @@ class HostsWorld(World):
         return [record for record in list(self.records) if record['topic'] == topic and record['time'] > since]
 
     def hold_again(self, since: float) -> float:
-        """Wait for a stable grasp after ``since`` [s, monotonic], and return the time from ``since`` to the arrival of
-        the grasp [s]."""
+        """Wait for a stable grasp after ``since`` [s, monotonic], and return the time until its arrival [s]."""
         stable = lambda: [record for record in self.received('grasp', since) if record['stable']]  # noqa: E731
         self.wait(stable, 'a stable grasp again')
         return float(stable()[0]['time']) - since
@@ -180,8 +178,7 @@ class HostsWorld(World):
 
 
 def use_from_other_host(world: HostsWorld) -> None:
-    """Call services and actions across the link, which are check_grasp and wait_for_grasp of the grasp node and tare of
-    the driver."""
+    """Call services and actions across the link: check_grasp and wait_for_grasp, and the driver's tare."""
     world.hold(0.0)
     with world.on_second([sys.executable, str(CLIENT)], stdout=subprocess.PIPE, text=True) as client:
         answer = json.loads(client.communicate(timeout=3 * TIMEOUT)[0])

@@ -63,8 +63,10 @@ def grasps(node) -> dict:
 
 
 def driver(node) -> dict:
-    """Return the result of a tare, which the driver refuses while an object is held, and the states after a stop and a
-    start."""
+    """Return the result of a refused tare, and the states after a stop and a start.
+
+    The driver refuses a tare while an object is held.
+    """
     tare = called(node, Tare, 'skin_driver/tare', Tare.Request(frames=5))
     parameters = called(node, GetParameters, 'skin_driver/get_parameters', GetParameters.Request(names=['pads']))
     states = [called(node, GetState, 'skin_driver/get_state', GetState.Request()).current_state.id]

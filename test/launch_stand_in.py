@@ -59,7 +59,7 @@ def declared(path):
 
 
 def actions_of(path, given):
-    """Return the actions of the launch file for the launch configurations in ``given``, including inherited ones."""
+    """Return the launch file's actions for the launch configurations in ``given``, including inherited ones."""
     found, function = declared(path)
     return function(Context({each.given[0]: each.named['default_value'] for each in found} | given))
 
@@ -86,5 +86,5 @@ def processes_of(path, **given):
 
 
 def nodes_of(process, namespace=''):
-    """Return descriptions of the nodes that a process would start, with its arguments parsed as in the real command."""
+    """Return descriptions of the nodes that a process would start, from arguments parsed as in the real command."""
     return describe_nodes(_parser('bringup').parse_args(process['arguments']), namespace)

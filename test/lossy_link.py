@@ -31,7 +31,7 @@ SEED = 16
 
 
 class Link(NamedTuple):
-    """State of the link, with the fields described at two_hosts.LossyHosts.set."""
+    """State of the link, whose fields are described in two_hosts.LossyHosts.set."""
 
     loss: float = 0.0
     delay: float = 0.0

@@ -2,9 +2,9 @@
 
 The bench runs the whole chain, with the skin and the consumer as separate processes.
 
-Both pads of a simulated gripper hold an object. A case disturbs the skin, the bus, the nodes or the messages between
-them, and names the claims that are false from then on. The method `World.false` measures for how long the consumer's
-latest message made such a false claim.
+Both pads of a simulated gripper hold an object. A case disturbs the skin, the bus, the nodes or the messages, and names
+the claims that are false from then on. The method `World.false` measures for how long the consumer's latest message
+made such a false claim.
 """
 
 import gc
@@ -114,8 +114,7 @@ class Finding(NamedTuple):
     seconds: float   #: time for which the latest message made the claim [s]
     messages: int    #: number of messages that made the claim
     bound: float     #: allowed time [s]
-    # ]
-    latency: float   #: time from acquisition to consumer before the fault; data in transit still arrives [s
+    latency: float   #: transport time to the consumer before the fault, for which old data still arrives [s]
     stall: float     #: time for which the machine itself stood still [s]
     seen: str        #: states that the consumer saw
     has_ended: bool  #: True if the latest message no longer makes the claim
@@ -339,7 +338,7 @@ class World(Watch):
     def remove(self, name: str) -> None:
         """Destroy a node without a message, like a crash.
 
-        The executor's thread does this, because it may be using the node.
+        The executor's thread destroys the node, because this thread may be using the node.
         """
         node = self.nodes.pop(name)
         done = threading.Event()

@@ -91,7 +91,7 @@ def driver_ends() -> list[Finding]:
     """The driver is destroyed, and the other nodes continue."""
     with World() as world:
         world.hold()
-        # Before it is destroyed, the driver stops the devices, and no other node of this process runs during that time.
+        # The driver first stops the devices, and no other node of this process runs during that time.
         world.remove('driver')
         return _after(world, 1.0, WITHDRAWN + PERIOD)
 
@@ -293,7 +293,7 @@ def one_pad_never_answers() -> list[Finding]:
 
 
 def joint_states_end() -> list[Finding]:
-    """The joint states from which the node computes the opening stop.
+    """The joint states stop, so that the node can no longer compute the opening.
 
     An old width must not be reported as the current width.
     """

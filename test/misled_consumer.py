@@ -104,8 +104,7 @@ def status_facts(message: SkinStatus) -> dict:
 
 
 def name_of(kind: type, names: tuple[str, ...], number: int) -> str:
-    """Return the name of the constant with this number, or the number if this version of the message has no such
-    constant."""
+    """Return the name of the constant with this number, or the number if no constant has it."""
     return next((name for name in names if getattr(kind, name, None) == number), str(number))
 
 

@@ -1,4 +1,4 @@
-"""The skin of a gripper that holds an object, simulated in a separate process as two pads behind a serial CAN adapter.
+"""The skin of a gripper that holds an object: two pads behind a serial CAN adapter, in a separate process.
 
     python test/misled_skin.py /tmp/port '{"side": 7.0}'
 

@@ -58,7 +58,7 @@ class RosBench:
         stack.callback(self.executor.shutdown)
 
     def add(self, node: Any) -> Any:
-        """Add a node to the executor. A name is turned into a plain node of this name."""
+        """Add a node to the executor. If ``node`` is a name, a plain node of this name is created first."""
         node = rclpy.create_node(node, start_parameter_services=False) if isinstance(node, str) else node
         self.stack.callback(node.destroy_node)
         self.executor.add_node(node)

@@ -192,8 +192,7 @@ class StallBench:
         print(line, file=self._skin.stdin, flush=True)
 
     def _answered(self) -> dict[int, float]:
-        """Return the time at which the skin answered each SYNC, except the SYNCs during the stall, whose answers must
-        be late."""
+        """Return the time at which the skin answered each SYNC, without the SYNCs during the stall."""
         self._tell('report')
         begun, ended = self._stalled
         return {number: at for number, at in json.loads(self._skin.stdout.readline())

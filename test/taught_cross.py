@@ -1,5 +1,7 @@
-"""A cross that is drawn without the package's generator, and a model file that was taught with 15 touches of this
-cross."""
+"""A cross that is drawn without the package's generator, and a model file that was taught this cross.
+
+The file was taught with 15 touches.
+"""
 
 from pathlib import Path
 
@@ -52,8 +54,7 @@ def rng_of(number):
 
 
 def third_of_background():
-    """Return every third sample of the background, which is faster to use and still distinguishes a cross from
-    everything else."""
+    """Return every third sample of the background, which is fast and still tells a cross from everything else."""
     whole = load_background('graded')
     return Background(whole.patches[::3], whole.labels[::3])
 

@@ -1,6 +1,6 @@
 """Within one process, nodes pass their results to each other by function calls.
 
-The published output is the same as with messages.
+The published results must equal those of nodes that exchange messages.
 """
 
 import importlib
@@ -167,7 +167,8 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
             assert not stages[1].counts.dropped and not stages[1].counts.skipped
         assert grasps and {side.class_name for side in grasps[-1].sides} == {'square'}
         assert max(side.age.sec + side.age.nanosec * 1e-9 for side in grasps[-1].sides) < 1.0
-        for side in grasps[-1].sides:  # These values are computed when they are read, also for `grasp_sides`.
+        # The lengths of the bounding box are computed when they are read, also for `grasp_sides`.
+        for side in grasps[-1].sides:
             assert list(side.box_lengths) == pytest.approx([7 * 0.004, 7 * 0.004], abs=0.004)
 
 
@@ -215,8 +216,7 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
 
 
 def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
-    """If the stage took the oldest message first, a stage that is slightly too slow would lag by the whole queue for
-    ever."""
+    """If a slow stage took the oldest message first, the stage would lag by the whole queue for ever."""
     node, peer = ProcessorNode(namespace='/left'), rclpy.create_node('peer')
     publisher = peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
     until(lambda: publisher.get_subscription_count() > 0)

@@ -25,7 +25,7 @@ GRIPPERS = {'default': DEFAULT, 'turned': TURNED}
 
 
 def probabilities(name='square', confidence=1.0, unknown=0.0):
-    """Return the class probabilities; the classes other than ``name`` share the remainder equally."""
+    """Return the class probabilities, where the classes other than ``name`` share the remainder equally."""
     others = (1.0 - confidence - unknown) / (len(CLASSES) - 1)
     return {**dict.fromkeys(CLASSES, others), name: confidence, 'none': 0.0, 'unknown': unknown}
 
@@ -56,7 +56,7 @@ def of_classes(left, right):
 
 
 def test_two_faces_of_half_a_chance_are_as_likely_as_by_hand():
-    """Both sides give circle 0.5 and square 0.5, out of five classes.
+    """Of five classes, both sides give circle and square a probability of 0.5 each.
 
     Equal faces have the weight 0.9 * (1/4 + 1/4), and two different faces have the weight 0.1 / 4 * 1/2.
     """
@@ -106,7 +106,7 @@ def test_what_sure_sides_say_does_not_hang_on_the_prior(same, monkeypatch):
 
 @pytest.mark.slow
 def test_confidences_are_frequencies():
-    """Faces are drawn from the model, and each side is right as often as it claims.
+    """Faces are drawn from the model, and each side is correct as often as its confidence claims.
 
     Of the classes reported with a confidence of 80 %, 80 % must be correct.
     """

@@ -94,7 +94,7 @@ def test_a_force_that_stays_moves_nothing():
 def test_rubber_that_creeps_is_followed_within_the_deadband(stiffness, creep):
     """The rubber creeps by ``creep`` [m], fast at first and slower later.
 
-    Without corrections, the force would fall by 2 N with the one stiffness and by 1.2 N with the other.
+    Without corrections, the force would fall by 2 N in the first case and by 1.2 N in the second.
     """
     spring = Spring(stiffness, noise=0.05, give=lambda now: creep * (1 - math.exp(-now / 5)))
     control = holding()
@@ -164,7 +164,7 @@ def test_where_the_step_is_larger_than_declared_its_travel_ends_it():
     assert len(spring.corrections) > 2
 
 
-# With this touch the gripper should close.
+# For this touch, the control should close the gripper.
 SEEN = Touch(0.0, True, GraspContact.TWO_SIDED, (PadForce(2.0), PadForce(2.0)))
 
 
@@ -225,7 +225,7 @@ def test_a_gripper_that_moves_still_is_waited_for_and_what_was_seen_before_it_st
     control = holding()
     control.look(0.5, SEEN._replace(acquired=0.5), 0.04, is_still=False)
     assert control.speed == 0.0
-    # The frame was acquired within the latency after the gripper stopped.
+    # A frame that was acquired so soon after the stop, within the latency, must not be used.
     look(control, 0.55, SEEN._replace(acquired=0.55))
     assert control.speed == 0.0
     look(control, 0.57, SEEN._replace(acquired=0.57))
@@ -297,7 +297,7 @@ def test_to_an_object_that_sways_on_a_shaken_hand_it_does_not_answer(frequency, 
 
 
 def answered_to(change):
-    """Return the holding force after 3 s, in which ``change`` sets the slides in each touch."""
+    """Return the holding force after 3 s of touches whose slides are set by ``change``."""
     spring, control = Spring(), holding(slide_force_step=0.3)
     spring.change = change
     assert spring.hold(3.0, control) is None

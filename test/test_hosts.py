@@ -1,5 +1,4 @@
-"""Run the driver and the planner on two hosts, measure the traffic on the link, and observe a consumer while the cable
-is pulled.
+"""Run driver and planner on two hosts, measure the traffic on their link, and pull the cable in between.
 
 Run these tests with `make hosts`. The hosts find each other by address; test_link.py uses a discovery server instead.
 With TACTILE_LONG, the tests use both ways of discovery, restart each side, and assert durations. two_hosts.py provides

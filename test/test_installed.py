@@ -70,8 +70,7 @@ def installed(wheel, tmp_path_factory) -> Path:
 
 
 def run(installed: Path, *arguments: str) -> str:
-    """Run Python outside the checkout with the installed wheel first on the path, followed by the environment's
-    libraries."""
+    """Run Python outside the checkout, with the installed wheel before the other libraries on the path."""
     environment = {name: value for name, value in os.environ.items() if name != 'AMENT_PREFIX_PATH'}
     done = subprocess.run([sys.executable, *arguments], cwd=installed.parent, check=True, capture_output=True,
                           text=True, env={**environment, 'PYTHONPATH': str(installed)})

@@ -59,7 +59,7 @@ def test_what_sets_a_parameter_has_the_description_and_the_default_of_its_table(
     row = next(row for settings in NODES for row in table(settings) if row.name == RENAMED.get(name, name))
     option = options_of_the_command()[f'--{name.replace("_", "-")}']
     argument = next(each.named for each in declared(FILE)[0] if each.given[0] == name)
-    # If the argument is not given, the parameter file and the node decide.
+    # If an argument is not given, the parameter file and the node decide its value.
     assert option.default is None and argument['default_value'] == ''
     for text in (option.help, argument['description']):
         # The description of this parameter states the meaning of an empty value.
@@ -102,8 +102,7 @@ def test_an_argument_that_the_file_does_not_declare_is_refused(file, word, remed
 
 @pytest.mark.parametrize('file', [['my_robot', 'bringup.launch.py'], ['robot.launch.py']], ids=['its name', 'another'])
 def test_of_a_file_that_includes_it_only_a_misspelt_argument_is_warned_of(file, monkeypatch):
-    """Launch also passes on the arguments of the including file, and values that launch_ros stores among the
-    arguments."""
+    """Launch passes on further arguments: those of the including file, and values that launch_ros stores."""
     names = ['robot:=ur5', 'ros_namespace:=/left', 'global_params:=x']
     assert len(called(monkeypatch, *file, *names)) == 1
     warning, process = called(monkeypatch, *file, *names, 'pad:=left,right')

@@ -40,7 +40,7 @@ tpdos:
     ('unit: N, scale: 1.0, bits: 16, signed: true', 0, 'FE FF 00 00 00 00 00 00', -2),
     ('unit: N, scale: 2.0, bits: 16, signed: true, offset: 100, pressure: falling', 0,
      '5A 00 00 00 00 00 00 00', 20),
-    # Without ``offset``, the offset of a falling value of 8 bits is 255.
+    # Without ``offset``, a falling value of 8 bits has the offset 255.
     ('unit: Pa, scale: 1.0, bits: 8, pressure: falling', 0, 'FA 00 00 00 00 00 00 00', 5),
     ('unit: Pa, scale: 1.0, bits: 32', 32, '00 00 00 00 00 00 00 80', 2.0 ** 31),
     ("unit: '1', scale: 1.0, bits: 1", 63, '00 00 00 00 00 00 00 80', 1)])
@@ -153,7 +153,7 @@ def test_sync_must_be_no_tpdo(tmp_path):
 
 ROOT = Path(__file__).resolve().parents[1]
 LAYOUTS = sorted(path for path in (ROOT / 'config').glob('*.yaml') if path.with_suffix('.eds').exists())
-#: The layouts in this list contain every key between them.
+#: Together, the layouts in this list contain every key.
 DIFFERENT = [path for path in LAYOUTS if path.stem.split('_')[0] in ('sim16x16', 'rows12x5', 'mpdo8x8', 'domain16x10',
                                                                     'event8x8')]
 SCHEMA = json.loads((ROOT / 'config/skin_layout.schema.json').read_text(encoding='utf-8'))

@@ -63,7 +63,8 @@ def outcome(tmp_path, *lines, **options):
     # The device may have restored another saved mapping.
     *((*mapped(2, 0x20000310), f'(0.2) can0 701#{boot}') for boot in ('00', '0000', '80')),
     mapped(2, 0x20000310)[1::2],  # The log contains responses without requests.
-    (*mapped(2, 0x20000210), *download(0x1A01, 1, 0x20000310, answer='80')),  # The device refused the write.
+    # The device refused the write.
+    (*mapped(2, 0x20000210), *download(0x1A01, 1, 0x20000310, answer='80')),
     # This write is still in the device's queue.
     (*RIGHT, *download(0x1801, 1, 0x80000281)),
     # These frames belong to another node.

@@ -66,7 +66,7 @@ def test_ring_session_shows_the_ring():
     frames, _ = play(RING, nus_pad())
     stamps = np.array([frame.stamp for _, frame in frames])
     values = np.array([frame.values for _, frame in frames])
-    # The first frame is at 4.3 s, so this value is 15 s later. The ring is pressed from 12.3 s to 20.1 s.
+    # The ring is pressed from 12.3 s to 20.1 s. The first frame is at 4.3 s, so the frame 15 s later shows the ring.
     held = values[stamps - stamps[0] < 15][-1]
     row, col = np.nonzero(held)
     centre, radius = (row.mean(), col.mean()), np.hypot(row - row.mean(), col - col.mean())
@@ -130,7 +130,7 @@ def test_a_log_cut_short_is_read_up_to_the_cut_and_reported(tmp_path, suffix):
 
 
 def test_a_line_cut_short_never_reads_as_another_frame(tmp_path):
-    """If its last digit is cut off, 381#0A0C would read as 381#0A00, a complete TPDO with a wrong value."""
+    """Without its last digit, 381#0A0C would be read as 381#0A00, a complete TPDO with a wrong value."""
     log = tmp_path / 'x.log'
     log.write_text('\n'.join([SYNC, *ROWS[:2], '(1.3) can0 381#0A0C'])[:-1])
     frames, source = play(log, tiny_pads(tmp_path))

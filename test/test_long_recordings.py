@@ -2,8 +2,9 @@
 
 A damaged chunk costs only the frames in it.
 
-A damaged file must not give a reader a wrong value. The reader must neither report the rest of an hour as lost, nor
-read the gap as a skin at rest. One file of ten must not be read as the whole recording, nor two recordings as one.
+A damaged file must not give a reader a wrong value. After damage, the reader must not report the rest of the hour as
+lost, nor take the gap for a skin at rest. One file of ten must not be read as the whole recording, nor two recordings
+as one.
 """
 
 import os

@@ -393,8 +393,7 @@ class Chain(RosBench):
         self.until(lambda: len(messages) >= count)
 
     def dropped(self, node: str, total: int) -> dict[str, int]:
-        """Wait until /diagnostics counts ``total`` dropped messages of a node, and return the nonzero counts by
-        reason."""
+        """Wait until /diagnostics counts ``total`` dropped messages of a node, and return the counts by reason."""
         self.until(lambda: sum(self._dropped(node).values()) >= total)
         return self._dropped(node)
 
@@ -483,8 +482,7 @@ def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain):
 
 
 def test_a_stamp_far_in_the_future_reaches_neither_fusion_nor_hold(chain):
-    """If the stamp were accepted, the shape would be held for an hour, and the frames after it would lie in the
-    past."""
+    """If the stamp were accepted, the shape would be held for an hour, and later frames would lie in the past."""
     chain.add(ClassifierNode(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
     publisher = chain.publisher(Contact, '/left/contact')
@@ -547,7 +545,7 @@ def test_the_age_of_the_newest_data_grows_while_nothing_comes(chain):
     assert subscription.health.age == INF
     publisher = chain.publisher(TaxelArray, 'taxels')
     started = time.monotonic()
-    while time.monotonic() - started < 1.0:  # The subscription has found the smallest transport delay after this time.
+    while time.monotonic() - started < 1.0:  # After this time, the subscription has found the smallest transport delay.
         message = good_taxels()
         message.header.stamp = time_message(STAMP + time.monotonic() - started)
         message.age = duration_message(0.25)
@@ -652,8 +650,7 @@ def test_health_continues_with_simulated_time_and_no_clock(chain):
 
 
 def status_of(**now):
-    """Return the status one second after a stream received 4 messages, where ``now`` replaces fields of the current
-    state."""
+    """Return the status one second after a stream had 4 messages, where ``now`` replaces fields of its state."""
     before = MessageCounts(received=4, processed=4, dropped={})
     fields = {'counts': MessageCounts(received=54, processed=54, dropped={}), 'age': 0.02, 'publishers': ('/driver',)}
     return health_status('/gripper/grasp', {'/left/shape': StreamHealth(**fields | now)}, {'/left/shape': before}, 1.0)

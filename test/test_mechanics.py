@@ -1,5 +1,6 @@
-"""Check the physical generator against closed-form solutions (Boussinesq, Love, flat punch, Hertz, Sneddon) and exact
-symmetries.
+"""Check the physical generator against closed-form solutions and exact symmetries.
+
+The solutions are by Boussinesq, Love, Hertz and Sneddon, and for a flat punch.
 
 All tests use the contact modulus E* = 1. The tolerances are the discretisation errors of the grids, which are a few per
 cent.
@@ -88,7 +89,7 @@ def test_a_ball_follows_hertz():
 def test_where_pressure_is_there_is_no_gap(name, tilt):
     """The solution must satisfy the complementarity conditions p >= 0, gap >= 0 and p gap = 0.
 
-    The test computes the gap from the pressure again.
+    The test recomputes the gap from the pressure.
     """
     indenter, cell = INDENTERS[name], 1 / 32
     width, height = (int(round((high - low) / cell)) for low, high in zip(indenter.low, indenter.high))
@@ -182,8 +183,7 @@ def test_under_a_uniform_circle_the_axis_has_its_closed_form(depth):
 
 @pytest.mark.parametrize('tilt', [0.3, 0.8])
 def test_a_tilted_circular_punch_rises_by_its_tilt_over_the_radius(tilt):
-    """The expected pressure is p = P (1 + tilt x / a) / (2π a sqrt(a² - r²)), from Johnson, Contact Mechanics, section
-    3.5."""
+    """The pressure is p = P (1 + tilt x / a) / (2π a sqrt(a² - r²)) (Johnson, Contact Mechanics, section 3.5)."""
     indenter = punch('circle')
     solution = solve(indenter, (tilt, 0.0), cells=72)
     a = 1 / np.sqrt(np.pi)

@@ -67,7 +67,7 @@ def test_speed_is_that_of_the_slide_and_ends_with_it(recogniser, speed):
     assert all(motion.moving & Moving.SLIDING for motion in under_way)
     assert np.median([motion.speed for motion in under_way]) == pytest.approx(speed * 1e-3, rel=0.25)
     assert frames[-1].motion.moving is Moving.STILL and np.isnan(frames[-1].motion.speed)
-    # The last event is a past event and not the present state.
+    # The last event lies in the past, and does not describe the present state.
     assert frames[-1].motion.last_event.kind is EventKind.SLIDING
 
 

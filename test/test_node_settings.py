@@ -183,8 +183,7 @@ def test_an_empty_list_for_one_value_is_refused_with_its_meaning(name, parameter
 
 
 def test_an_empty_list_can_be_read_back_over_ros(ros, tmp_path):
-    """A single parameter without a type empties the whole service response, and with it the output of `ros2 param
-    dump`."""
+    """A single parameter without a type empties the service response and the output of `ros2 param dump`."""
     file = tmp_path / 'parameters.yaml'
     file.write_text('/**:\n  ros__parameters:\n    features: []\n')
     bench = RosBench(ros)
@@ -199,7 +198,7 @@ def test_an_empty_list_can_be_read_back_over_ros(ros, tmp_path):
 
 
 def drops_incomplete(driver):
-    """Return True if the driver's source drops incomplete sweeps, where a stand-in replaces a missing source."""
+    """Return True if the driver's source drops incomplete sweeps. A stand-in replaces a missing source."""
     if driver.source is None:
         driver.source = SimpleNamespace(drops=False)
         driver.source.adjust = lambda drops, _timeout: vars(driver.source).update(drops=drops)

@@ -21,8 +21,10 @@ MASKS = {'whole': WHOLE, 'half': HALF, '11 of 12': MOST}
 
 
 def patterns(heights, unit, mask=SQUARE, *, seed=1, fixed=None):
-    """Yield the pattern of each frame, where ``mask`` is raised by each of ``heights`` [standard deviations of the
-    noise]."""
+    """Yield the pattern of each frame, in which ``mask`` is raised by one of ``heights``.
+
+    The unit of ``heights`` is the standard deviation of the noise.
+    """
     rng, extractor = np.random.default_rng(seed), PatternExtractor(fixed, unit=unit)
     for height in heights:
         yield extractor.extract(NOISE[unit] * (height * mask + rng.standard_normal(SHAPE)))
@@ -43,8 +45,7 @@ def check_held(heights, unit, mask, *, from_height):
 
 
 def each(*short, **names):
-    """Return a mark that runs the test with the cases in ``short``, or with all combinations of ``names`` if
-    TACTILE_LONG is set."""
+    """Return a mark that runs the cases in ``short``, or all combinations of ``names`` with TACTILE_LONG."""
     every = [dict(zip(names, values)) for values in product(*names.values())]
     chosen = every if LONG else [dict(zip(names, values)) for values in short]
     return pytest.mark.parametrize(tuple(names), [tuple(case.values()) for case in chosen])
@@ -60,7 +61,7 @@ def test_a_contact_that_grows_slowly_is_never_noise(seconds, unit):
 @pytest.mark.slow
 @each((1000, 'Pa'), (1000, None), frames=(1000, 2000), unit=NOISE)
 def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
-    """The noise floor uses the last 500 frames, and the object is held for at least twice as many.
+    """The noise floor uses the last 500 frames, and the object is held for at least twice that time.
 
     After the release, the pad must be empty at once.
     """
@@ -110,8 +111,7 @@ def test_the_noise_of_each_taxel_is_found(unit):
     for _ in range(600):
         pattern = extractor.extract(NOISE[unit] * drawn * rng.standard_normal(SHAPE))
     ratio = pattern.noise / NOISE[unit] / drawn
-    # All other taxels are given the noise of the average taxel, because no taxel's noise is set below the average of
-    # the pad.
+    # All other taxels have the average noise of the pad, because the estimate never falls below it.
     is_above = drawn > 1.2
     assert (abs(ratio[is_above] - 1) < 0.2).mean() > 0.9 and not pattern.noise.flags.writeable
     assert (pattern.noise > 0.7 * NOISE[unit]).all()

@@ -27,7 +27,8 @@ from tactile_node.ros.settings import GraspNodeSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-LIMIT = 0.3  # Value of the parameter max_gap_age [s].
+#: Value of the parameter max_gap_age [s].
+LIMIT = 0.3
 #: Period of the joint states [s].
 PERIOD = 0.01
 #: Each finger moves by half of the gap.

@@ -46,7 +46,7 @@ def old_publisher() -> subprocess.Popen:
 
 
 def test_no_message_of_another_version_is_used(ros):
-    """Without the check of versions, 2 rows of 3 taxels would be read as 3 rows of 2, without any report."""
+    """Without the version check, 2 rows of 3 taxels would silently be read as 3 rows of 2."""
     bench, received = RosBench(ros), []
     subscription = GuardedSubscription(bench.add('reader'), TaxelArray, 'left/taxels', received.append,
                                        frames_qos(10), check=check_taxel_array)

@@ -1,5 +1,4 @@
-"""Largest overlap of a figure with the five shapes, compared with known values and with a slow search over a fine
-grid."""
+"""Largest overlap of a figure with the five shapes, compared with known values and a search over a fine grid."""
 
 import os
 
@@ -10,7 +9,7 @@ from tactile_node.simulator.world import CLASSES, random_contact
 from training.ground_truth.overlap import Limits, best_overlap, overlaps
 from training.ground_truth.raster import as_raster, coarser
 
-NEAR = 0.006  #: Largest error that best_overlap allows, plus the error of the grid.
+NEAR = 0.006  #: Error bound of best_overlap, plus the error of the grid.
 SIDE = 400
 
 

@@ -1,4 +1,4 @@
-"""When an action runs: at a fixed pace, and after changes."""
+"""An action runs at a fixed pace, or after changes."""
 
 import numpy as np
 import pytest

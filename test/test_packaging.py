@@ -1,4 +1,4 @@
-"""Facts that are written in two places must agree: versions of the package and of its dependencies."""
+"""Versions that are stated in two places, of the package and of its dependencies, must agree."""
 
 import os
 import re

@@ -53,7 +53,8 @@ def choose(**changes):
     (UNKNOWN_OBJECT, 'regrasp'), (UNKNOWN_OBJECT | {'stable': False}, 'wait'),
     ({'confidence': 0.5, 'stable': False}, 'wait'), ({'confidence': 0.5}, 'regrasp'),
     ({'dimensions': [], 'yaw': nan, 'symmetry': 0}, 'regrasp'),  # No outline could be fitted.
-    ({'yaw': nan}, 'regrasp'),  # The yaws of the two sides contradict each other.
+    # The yaws of the two sides contradict each other.
+    ({'yaw': nan}, 'regrasp'),
     # Without an opening, the misalignment is unknown.
     ({'offset': 0.004}, 'regrasp'),
     # The line between the contacts is short.
@@ -72,8 +73,7 @@ def test_an_off_centre_object_shifts_the_gripper_after_it():
 @pytest.mark.parametrize(('axis', 'expected'), [
     ((sin(0.2), 0.0, cos(0.2)), (0.0, 0.2, 0.0)), ((0.0, sin(0.2), cos(0.2)), (-0.2, 0.0, 0.0))])
 def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
-    """The expected values are worked out by hand: a rotation about y turns z into x, and a rotation about x turns z
-    into -y."""
+    """The expected values are worked out by hand: a rotation about y turns z into x, and about x turns z into -y."""
     correction = choose(confidence=0.3, offset=0.006, misalignment=0.2, axis=axis)
     assert correction.action == 'tilt' and correction.tilt == pytest.approx(expected)
 
@@ -175,8 +175,7 @@ class Actions:
         return [action for at, action in self.heard if at > since]
 
     def acting_until(self, since: float) -> float:
-        """Return how long after ``since`` the planner's latest action was still an action that moves the gripper
-        [s]."""
+        """Return how long after ``since`` the planner's latest action still moved the gripper [s]."""
         ends = [at for at, _ in self.heard[1:]] + [time.monotonic()]
         return max((end - since for (_, action), end in zip(self.heard, ends) if action in ACTS), default=0.0)
 

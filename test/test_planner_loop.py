@@ -75,7 +75,7 @@ def placed(tilt=0.0, shift=0.0):
 
 
 def test_the_world_is_what_statics_says():
-    """For a square of 12 x 12 mm, the force, the gap and the tilt of the prism are worked out by hand.
+    """The expected force, gap and tilt for a square of 12 x 12 mm are worked out by hand.
 
     The two ends of the tilted prism are length * sin(tilt) apart across the closing direction.
     """

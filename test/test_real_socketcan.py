@@ -165,7 +165,7 @@ def test_network_down_and_up_again(controllers):
 def test_bus_off_reported_by_the_stack():
     """The kernel driver of a controller reports bus-off by an error frame with CAN_ERR_BUSOFF.
 
-    Our driver then opens the bus again and publishes taxels.
+    After bus-off, our driver opens the bus again and publishes taxels.
     """
     with Driven('vcan0', 'vcan0') as bench, can.Bus('vcan0', interface='socketcan') as other:
         other.send(can.Message(arbitration_id=BUS_OFF, is_error_frame=True, is_extended_id=False, data=bytes(8)))

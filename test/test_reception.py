@@ -1,4 +1,4 @@
-"""Batches: how the driver reads a bus, when the CAN frames of a batch arrived, and which SYNCs are omitted."""
+"""Tests of batches: how the driver reads a bus, when the CAN frames arrived, and which SYNCs are omitted."""
 
 import os
 import threading
@@ -99,7 +99,7 @@ def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_read
         assert not bus.recv_all(0.1).messages
         os.write(adapter, b't1A01EE\r')
         idle = bus.recv_all(60)
-        # A read at that time found no waiting message. The read itself proves this, and not the length of the wait.
+        # A read at that time proves that no message was waiting. The length of the wait would prove nothing.
         assert idle.came[0] > asked
         bus.shutdown()
 
@@ -107,7 +107,7 @@ def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_read
 def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
     """The driver omits SYNCs until the nodes have sent their backlog and the bus has been free.
 
-    After these omitted SYNCs, the driver omits none for a while.
+    After the omitted SYNCs, the driver omits none for a while.
     """
     router = SimpleNamespace(is_in_doubt=False, sync=lambda stamp: None)
     traffic = Traffic(router, None, None, polled=(), queue_limit=9, is_host_stamped=True, sync_period=0.02)
@@ -138,10 +138,9 @@ class Clocked:
         self.traffic.begin()
 
     def received(self, *stamps, steady=None, spans=None, **kind):
-        """Receive messages that are stamped ``stamps`` seconds after the beginning and all read ``steady`` seconds
-        after it.
+        """Receive messages stamped ``stamps`` seconds after the beginning and read ``steady`` seconds after it.
 
-        The returned function returns True once all these messages are processed.
+        The returned function returns True once all messages are processed.
         """
         self.steady = 1000.0 + (stamps[-1] if steady is None else steady)
         expected = len(self.spans) + (len(stamps) if spans is None else spans)

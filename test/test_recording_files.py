@@ -93,7 +93,7 @@ def test_a_full_disk_costs_exactly_what_is_counted(tmp_path, suffix, largest):
     If files rotate from 5,000 bytes on, they never reach the limit.
     """
     path, room = tmp_path / f'x{suffix}', 12_000 if suffix == '.log.gz' else 40_000
-    # With -B, Python writes no bytecode. Otherwise the limit would truncate the bytecode cache that other programs use.
+    # With -B, Python writes no bytecode, because the size limit would truncate the bytecode cache of other programs.
     environment = os.environ | {'PYTHONPATH': f'{ROOT}:{ROOT / "test"}'}
     done = subprocess.run([sys.executable, '-B', '-c', FULL, str(path), str(largest), str(room)], text=True,
                           env=environment, capture_output=True, timeout=120, check=True)

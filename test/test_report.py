@@ -83,8 +83,8 @@ def test_devices_and_bus_of_a_session(whole):
     assert (0x1008, 0) not in node.objects and (0x1018, 4) not in node.objects
     assert [change.state for change in node.nmt] == [0x00, 0x05] and node.heartbeats == 48
     assert [command.command for command in whole.bus.commands] == [0x80, 0x80, 0x01, 0x01, 0x80, 0x80]
-    # The bus carries 25 sweeps a second, each with a SYNC of at most 55 bits and 64 TPDOs of 135 bits. Each node also
-    # sends ten heartbeats a second, each with one byte and 65 bits.
+    # The bus carries 25 sweeps a second, each with a SYNC of at most 55 bits and 64 TPDOs of 135 bits. Each node adds
+    # ten heartbeats a second, which have one byte and 65 bits.
     assert whole.bus.load.bit_rates[3] == 25 * (55 + 64 * 135) + 20 * 65
     assert whole.bus.load.shares[3] == pytest.approx(0.218675)
     assert [round(gap.seconds, 2) for gap in whole.bus.gaps] == [1.75]
@@ -146,7 +146,7 @@ def test_of_another_device_no_taxel_is_given(tmp_path):
 
 
 def test_an_identity_that_changes_is_two_devices():
-    """The log contains two different responses to reading the revision.
+    """In the log, the device gives two different revisions.
 
     Responses of another node must not be counted.
     """
@@ -258,8 +258,7 @@ class Joining:
 
 
 def test_force_over_time_is_that_of_the_whole_contact():
-    """A column without load splits a square of 8 x 8 taxels into parts of 8 x 5 and 8 x 2 taxels, each with 50 kPa and
-    16 mm²."""
+    """A column without load splits a square of 8 x 8 taxels into 8 x 5 and 8 x 2 taxels of 50 kPa and 16 mm²."""
     values, status = pressed(8)
     values[:, 10] = 0
     finder = ReportedTouchFinder(Joining(), 0.004, 'Pa')

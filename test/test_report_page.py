@@ -104,7 +104,7 @@ def test_the_page_of_a_log_is_alone_and_escapes_what_devices_send(tmp_path):
 
 
 def test_the_page_of_nothing_says_so(tmp_path):
-    """For a fact that the log does not show, the page reports neither a count of 0 nor that all is well."""
+    """If the log does not show a fact, the page reports neither a count of 0 nor that all is well."""
     lines = [line for line in session(1.0) if ' 080#' not in line]
     page = check_alone(page_of(report_of(logged(tmp_path / 'x.log', lines))))
     assert page.texts.count(ABSENT_TEXT) >= 8

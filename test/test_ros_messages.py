@@ -279,7 +279,7 @@ def test_the_sides_of_a_grasp_are_a_message_of_their_own():
                                    {'parameter_names': ['a'] * 5}, {'dimension_names': [], 'dimensions': [],
                                                                     'dimension_is_bound': []}])
 def test_a_fit_without_deviations_is_none_for_the_object(wrong):
-    """The check of a shape message accepts these fits, but without standard deviations they cannot be weighted."""
+    """The check of a shape message accepts these fits, but fits without standard deviations get no weight."""
     side = shape(block(4, 9), Shape.RECTANGLE)
     for name, value in wrong.items():
         setattr(side, name, value)
@@ -290,8 +290,8 @@ def test_a_fit_without_deviations_is_none_for_the_object(wrong):
 def test_a_receiver_of_grasps_knows_their_age_whatever_the_period(period):
     """The stamp and the age of a grasp must come from the same side.
 
-    In an earlier version they came from two sides and differed by a period, so that a planner's estimate of the age
-    never settled.
+    In an earlier version, the stamp and the age came from two sides that differed by a period, and a planner's estimate
+    of the age never settled.
     """
     left, right = shape(block(6, 6), Shape.SQUARE), shape(block(6, 6), Shape.SQUARE)
     arrivals, now = {}, 50.0
@@ -375,7 +375,7 @@ def test_a_side_is_empty_only_if_seen_and_a_cut_contact_shows_no_creep(values, k
 def test_what_reaches_the_edge_is_a_bound_for_a_grasp_also_where_the_finger_ends_and_its_force_is_whole(kind):
     """The object may extend beyond the finger.
 
-    The centre of this object may then lie elsewhere, and the object may creep along its own length.
+    An object beyond the finger may have its centre elsewhere, and may creep along its own length.
     """
     message = shape(bar(), kind)
     assert message.at_edge and message.force_is_bound and message.centre_of_pressure_is_bound

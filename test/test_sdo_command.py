@@ -1,5 +1,4 @@
-"""`tactile sdo` is tested with the frames of another CANopen stack, recorded from the demo device of CANopenNode (node
-4)."""
+"""`tactile sdo` is tested with recorded frames of another stack, CANopenNode's demo device (node 4)."""
 
 import json
 
@@ -35,8 +34,7 @@ EDS = '[DeviceInfo]\nVendorName=x\n' + record(
 
 
 class Recorded(Served):
-    """A server that answers the recorded requests in their order with the recorded responses, and answers no other
-    requests."""
+    """A server that answers only the recorded requests, in their order, with the recorded responses."""
 
     def __init__(self, channel, exchange, node_id=4):
         super().__init__(channel)

@@ -113,7 +113,7 @@ def test_what_stands_out_of_noisy_lines_is_no_contact(turn):
 def test_salt_makes_no_contact_of_a_size_that_has_a_shape(density, side):
     """At most 1 % of the cases may pass as a contact in this test.
 
-    A lower limit of 0.1 % applies to recognised shapes (`make bench`).
+    A stricter limit of 0.1 % applies to recognised shapes (`make bench`).
     """
     rng = np.random.default_rng(1)
     passed = 0

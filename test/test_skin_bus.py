@@ -28,8 +28,9 @@ pytestmark = pytest.mark.bus
         '620#23001801A0010080',  # SDO download of 0x800001A0 to 0x1800 sub 1, which disables the TPDO.
         '620#23001801A0010000',  # SDO download of 0x000001A0 to 0x1800 sub 1.
         '000#0120', '080#',  # NMT start, followed by a SYNC.
-        '000#8020']),  # The driver stops at the end.
-    # Row 0 with five taxels of 1023 counts, and the first byte of row 11.
+        # The driver stops at the end.
+        '000#8020']),
+    # The TPDOs are row 0 with five taxels of 1023 counts, and the first byte of row 11.
     ('rows12x5_10bit.yaml', ['1A0#00FFFFFFFFFFFF03', '1A0#0B']),
     # Transmission type 254, followed by 0x2107 sub 4 of node 0x20.
     ('mpdo8x8_16bit.yaml', ['620#2F001802FE000000', '1A0#20072104']),

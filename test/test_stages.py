@@ -287,7 +287,7 @@ LIVE = {'use_sim_time': False, 'features': ['all'], 'smallest_contact': 3, 'rele
 def test_setting_a_parameter_keeps_what_the_pad_has_learned(pad):
     """Left-over taxels must not become a contact on a pad that is reported as seen.
 
-    The noise of a noisy taxel must stay known.
+    The node must remember the noise of a noisy taxel.
     """
     rng, noise = np.random.default_rng(3), np.full((16, 16), 100.0)
     noise[2, 2] = 350.0

@@ -33,8 +33,7 @@ def found(values, threshold=FLOOR, before=NOWHERE):
 
 
 def far_from_the_edge(row, col, rows, cols, by):
-    """Return two masks: taxels that are farther than ``by`` from the outline and its corners, and taxels inside the
-    outline.
+    """Return two masks: taxels farther than ``by`` from the outline and its corners, and taxels inside the outline.
 
     At a corner, the expected value is less than half of the level.
     """
@@ -190,7 +189,7 @@ def test_contacts_with_taxels_below_a_fifth_of_both_between_them_stay_two(gap, o
 
 @pytest.mark.parametrize('specks, is_whole', [(0, True), (2, True), (6, False)])
 def test_on_a_pad_full_of_specks_nothing_is_joined(specks, is_whole):
-    """Scattered specks are noise, which would look like a contact if the specks were joined."""
+    """Scattered specks are noise, but joined specks would look like a contact."""
     mask, values = box(2, 2, 5, 5), 100.0 * box(2, 2, 5, 5)
     values[4, 4] = 30.0
     values[13, 1:2 * specks:2] = 100.0

@@ -1,5 +1,4 @@
-"""A creeping contact must never count as resting, and a resting contact must, with noise, steps and the errors of real
-fits.
+"""A resting contact must be told from a creeping one, despite noise, steps and the errors of real fits.
 
 `make misled` runs all combinations. `make test` uses one rate, one direction, and two shapes at rest. In `make test`,
 each pair of values of pitch, noise, step and speed occurs, but not every combination of all four.

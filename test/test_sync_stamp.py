@@ -1,5 +1,7 @@
-"""The stamp of the driver's own SYNC is tested with a delayed process and a delayed write; the test moves the
-clocks."""
+"""The stamp of the driver's own SYNC must stay right if the process or the write is delayed.
+
+The test moves the clocks.
+"""
 
 import threading
 

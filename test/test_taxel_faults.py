@@ -1,4 +1,4 @@
-"""A taxel is reported as faulty because of its values, but only if no healthy taxel could send the same values.
+"""A taxel is reported as faulty only if no healthy taxel could send the same values.
 
 The tests also cover gains, and the file that lists known faults.
 """
@@ -199,8 +199,7 @@ def test_what_is_found_is_masked_only_on_request():
 
 
 def test_objects_that_are_held_squeezed_or_hollow_make_no_taxel_faulty():
-    """The cases are a saturated core, a second object tapped beside a held object, and a tube that is gripped
-    harder."""
+    """The cases are a saturated core, an object tapped beside a held object, and a tube gripped harder."""
     core, small = disc(6, 6, 1), disc(2, 2, 1)
     pad = Pad(lambda values, n: np.where(core & (n >= 10), FULL, values), noise=0.0)
     pad.frames(core, 10)

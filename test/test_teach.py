@@ -120,10 +120,7 @@ def test_live_a_touch_counts_when_it_was_steady_and_lifted():
 
 
 def test_the_interval_is_wilsons():
-    """The expected values are from R.
-
-    G. Newcombe, Statistics in Medicine 17 (1998), 857: 81/263, 15/148, 0/20 and 1/29.
-    """
+    """The expected values are from Newcombe, Statistics in Medicine 17 (1998), 857: 81/263, 15/148, 0/20 and 1/29."""
     expected = {(81, 263): (0.2553, 0.3662), (15, 148): (0.0624, 0.1605), (0, 20): (0.0, 0.1611),
                 (1, 29): (0.0061, 0.1718)}
     for (right, total), interval in expected.items():

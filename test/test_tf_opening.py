@@ -1,5 +1,4 @@
-"""The gripper's opening from tf is tested in a running node with real messages, also where the opening must be
-unknown."""
+"""A running node takes the gripper's opening from tf, which in some of the cases must be unknown."""
 
 import time
 from math import cos, inf, isnan, nan, pi, sin

@@ -1,4 +1,4 @@
-"""Our topics in ROS 2 bags that rosbags or this test writes, read without ROS."""
+"""Our topics in ROS 2 bags, which rosbags or this test writes, are read without ROS."""
 
 import sqlite3
 import struct

@@ -99,7 +99,7 @@ def test_a_rejected_goal_ends(world):
 def test_a_program_without_an_executor_waits_as_well(ros, is_spun):
     """A gripper node without pads refuses to close.
 
-    The client either spins its node itself or another thread spins the node.
+    Either the client or another thread spins the client's node.
     """
     import rclpy
 

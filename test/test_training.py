@@ -1,6 +1,6 @@
 """Training data that is computed in bulk equals the library's results for the same frames.
 
-The labels of the training data follow from overlaps.
+The labels of the training data are derived from the overlaps with the shapes.
 """
 
 import numpy as np

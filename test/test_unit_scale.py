@@ -1,4 +1,4 @@
-"""Only pascals may be taken for pascals: not integers without a unit, nor counts that are passed as pressures."""
+"""No other value is silently taken for a pascal: neither integers without a unit, nor counts passed as pressures."""
 
 import json
 import os

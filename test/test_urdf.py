@@ -1,5 +1,4 @@
-"""The macro with the pad frames of a gripper: the frames are checked by hand, and the grasp node must agree with
-them."""
+"""The pad frames of the gripper macro are checked by hand, and the grasp node must agree with these frames."""
 
 from math import pi
 
@@ -23,7 +22,7 @@ def opened(by):
 
 @pytest.mark.parametrize('gap', [0.0, 0.04])
 def test_the_pads_are_where_the_drawing_has_them(robot, gap):
-    """The centres of the skins are 130 mm ahead.
+    """The centres of the skins lie 130 mm from the gripper's origin along z.
 
     Taxel (0, 0) is 15 mm from the centre along rows and columns, which is half of 15 pitches of 2 mm.
     """
@@ -39,7 +38,7 @@ def test_the_pads_are_where_the_drawing_has_them(robot, gap):
 
 
 def test_a_grasp_has_the_places_of_the_urdf(robot):
-    """The parameters left_xyz to right_rpy are taken from the closed gripper.
+    """The parameters left_xyz to right_rpy describe the closed gripper.
 
     With these parameters, the grasp node must place contacts where the moved URDF frames place them.
     """

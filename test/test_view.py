@@ -158,7 +158,7 @@ def test_a_gap_in_the_force_is_not_bridged():
     chart = force_chart({'left': np.array([stamps, [1, 1, 2, NAN, 2]])}, 6.0)
     assert type(chart) is str  # A page stops working if the server sends it any other type.
     line = chart.split('class="line"')[1].split(' d="')[1].split('"')[0]
-    # The NaN ends no line, and a pause of 0.2 s is too short to be a gap.
+    # The chart omits the NaN, and a pause of 0.2 s is too short to be a gap.
     assert line.count('M') == 2 and line.count('L') == 2
 
 
@@ -175,8 +175,8 @@ def test_old_data_say_how_old_they_are_and_not_what_touches():
 def test_a_browser_counts_what_is_live_from_its_last_receipt():
     """The time for which a browser may show data as live starts when the browser last received an update.
 
-    If the data are as old as the last update, the browser has all of that time left, except the time of one of its
-    frames. The remaining time does not depend on the delay of the data.
+    If the data are as old as the last update, all of this time is left, except the duration of one browser frame. The
+    remaining time does not depend on the delay of the data.
     """
     pads = [drawn(0.3)._replace(since_receipt=0.3), drawn(0.2)._replace(since_receipt=0.3), drawn(3.0)]
     assert fresh_for(pads) == pytest.approx(OLD_AGE - FRAME_TIME) and fresh_for(pads[2:]) is None
@@ -223,7 +223,7 @@ def test_live_is_said_of_all_pads_or_of_the_one():
 
 
 def rows_of(table):
-    """Return a dictionary from the name of each table row to the text of the row."""
+    """Return the text of each table row by the name of the row."""
     return dict(row.removesuffix('</td></tr>').split('</td><td>') for row in re.findall('<td>(.*?</td></tr>)', table))
 
 
@@ -296,7 +296,7 @@ def test_a_browser_hides_a_grasp_by_its_own_age(pads):
     held = HELD._replace(acquired=time.monotonic() - 0.4)
     shown = status_html(LIVE._replace(grasp=held), [drawn(age)._replace(since_receipt=0.3) for age in pads], 0, 1)
     of_pads, of_grasp = shown.split('grasp: ')
-    # No element that hides with the age of a pad may enclose the grasp.
+    # The grasp must not lie inside an element that is hidden when a pad is old.
     assert of_pads.count('<div') - of_pads.count('</div') == 1
     left = float(of_grasp.split('data-fresh="')[1].split('"')[0])
     assert left == pytest.approx(OLD_AGE - FRAME_TIME - 0.4 + 0.3, abs=0.1)
@@ -321,7 +321,7 @@ def test_the_sketch_is_covered_unless_it_is_current_by_its_own_receipt(age, is_c
 
 
 def test_stamps_of_another_time_are_said_to_be_a_replay():
-    """A replay publishes stamps from its log, although they lie in the past."""
+    """A replay publishes stamps from its log, which lie in the past."""
     behind = clock_difference([drawn(0.1, stamp=1000.0)], 8200.1)
     assert behind == pytest.approx(7200)
     replayed = drawn(0.1, stamp=time.time() - 7200.1)

@@ -25,7 +25,7 @@ TUNNEL_RATE = 100e3  #: Data rate of the tunnel [bytes/s].
 JAM_PERIOD = 2.0  #: Time between two jams of the tunnel [s].
 JAM_TIME = 0.6    #: Duration of a jam, during which the tunnel passes no data on [s].
 
-# With TACTILE_VIEW_TEST, a missing tool is an error. Without it, the tests are skipped.
+# With TACTILE_VIEW_TEST, a missing tool is an error. Without TACTILE_VIEW_TEST, the tests are skipped.
 if not os.environ.get('TACTILE_VIEW_TEST'):
     pytest.importorskip('playwright', reason='playwright is missing: make view-test installs it')
     if not CHROMIUM:

@@ -69,8 +69,7 @@ def taxels(values, saturated=(), unmapped=(), unit='Pa', sec=1_700_000_000) -> T
 
 
 def pressed(*blocks, hidden=(), value=PRESSED) -> np.ndarray:
-    """Return the values of a pad of 16x16 taxels with pressed ``blocks`` and ``hidden`` rectangles, each as (row, col,
-    rows, cols)."""
+    """Return the values of a 16x16 pad with pressed ``blocks`` and ``hidden`` rectangles (row, col, rows, cols)."""
     values = np.zeros((16, 16))
     for row, col, rows, cols in blocks:
         values[row:row + rows, col:col + cols] = value
@@ -435,7 +434,8 @@ def test_the_foxglove_layout_shows_topics_and_fields_that_exist():
         elif kind == 'Image':
             assert TOPICS[panel['imageMode']['imageTopic']] == 'sensor_msgs/msg/Image'
         elif kind == '3D':
-            # The topic belongs to one pad and uses its frame. Foxglove can therefore draw it without a known transform.
+            # The topic belongs to one pad and uses its frame. Foxglove can therefore draw the topic without a known
+            # transform.
             topic, = panel['topics']
             assert TOPICS[topic] == 'visualization_msgs/msg/MarkerArray' and panel['topics'][topic]['visible']
             assert panel['followTf'] == f'{topic.split("/")[1]}_pad'

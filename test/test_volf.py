@@ -34,7 +34,7 @@ def recognise(classifier, mask):
 def test_a_known_curve_is_found_again():
     """The points lie on both sides of the line v = 2 - 0.5 u, and one in five lies on the wrong side.
 
-    The best separating curve is this line.
+    The best separating curve is the line v = 2 - 0.5 u.
     """
     rng = np.random.default_rng(1)
     u, v = rng.uniform(1, 4, 20_000), rng.uniform(-1, 3, 20_000)

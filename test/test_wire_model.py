@@ -23,7 +23,7 @@ START = Frame(0x000, bytes([1, 0]))
 def answered(syncs, nodes) -> list[tuple[float, int]]:
     """Return the end time and the COB-ID of each TPDO that the nodes send.
 
-    ``nodes`` are nodes as in test/wire.py, which send on a Segment.
+    ``nodes`` behave like the nodes in test/wire.py and send on a Segment.
     """
     segment, ends = Segment(Wire()), []
     segment.on_carried = lambda frame: ends.append((frame.end, frame.frame.can_id))

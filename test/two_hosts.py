@@ -53,8 +53,7 @@ class Host:
         return [*ENTER, '--target', str(self.pid)]
 
     def environment(self, **more: str) -> dict[str, str]:
-        """Return the environment of a host in a real network, in which discovery uses the address of the other host and
-        no multicast."""
+        """Return the environment of a real host: discovery uses the address of the other host, without multicast."""
         return {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'ROS_STATIC_PEERS': self._peer, **more}
 
     def popen(self, command: Sequence[str], environment: Mapping[str, str] | None = None,

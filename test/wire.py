@@ -48,7 +48,7 @@ class Node:
         self._queue.extend((ready, can_id, number) for can_id in self.can_ids)
 
     def chatter(self, times: Sequence[float]) -> None:
-        """Make a frame ready at each of these times, independently of SYNC."""
+        """Make a frame ready at each of the given times, independently of SYNC."""
         self._queue.extend((time, self.can_ids[0], -1) for time in times)
 
     @property

@@ -30,8 +30,7 @@ class Pad(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """Results for one pad: the numbers of whole sweeps, the numbers of sweeps that all nodes answered, and the wrong
-    frames."""
+    """Results for one pad: numbers of the whole sweeps, numbers of the sweeps that all nodes answered, wrong frames."""
 
     whole: list[int]
     answered: list[int]
@@ -137,7 +136,7 @@ class Wire:
 class Adapter(Wire):
     """For slcan, a SYNC is stamped when it is sent.
 
-    All other waiting frames are stamped together when they are read.
+    For slcan, all other waiting frames are stamped together when they are read.
     """
 
     def __init__(self, receiver: Receiver, period: float, rng: np.random.Generator):
