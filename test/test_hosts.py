@@ -1,6 +1,6 @@
 """Run driver and planner on two hosts, measure the traffic on their link, and pull the cable in between.
 
-Run these tests with `make hosts`. The hosts find each other by address; test_link.py uses a discovery server instead.
+Run these tests with `make hosts`. The hosts find each other by address, whereas test_link.py uses a discovery server.
 With TACTILE_LONG, the tests use both ways of discovery, restart each side, and assert durations. two_hosts.py provides
 the link and the hosts.
 """

@@ -112,7 +112,7 @@ def test_without_an_eds_any_identity_is_played(tmp_path):
 def test_a_log_of_another_skin_is_refused_by_its_identity(tmp_path, caplog, capsys):
     """The log shows the product code 0x16160008.
 
-    A skin with the same number of TPDOs would otherwise be decoded with values assigned to the wrong taxels.
+    Without this check, a skin with the same number of TPDOs would have its values assigned to the wrong taxels.
     """
     log = str(DATA / 'sim16x16_two_pads.log.gz')
     assert main(['replay', log, '--layout', 'rows12x5_10bit.yaml']) != 0

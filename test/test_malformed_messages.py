@@ -127,7 +127,7 @@ def good_grasp(sequence=0) -> Grasp:
 
 
 def labels(*numbers):
-    """Return labels for the first taxels; all other taxels have no label."""
+    """Return labels for the first taxels, and no label for the other taxels."""
     return array('B', [*numbers, *[0] * (256 - len(numbers))])
 
 
@@ -199,7 +199,7 @@ EVENTS: dict[R, list[Change]] = {
 
 
 def of_part(part: str, table: dict[R, list[Change]]) -> dict[R, list[Change]]:
-    """Return the same changes, applied to the field ``part`` of another message."""
+    """Return the changes with ``part`` in front of each field name."""
     return {reason: [{f'{part}.{name}': value for name, value in change.items()} for change in changes]
             for reason, changes in table.items()}
 
@@ -245,8 +245,7 @@ GRASPS: dict[R, list[Change]] = {
                    {'forces.1': INF}, {'grip_force_sd': INF}, {'lean.0': NAN}, {'lean.1': INF}],
     R.WRONG_PROBABILITIES: [{'confidence': -0.1}, {'confidences.0': 1.5}],
     R.WRONG_STAMP: [{'gap_age.sec': -1}]}
-#: These changes are legal: an unknown object, an uncertain yaw, a force that is a lower bound, and a pad that is not
-#: seen.
+#: The check must accept an unknown object, an uncertain yaw, a force that is a lower bound, and a pad that is not seen.
 FEWER: tuple[Change, ...] = (
     {'fresh': False} | NO_LINE | NO_OBJECT, NO_OBJECT | NO_LINE, WITHOUT_YAW, WITHOUT_LEAN, WITHOUT_SIZE, WITHOUT_GRIP,
     WITHOUT_GRIP | {'force_is_bound.0': True}, WITHOUT_GRIP | {'forces': [NAN, 1.0]},

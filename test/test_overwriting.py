@@ -14,8 +14,8 @@ from tactile_node.cli.main import COMMANDS, _parser, main
 
 LOG = str(DATA / 'sim16x16_two_pads.log.gz')
 RECORD = ['record', '--interface', 'virtual', '--duration', '0.1', 'x.log']
-#: Commands that write one file, whose name is the last argument. All inputs are missing, or there is no bus, so the
-#: test passes only if the command refuses to overwrite first.
+#: Commands that write one file, whose name is their last argument. All inputs or the bus are missing, so a command must
+#: refuse to overwrite before it reads them.
 WRITES = [
     ['features', 'none.npy', '-o', 'x.json'], ['classify', 'none.npy', '-o', 'x.json'],
     ['calibrate', 'none.npy', '--radius', '0.01', '--pitch', '0.002', '-o', 'x.yaml'],

@@ -81,7 +81,7 @@ def test_a_whole_sweep_after_a_silent_period_does_not_go_back_before_a_lost_sync
         given += assembler.feed(can_id, data, 11.0)
     given += assembler.sync(20.0)
     sweep = [tpdo for pair in zip(FIRST, SECOND) for tpdo in pair]
-    for can_id, data in (*sweep, *sweep):  # These CAN frames are those of sweeps 2 and 3.
+    for can_id, data in (*sweep, *sweep):  # The CAN frames of sweeps 2 and 3 follow.
         given += assembler.feed(can_id, bytes(len(data)), 21.0)
     given += assembler.sync(40.0)
     for frame in (result for result in given if not isinstance(result, Loss)):

@@ -99,7 +99,7 @@ def mcap_file(path, messages, topic='/left/taxels', each=None, **options):
 
 
 def test_messages_of_a_bag_are_placed_by_the_clock_of_the_frames(tmp_path):
-    """The stamps of the frames are those of a replayed log, 100 s before the time of recording.
+    """The frames have stamps from a replayed log, which lie 100 s before the recording.
 
     The first and the last message of the bag are notes.
     """

@@ -130,7 +130,7 @@ class LossyHosts(Hosts):
         self._relay = self.first.popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         stack.callback(self._end_relay)
         if not self._answer().get('ready'):
-            raise NoHostsError('no tun interface: is /dev/net/tun there?')
+            raise NoHostsError('the tun interface could not be created; check that /dev/net/tun exists')
 
     def _end_relay(self) -> None:
         self._relay.kill()
